@@ -66,7 +66,7 @@ def test_strips_are_walked_up_and_down_by_the_shortest_steps(
 
 @given(LENGTHS, LENGTHS, st.floats(2.0, 40.0))
 def test_the_widest_plan_has_the_fewest_presses_of_all(width: float, height: float, reach: float) -> None:
-    plan = widest_plan(width, height, radius_mm=12.0, reach_mm=reach)
+    plan = widest_plan(width, height, radius_mm=12.0, extent_mm=reach)
     assert plan.worst_distance_mm <= reach * (1 + 1e-9)
     enough = (
         strips * along
@@ -81,7 +81,7 @@ def test_a_square_grid_of_the_widest_spacing_just_reaches() -> None:
     plan = scan_plan(10 * spacing, 10 * spacing, radius_mm=12.0, spacing_mm=spacing * (1 + 1e-12))
     assert plan.presses == 100
     assert plan.worst_distance_mm == pytest.approx(6.0)
-    rounded = widest_plan(10 * spacing, 10 * spacing, radius_mm=12.0, reach_mm=6.0)
+    rounded = widest_plan(10 * spacing, 10 * spacing, radius_mm=12.0, extent_mm=6.0)
     assert rounded.presses <= 100
 
 
@@ -123,7 +123,7 @@ def test_plan_and_limit_are_each_others_converse() -> None:
     for depth, size in itertools.product((4.0, 6.0, 10.0), (6.0, 9.0, 14.0)):
         reach = TABLE(size, depth)
         if reach > 0:
-            plan = widest_plan(90.0, 70.0, radius_mm=12.0, reach_mm=reach)
+            plan = widest_plan(90.0, 70.0, radius_mm=12.0, extent_mm=reach)
             smallest = smallest_found_mm(plan, TABLE, depth)
             assert smallest is not None
             assert smallest <= size + 1e-9
@@ -197,8 +197,8 @@ PLAN: dict[str, Any] = {"width_mm": 80.0, "height_mm": 60.0, "strips": 4, "press
         (lambda: scan_plan(80, 60, radius_mm=12), "either spacing_mm or overlap"),
         (lambda: scan_plan(80, 60, radius_mm=12, spacing_mm=5, overlap=0.5), "either spacing_mm or overlap"),
         (lambda: scan_plan(80, 60, radius_mm=12, overlap=1.0), "overlap must lie"),
-        (lambda: widest_plan(80, 60, radius_mm=12, reach_mm=0), "reach_mm must lie"),
-        (lambda: widest_plan(5000, 5000, radius_mm=12, reach_mm=0.05), "reach_mm must be larger"),
+        (lambda: widest_plan(80, 60, radius_mm=12, extent_mm=0), "reach_mm must lie"),
+        (lambda: widest_plan(5000, 5000, radius_mm=12, extent_mm=0.05), "reach_mm must be larger"),
         (lambda: smallest_found_mm("plan", TABLE, 5.0), "plan must be a ScanPlan"),  # type: ignore[arg-type]
         (lambda: reach_of_trials([1.0, -1.0], [True, True]), "must not be negative"),
         (lambda: reach_of_trials([1.0], [True, False]), "equally long"),

@@ -33,7 +33,7 @@ FLAT = Calibration(name="flat light", gain_grey_per_kpa=60.0, saturation_kpa=20.
 
 @given(height=st.floats(0.5, 5.0), width=st.floats(1.5, 4.0), level=st.floats(0.1, 0.4))
 def test_a_bell_has_the_outputs_of_its_closed_form(height: float, width: float, level: float) -> None:
-    reading = change_reading(reach_mm=10.0, threshold_share=level)
+    reading = change_reading(extent_mm=10.0, threshold_fraction=level)
     inner, outer = reading.edges_mm[:-1], reading.edges_mm[1:]
     ends = np.exp(-(np.array([inner, outer]) ** 2) / width**2)
     bell = height * width**2 * (ends[0] - ends[1]) / (outer**2 - inner**2)  # exact ring means
@@ -102,7 +102,7 @@ def _frame(level: float, bump: float = 0.0, *, force_n: float | None = 1.0) -> T
 
 
 def test_frames_have_the_outputs_of_the_bump_in_them() -> None:
-    reading = change_reading(threshold_share=0.2)
+    reading = change_reading(threshold_fraction=0.2)
     greatest, total, area = frame_outputs([_frame(100.0, 50.0)], _frame(100.0), reading, calibration=FLAT)[0]
     assert greatest == pytest.approx(50.0, rel=0.02)
     assert total == pytest.approx(50.0 * np.pi * 9.0 * (1 - np.exp(-64 / 9)), rel=0.005)
@@ -179,7 +179,7 @@ def test_simulations_outside_the_box_are_refused(surrogate: PressSurrogate) -> N
     with pytest.raises(InputError, match="thickness_mm"):
         simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], reading, thickness_mm=50.0)
     with pytest.raises(InputError, match="reach"):
-        simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], change_reading(reach_mm=13.0))
+        simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], change_reading(extent_mm=13.0))
     with pytest.raises(UnknownNameError, match="pressure_kpa"):
         simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], reading, field="pressure")
     with pytest.raises(InputError, match="surrogate must be a PressSurrogate"):

@@ -104,7 +104,7 @@ def test_noise_of_the_stated_size_has_even_chances(order: int) -> None:
         change = frames[0].grey - frames[1].grey
         variance = harmonic_variance(change, frames, answer, order=order)[:, 1:]
         radius = frames[0].grid.ring_radius_mm[1:]
-        found.append(unevenness(harmonic(change, order)[1:], variance, radius, known=[]).chance)
+        found.append(unevenness(harmonic(change, order)[1:], variance, radius, given=[]).chance)
     assert kstest(found, "uniform").pvalue > 0.001
     assert np.mean(found) == pytest.approx(0.5, abs=0.08)
 
@@ -142,14 +142,14 @@ def test_an_offset_would_be_taken_for_a_finding_if_its_second_harmonic_were_not_
     change = target.grey - reference.grey
     variance = harmonic_variance(change, [target, reference], ANSWER, order=2)[:, 1:]
     radius = target.grid.ring_radius_mm[1:]
-    assert unevenness(harmonic(change, 2)[1:], variance, radius, known=[]).chance < 1e-6
+    assert unevenness(harmonic(change, 2)[1:], variance, radius, given=[]).chance < 1e-6
 
 
 def test_lamps_of_unequal_power_do_not_make_a_round_press_uneven() -> None:
     light = opposite_lamps()
     target, reference = seen(bumps((0.0, 0.0)), light=light), seen(bumps(), light=light, seed=2)
     variance = harmonic_variance(target.grey, [target], ANSWER, order=2)[:, 1:]
-    alone = unevenness(harmonic(target.grey, 2)[1:], variance, target.grid.ring_radius_mm[1:], known=[])
+    alone = unevenness(harmonic(target.grey, 2)[1:], variance, target.grid.ring_radius_mm[1:], given=[])
     assert alone.chance < 1e-6  # the dent does show in the light
     assert flags(target, reference) == []
     assert flags(target, None) == []

@@ -37,7 +37,7 @@ def test_each_source_answers_or_is_named_with_the_reason() -> None:
         "vimba": source(never.wait),
         "opencv": source(tuple),
     }
-    findings = find_cameras(module=modules.__getitem__, patience_s=0.2)
+    findings = find_cameras(module=modules.__getitem__, timeout_s=0.2)
     never.set()
     assert findings.found == (ONE,)
     assert findings.missing == {
@@ -59,7 +59,7 @@ def test_only_the_sources_asked_for_are_asked() -> None:
     with pytest.raises(UnknownNameError, match="no camera source is called 'files'"):
         find_cameras(["files"])
     with pytest.raises(InputError, match="patience_s must lie in"):
-        find_cameras(patience_s=0.0)
+        find_cameras(timeout_s=0.0)
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,9 @@ def test_too_many_points_are_refused_and_told_what_they_would_take(monkeypatch: 
         register(POINTS, POINTS)
 
 
-@pytest.mark.parametrize("dimension", [pytest.param(2, id="plane", marks=pytest.mark.slow), pytest.param(3, id="space")])
+@pytest.mark.parametrize(
+    "dimension", [pytest.param(2, id="plane", marks=pytest.mark.slow), pytest.param(3, id="space")]
+)
 @EVERY_METHOD
 def test_a_small_deformation_is_found(method: str, dimension: int) -> None:
     task = _task(1, dimension, 70)

@@ -39,7 +39,7 @@ def _cluttered(dimension: int, seed: int, count: int = 34) -> tuple[np.ndarray, 
 
 def _labels(source: np.ndarray, target: np.ndarray, updates: int = UPDATES) -> Labels:
     here, there = Neighbourhood.of(source, NEIGHBOURS), Neighbourhood.of(target, TARGET_NEIGHBOURS)
-    return label(here, there, chi_squared(histograms(source), histograms(target)), alone=ALONE, updates=updates)
+    return label(here, there, chi_squared(histograms(source), histograms(target)), single=ALONE, updates=updates)
 
 
 def _whole(labels: Labels, columns: int) -> np.ndarray:
@@ -55,8 +55,8 @@ def test_labels_equal_those_of_whole_matrices(dimension: int, updates: int, seed
     source, target = _cluttered(dimension, seed)
     cost = chi_squared(histograms(source), histograms(target))
     here, there = Neighbourhood.of(source, NEIGHBOURS), Neighbourhood.of(target, TARGET_NEIGHBOURS)
-    found = label(here, there, cost, alone=ALONE, updates=updates)
-    plain = plain_label(here, there, cost, alone=ALONE, updates=updates)
+    found = label(here, there, cost, single=ALONE, updates=updates)
+    plain = plain_label(here, there, cost, single=ALONE, updates=updates)
     np.testing.assert_allclose(_whole(found, len(target)), plain, atol=1e-6)
     assert np.sum(found.probability > 0) > len(source)  # beyond one a row: else little would be compared
 
@@ -102,7 +102,7 @@ def test_two_points_that_want_one_partner_share_it() -> None:
     target = np.delete(source, 1, axis=0)
     source[1] = source[0] + 1e-3
     cost = np.where(np.linalg.norm(source[:, None] - target, axis=2) < 0.01, 0.0, 5.0)
-    found = label(Neighbourhood.of(source, 6), Neighbourhood.of(target, 6), cost, alone=ALONE)
+    found = label(Neighbourhood.of(source, 6), Neighbourhood.of(target, 6), cost, single=ALONE)
     assert found.best[:2].tolist() == [0, 0]
     assert found.trust[:2].sum() <= 1 + 1e-9
     assert found.trust[2:].min() > 0.9

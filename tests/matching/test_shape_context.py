@@ -41,7 +41,7 @@ def test_permuting_the_target_permutes_the_matches(warped: Warped) -> None:
 def test_directions_from_the_mass_centre_find_any_turn(angle: float) -> None:
     source = np.random.default_rng(3).normal(size=(60, 2)) @ np.diag([1.3, 0.6])
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    found = shape_context.fit(source, source @ turn, rng=RNG, turned=True)
+    found = shape_context.fit(source, source @ turn, rng=RNG, rotated=True)
     assert np.mean(found.matches == np.arange(60)) > 0.95
     np.testing.assert_allclose(found.move(source), source @ turn, atol=0.05)
 

@@ -72,7 +72,9 @@ def press_of(
 
 
 @pytest.mark.parametrize("probe", [FLAT, DOMED], ids=["flat", "domed"])
-@pytest.mark.parametrize("force", [pytest.param(0.6, marks=pytest.mark.slow), 1.0, pytest.param(1.6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "force", [pytest.param(0.6, marks=pytest.mark.slow), 1.0, pytest.param(1.6, marks=pytest.mark.slow)]
+)
 def test_it_presses_as_a_finer_mesh_does(probe: Probe, force: float) -> None:
     for spot in SPOTS:
         fresh = press(probe, phantom(spot), force_n=force, resolution=FINER)

@@ -26,7 +26,7 @@ def estimate() -> Estimate:
 
 def test_a_tactile_image_is_drawn_in_millimetres(bump: TactileImage) -> None:
     ax = Figure().subplots()
-    assert tactile_image(bump, ax, found=features(bump)) is ax
+    assert tactile_image(bump, ax, features=features(bump)) is ax
     (shown,) = ax.images
     np.testing.assert_array_equal(shown.get_array(), bump.grey)
     assert ax.get_xlim() == pytest.approx((0, 16.0))

@@ -13,7 +13,7 @@ PLAN = ScanPlan(width_mm=60.0, height_mm=40.0, strips=3, presses_a_strip=4, radi
 
 def test_each_press_has_its_face_and_its_reach() -> None:
     ax = Figure().subplots()
-    assert draw_scan_plan(PLAN, ax, reach_mm=5.0) is ax
+    assert draw_scan_plan(PLAN, ax, extent_mm=5.0) is ax
     discs = [one for one in ax.collections if isinstance(one, EllipseCollection)]
     assert np.concatenate([np.atleast_1d(one.get_widths()) for one in discs]).tolist() == [10.0, 24.0]
     for one in discs:

@@ -30,7 +30,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Study:
     folder = tmp_path_factory.mktemp("whole")
     study = made_study(folder / "study", present=2, blank=2)
     with open_store(folder / "records") as store:
-        return press_study(study, operator="Ada", keep=store).study
+        return press_study(study, operator="Ada", save=store).study
 
 
 def test_inclusions_score_above_blanks(whole: Study) -> None:

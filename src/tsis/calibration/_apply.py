@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def apply_calibration(
-    known: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str
+    calibration: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str
 ) -> tuple[list[TactileImage], Calibration]:
     """Frames ready for an estimate, and the response with the doubt of the forces.
 
@@ -29,7 +29,7 @@ def apply_calibration(
 
     Parameters
     ----------
-    known
+    calibration
         The calibration; whether it may be used today is not asked.
     frames
         As the camera gave them.
@@ -43,23 +43,23 @@ def apply_calibration(
     InputError
         When a frame lies outside the line's range, or does not belong to the reference.
     """
-    forces = [_force(known, frame) for frame in frames if frame.force_n is None]
+    forces = [_force(calibration, frame) for frame in frames if frame.force_n is None]
     by_line = iter(forces)
     ready = [
         replace(
-            frame if known.reference is None else known.reference.corrected(frame),
+            frame if calibration.reference is None else calibration.reference.corrected(frame),
             force_n=next(by_line).value if frame.force_n is None else frame.force_n,
         )
         for frame in frames
     ]
-    response = known.known_response(identity)
-    doubt = max((force.sd / force.value for force in forces), default=0.0)
-    return ready, replace(response, force_sd=max(response.force_sd, doubt))
+    response = calibration.known_response(identity)
+    uncertainty = max((force.sd / force.value for force in forces), default=0.0)
+    return ready, replace(response, force_sd=max(response.force_sd, uncertainty))
 
 
-def _force(known: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
-    line = known.need(ForceLine, "a force without --force-n")
-    reference = known.need(CameraReference, "a force without --force-n")
+def _force(calibration: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
+    line = calibration.need(ForceLine, "a force without --force-n")
+    reference = calibration.need(CameraReference, "a force without --force-n")
     return line.force_n(total_grey(frame, reference, method=line.method))
 
 
@@ -87,11 +87,11 @@ class UsableCalibration:
 
     def citation(self) -> dict[str, Any]:
         """What a result says of it."""
-        made, expires = self.known.made, self.known.expires
+        created, expires = self.known.made, self.known.expires
         return {
             "name": self.known.name,
             "sha256": self.identity,
-            "made": None if made is None else made.isoformat(),
+            "made": None if created is None else created.isoformat(),
             "expires": None if expires is None else expires.isoformat(),
         }
 
@@ -106,6 +106,6 @@ def parse_usable_calibration(content: bytes, name: str) -> UsableCalibration:
     return _usable(parse_calibration(content, name))
 
 
-def _usable(known: ProbeCalibration) -> UsableCalibration:
-    known.require_usable(datetime.now(UTC))
-    return UsableCalibration(known=known, identity=calibration_sha256(known))
+def _usable(calibration: ProbeCalibration) -> UsableCalibration:
+    calibration.require_usable(datetime.now(UTC))
+    return UsableCalibration(known=calibration, identity=calibration_sha256(calibration))

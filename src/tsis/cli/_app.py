@@ -89,10 +89,10 @@ def run() -> None:
         _stop(f"Error: the result could not be printed or read: {error.strerror or error}", BAD_INPUT)
     except Exception as error:
         # What the parser says of a wrong option. Its class is private to typer in some versions and click's in others.
-        sentence = getattr(error, "format_message", None)
-        if sentence is None:
+        message = getattr(error, "format_message", None)
+        if message is None:
             raise
-        _stop(f"Error: {sentence().strip()} (see --help)", BAD_INPUT)
+        _stop(f"Error: {message().strip()} (see --help)", BAD_INPUT)
     if code == INTERRUPTED:  # typer turns Ctrl-C into this code
         raise KeyboardInterrupt
     sys.exit(code if isinstance(code, int) else 0)

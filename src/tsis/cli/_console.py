@@ -100,10 +100,10 @@ def console(
         if as_json:
             print_json(envelope("console", address=address))
         else:
-            told = people()
-            told.print(f"Open {address}", markup=False, soft_wrap=True)
-            told.print("Ctrl-C ends it; what was kept stays.", markup=False)
-            print_notice(told)
+            reported = people()
+            reported.print(f"Open {address}", markup=False, soft_wrap=True)
+            reported.print("Ctrl-C ends it; what was kept stays.", markup=False)
+            print_notice(reported)
         if browser and not as_json:
             ending.enter_context(package.opened_in_browser(address))
 
@@ -122,21 +122,21 @@ def add(*, name: Name) -> None:
     ends the sessions that were opened with the old one.
     """
     logins = _console().Logins()
-    known = name in logins.names()
+    given = name in logins.names()
     logins.require_name(name)
     logins.add(name, _password())
-    told = people()
-    told.print(f"{name} has another password." if known else f"{name} may log in.", markup=False)
-    print_notice(told)
+    reported = people()
+    reported.print(f"{name} has another password." if given else f"{name} may log in.", markup=False)
+    print_notice(reported)
 
 
 @login.command(epilog="Example: tsis login remove anna")
 def remove(*, name: Name) -> None:
     """Remove a login; its sessions end at once."""
     _console().Logins().remove(name)
-    told = people()
-    told.print(f"{name} may no longer log in.", markup=False)
-    print_notice(told)
+    reported = people()
+    reported.print(f"{name} may no longer log in.", markup=False)
+    print_notice(reported)
 
 
 @login.command(name="list", epilog="Example: tsis login list --json")
@@ -147,12 +147,12 @@ def list_logins(*, as_json: AsJson = False) -> None:
     if as_json:
         print_json(envelope("logins", logins=[{"name": name, "given": when} for name, when in given.items()]))
         return
-    told = people()
+    reported = people()
     table = Table("name", "password of", title="Logins of this user's console")
     for name, when in given.items():
         table.add_row(name, when)
-    told.print(table if given else "Nobody may log in yet; tsis login add NAME adds a login.")
-    print_notice(told)
+    reported.print(table if given else "Nobody may log in yet; tsis login add NAME adds a login.")
+    print_notice(reported)
 
 
 def _password() -> str:

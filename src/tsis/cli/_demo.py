@@ -87,12 +87,12 @@ def demo(
     )
     from tsis.records import SavableResult  # loads the libraries of records
 
-    known = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
+    calibration = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
     keepable = SavableResult(
         kind="inclusion",
         estimate=result,
         probe=chosen.name,
-        known=known,
+        known=calibration,
         frames={"target": images, "plain": references, "untouched": [untouched]},
         options={"prior": asdict(prior)},
         name=target.name,
@@ -106,7 +106,7 @@ def demo(
         files={
             **{frame.name: png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": png_bytes(untouched),
-            CALIBRATION_FILE: calibration_bytes(known),
+            CALIBRATION_FILE: calibration_bytes(calibration),
         },
     )
     publish_and_keep(outcome, out, destination, keepable, as_json=as_json)

@@ -102,18 +102,18 @@ def design(
         evaluations=None if not search else MOST_EVALUATIONS if evaluations is None else evaluations,
     )
     with progress_bar("solving presses (kept for next time)") as progress:
-        found = compared_designs(question, progress=progress)
+        result = compared_designs(question, progress=progress)
     best = None
     if search:
         with progress_bar("searching layers and forces") as progress:
             best = searched_design(question, progress=progress)
-    answer = answered(question, found, best)
+    response = answered(question, result, best)
     show_result(
         CommandResult(
-            document=design_document(answer),
-            tables=(_table(answer),),
-            notes=design_notes(answer),
-            figures={"errors": partial(_draw, answer.designs)},
+            document=design_document(response),
+            tables=(_table(response),),
+            notes=design_notes(response),
+            figures={"errors": partial(_draw, response.designs)},
         ),
         out,
         as_json=as_json,

@@ -118,10 +118,10 @@ def examine(
         raise InputError("--force-n needs --calibration: without it a force tells nothing")
     if keep and calibration is None:
         raise InputError("--keep needs --calibration: without it there is no estimate to keep")
-    known = None if calibration is None else read_usable_calibration(calibration)
-    scale = chosen_scale(known, scale_mm)
-    by_line = known is not None and not force_n and known.known.force_line is not None
-    if known is not None and (scale is None or not (force_n or by_line)):
+    given = None if calibration is None else read_usable_calibration(calibration)
+    scale = chosen_scale(given, scale_mm)
+    by_line = given is not None and not force_n and given.known.force_line is not None
+    if given is not None and (scale is None or not (force_n or by_line)):
         raise InputError(
             "an estimate with --calibration needs --scale-mm and --force-n as well, where it holds neither scale nor "
             "force line"
@@ -137,22 +137,24 @@ def examine(
         "mm_per_pixel": None if scale is None else list(scale),
         "invert": invert,
         "match_light": match_lamps,
-        "calibration": None if known is None else known.citation(),
+        "calibration": None if given is None else given.citation(),
     }
-    if known is None:
+    if given is None:
         publish(_contacts(frames, untouched, provenance, invert=invert, match=match_lamps), out, as_json=as_json)
     else:
         from tsis.records import SavableResult, require_savable  # loads the libraries of records
 
         plain = plain or []
-        plain_force = [None] * len(plain) if by_line else plain_forces(plain_force_n or (), force_n or (), len(plain))
-        plain_frames = _read(plain, plain_force, scale)
+        reference_force = (
+            [None] * len(plain) if by_line else plain_forces(plain_force_n or (), force_n or (), len(plain))
+        )
+        reference_frames = _read(plain, reference_force, scale)
         if keep:
-            require_savable([*frames, *plain_frames])
+            require_savable([*frames, *reference_frames])
         destination = chosen_destination(keep, store, kind, number)
-        pressed, response = known.pressed(frames)
-        on_plain, plain_response = known.pressed(plain_frames)
-        response = max(response, plain_response, key=lambda one: one.force_sd)
+        pressed, response = given.pressed(frames)
+        on_plain, reference_response = given.pressed(reference_frames)
+        response = max(response, reference_response, key=lambda item: item.force_sd)
         if by_line:
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
         by, prior = chosen or calibrated_probe(response.probe, unnamed=UNNAMED), InclusionPrior()
@@ -162,8 +164,8 @@ def examine(
             kind="inclusion",
             estimate=result,
             probe=by.name,
-            known=known.known,
-            frames={"target": frames, "plain": plain_frames},
+            known=given.known,
+            frames={"target": frames, "plain": reference_frames},
             options={"prior": asdict(prior)},
         )
         publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
@@ -194,18 +196,19 @@ def _contacts(
     document = envelope(
         "examine",
         images=[
-            {"name": each.image.name, "features": features_document(each.features, each.contact)} for each in findings
+            {"name": finding.image.name, "features": features_document(finding.features, finding.contact)}
+            for finding in findings
         ],
         refused=[{"estimate": name, "reason": reason} for name, reason in REFUSED],
         provenance=provenance,
     )
     tables = []
-    for each in findings:
-        table = Table("quantity", "value", title=escape(each.image.name))
-        for row in finding_rows(each):
+    for finding in findings:
+        table = Table("quantity", "value", title=escape(finding.image.name))
+        for row in finding_rows(finding):
             table.add_row(*row)
         tables.append(table)
-    notes = [note for each in findings for note in finding_notes(each)]
+    notes = [note for finding in findings for note in finding_notes(finding)]
     notes += [f"Not estimated: {name}: {reason}." for name, reason in REFUSED]
     page = contact_report(findings, refused=REFUSED, provenance=provenance)
     return CommandOutcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))

@@ -124,10 +124,10 @@ def hardness(
         "reference_radius_mm": ball_radius_mm,
         **_defaults(),
     }
-    outcome, found = _outcome(frames, chosen, response, options, cites=known.citation())
+    outcome, result = _outcome(frames, chosen, response, options, cites=known.citation())
     keepable = SavableResult(
         kind="hardness",
-        estimate=found,
+        estimate=result,
         probe=chosen.name,
         known=known.known,
         frames={"target": raw, "ball": raw_balls},
@@ -143,8 +143,8 @@ def _defaults() -> dict[str, Any]:
 
 def _written_down(options: Mapping[str, Any]) -> dict[str, Any]:
     """Options as a store keeps them: without the reference, which are presses of their own, and what nobody gave."""
-    told = {name: value for name, value in options.items() if name != "reference" and value is not None}
-    return told | {"prior": asdict(told["prior"])}
+    entries = {name: value for name, value in options.items() if name != "reference" and value is not None}
+    return entries | {"prior": asdict(entries["prior"])}
 
 
 def _virtual(
@@ -168,12 +168,12 @@ def _virtual(
     files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
     simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
     options = _defaults()
-    outcome, found = _outcome(
+    outcome, result = _outcome(
         frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
     )
     keepable = SavableResult(
         kind="hardness",
-        estimate=found,
+        estimate=result,
         probe=probe.name,
         known=simulated_probe,
         frames={"target": frames},
@@ -197,30 +197,30 @@ def _outcome(
 ) -> tuple[CommandOutcome, Estimate]:
     with progress_bar("solving the contact of this probe (kept for next time)") as progress:
         table = build_contact_table(probe, progress=progress)
-    found = estimate(frames, probe=probe, calibration=calibration, **options)
+    result = estimate(frames, probe=probe, calibration=calibration, **options)
     title = f"Hardness by direct contact with {probe.name}"
     shown = Table("quantity", "value", title=escape(title))
-    rows = hardness_rows(found)
+    rows = hardness_rows(result)
     for row in rows if truth_kpa is None else (*rows, ("true modulus", f"{truth_kpa:g} kPa")):
         shown.add_row(*(escape(cell) for cell in row))
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
-    readings = asdict(shore(found.mean["young_kpa"])) if found.trusted else None
+    readings = asdict(shore(result.mean["young_kpa"])) if result.trusted else None
     outcome = CommandOutcome(
         document=envelope(
             "hardness",
-            estimate=estimate_document(found, truth),
+            estimate=estimate_document(result, truth),
             shore_converted=readings,
             provenance=provenance,
         ),
         page=hardness_report(
-            found, title=title, images=frames, table=table, provenance=provenance, truth_kpa=truth_kpa
+            result, title=title, images=frames, table=table, provenance=provenance, truth_kpa=truth_kpa
         ),
         tables=(shown,),
-        notes=tuple(hardness_notes(found)),
+        notes=tuple(hardness_notes(result)),
         files=files or {},
     )
-    return outcome, found
+    return outcome, result
 
 
 def _read(paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float]) -> list[TactileImage]:

@@ -55,11 +55,11 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON a
 
 def chosen_scale(calibration: UsableCalibration | None, given: str | None) -> tuple[float, float] | None:
     """Millimetres per pixel: the calibration's, or ``--scale-mm`` where it holds none."""
-    held = None if calibration is None else calibration.known.scale
-    if held is not None and given is not None:
+    stored = None if calibration is None else calibration.known.scale
+    if stored is not None and given is not None:
         raise InputError("--scale-mm is not used with this calibration, which holds the scale; leave it out")
-    if held is not None:
-        return held.mm_per_pixel
+    if stored is not None:
+        return stored.mm_per_pixel
     return None if given is None else scale_of(given)
 
 
@@ -222,7 +222,7 @@ def _known(what: str, table: Mapping[str, Any], names: Iterable[str]) -> None:
 
 
 def _tables(name: str, value: Any, most: int) -> list[dict[str, Any]]:
-    if not isinstance(value, list) or not all(isinstance(each, dict) for each in value):
+    if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
         raise InputError(f"{name} must be tables, as {{ thickness_mm = 2.0 }}; got {value!r:.80}")
     if len(value) > most:
         raise InputError(f"{name} must be at most {most}; got {len(value)}")

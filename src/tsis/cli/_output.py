@@ -113,9 +113,9 @@ def show_result(answer: CommandResult, out: Path | None, *, as_json: bool) -> No
     document = {**answer.document, "notes": list(answer.notes)}
     folder = None
     if out is not None:
-        wanted = free_folder(out)  # refused before anything is drawn
+        requested = free_folder(out)  # refused before anything is drawn
         files = {f"{name}.png": _png(draw()) for name, draw in answer.figures.items()}
-        folder = write_folder(wanted, {**files, "result.json": json_bytes(document)})
+        folder = write_folder(requested, {**files, "result.json": json_bytes(document)})
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
         return

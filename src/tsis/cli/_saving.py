@@ -97,9 +97,9 @@ def publish_and_keep(
     folder = write_outcome(outcome, out)
     try:
         with destination.opened() as store:
-            kept = save_results(store, keepable, number=destination.number)
+            saved = save_results(store, keepable, number=destination.number)
         outcome = replace(
-            outcome, document={**outcome.document, "kept": kept}, notes=(*outcome.notes, *saved_notes(kept))
+            outcome, document={**outcome.document, "kept": saved}, notes=(*outcome.notes, *saved_notes(saved))
         )
         write_durably(folder / RESULT, json_bytes(outcome.document))
     except TsisError as error:

@@ -48,8 +48,8 @@ def simulate(
     chosen = given_probe(probe)
     with waiting(f"pressing at {strain} strain"):
         field = press(chosen, pressed, force_n=force_n, strain=strain)
-        plain = press(chosen, pressed.without_inclusion(), force_n=force_n, strain=strain)
-    change = field.face_displacement_mm - plain.face_displacement_mm
+        reference = press(chosen, pressed.without_inclusion(), force_n=force_n, strain=strain)
+    change = field.face_displacement_mm - reference.face_displacement_mm
     if as_json:
         print_json(
             envelope(

@@ -47,12 +47,12 @@ def is_there(folder: Path | None, kind: str, database: str | None) -> bool:
     """Whether there is such a store, sound or not, and not just a place for one."""
     from tsis.records.store import DATABASE_FILE, Database, default_folder
 
-    place = default_folder(kind) if folder is None else folder
+    position = default_folder(kind) if folder is None else folder
     if not database:
-        return (place / DATABASE_FILE).is_file()
-    if not place.is_dir():
+        return (position / DATABASE_FILE).is_file()
+    if not position.is_dir():
         return False
-    rows = Database(database, place)
+    rows = Database(database, position)
     try:
         return not rows.empty()
     finally:

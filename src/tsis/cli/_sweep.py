@@ -85,13 +85,13 @@ def run(
 def verify_folder(*, folder: DataFolder, as_json: AsJson = False) -> None:
     """Check every file of a data set against the SHA-256 in its manifest."""
     manifest = verify_data_set(folder)
-    found = {key: manifest[key] for key in ("data_set", "plan_sha256", "presses", "refused")}
+    results = {key: manifest[key] for key in ("data_set", "plan_sha256", "presses", "refused")}
     if as_json:
-        print_json(envelope("sweep verify", folder=str(folder.resolve()), shards=len(manifest["shards"]), **found))
+        print_json(envelope("sweep verify", folder=str(folder.resolve()), shards=len(manifest["shards"]), **results))
         return
     console = people()
-    console.print(f"{found['presses']} presses in {len(manifest['shards'])} files are as they were written.")
-    console.print(f"- {found['refused']} presses were refused by the model.")
+    console.print(f"{results['presses']} presses in {len(manifest['shards'])} files are as they were written.")
+    console.print(f"- {results['refused']} presses were refused by the model.")
     print_notice(console)
 
 

@@ -93,20 +93,20 @@ def _open(page: Path) -> None:
 STATIC = Path(__file__).parent / "static"
 
 
-def console_app(bench: Instrument, *, access: Access, hosts: Collection[str]) -> ASGIApp:
+def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str]) -> ASGIApp:
     """The console of a bench, behind its gate; one a process, for the pages' library keeps them process-wide.
 
     Parameters
     ----------
-    bench
+    instrument
         What it shows and moves.
     access
         Who is let in.
     hosts
         Names by which it may be called.
     """
-    hub = LiveHub(lambda: bench.desk.acquisition)
-    reports = Reports(bench.store, database=bench.terms.database)
+    hub = LiveHub(lambda: instrument.desk.acquisition)
+    reports = Reports(instrument.store, database=instrument.terms.database)
 
     @asynccontextmanager
     async def living(_: FastAPI) -> AsyncIterator[None]:
@@ -115,23 +115,23 @@ def console_app(bench: Instrument, *, access: Access, hosts: Collection[str]) ->
         hub.close()
 
     application = FastAPI(title="tsis console", version=__version__, openapi_url=None, lifespan=living)
-    for each in (application, pages):
-        each.add_exception_handler(Exception, failed)
+    for item in (application, pages):
+        item.add_exception_handler(Exception, failed)
     application.mount("/static", StaticFiles(directory=STATIC))
 
     @application.websocket(ADDRESS)
     async def live(socket: WebSocket) -> None:
-        await live_view(socket, bench=bench, hub=hub)
+        await live_view(socket, instrument=instrument, hub=hub)
 
-    application.include_router(files_router(bench.store, reports, StudyRepository(bench.terms.workspace)))
-    application.mount(PLACE, api_app(bench, reports))
+    application.include_router(files_router(instrument.store, reports, StudyRepository(instrument.terms.workspace)))
+    application.mount(PLACE, api_app(instrument, reports))
     for sheet in sorted(STATIC.glob("*.css")):  # console.css, then one for each page that needs more
         ui.add_css(sheet, shared=True)
     ui.add_head_html(AT_ONCE, shared=True)
     set_lost_connection_text()
     ui.run_with(
         application,
-        root=Shell(bench).build,
+        root=Shell(instrument).build,
         title="tsis console",
         favicon=(STATIC / "favicon.svg").read_text(encoding="utf-8"),
         language=LANGUAGE,

@@ -75,4 +75,4 @@ def _is_told(record: logging.LogRecord) -> bool:
         return False
     if record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError):  # what waited when the console ended
         return False
-    return not any(each in record.getMessage() for each in _NOT_TOLD)
+    return not any(item in record.getMessage() for item in _NOT_TOLD)

@@ -88,11 +88,11 @@ def resolve_host(host: str) -> str:
         When it is none.
     """
     try:
-        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        result = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError) as error:
-        said = getattr(error, "strerror", None) or error
-        raise InputError(f"host must be an address of this machine; got {host!r:.80}: {said}") from error
-    return str(found[0][4][0])
+        message = getattr(error, "strerror", None) or error
+        raise InputError(f"host must be an address of this machine; got {host!r:.80}: {message}") from error
+    return str(result[0][4][0])
 
 
 def is_loopback(address: str) -> bool:
@@ -202,8 +202,8 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
                 secure=tls is not None,
             )
             share_memory_among_threads()
-            with logging_to(folder), Instrument(terms.bench) as bench:
-                application = console_app(bench, access=access, hosts=(*OWN_NAMES, *terms.names))
+            with logging_to(folder), Instrument(terms.bench) as instrument:
+                application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
                 ready(_entrance(listener, address, terms, token))
                 with (
                     collecting_garbage(),

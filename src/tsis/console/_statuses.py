@@ -43,8 +43,8 @@ STATUSES: tuple[tuple[type[errors.TsisError], HTTPStatus], ...] = (  # the first
 def status_of(error: errors.TsisError) -> HTTPStatus:
     """The status of an error: 507 for a full disk, 503 where files fail for another reason, else as in `STATUSES`."""
     if isinstance(error, (errors.FileInputError, errors.RecordsError)):
-        failed = [each for each in _chain(error) if isinstance(each, (OSError, sqlite3.Error))]
-        if any(_is_full(each) for each in failed):
+        failed = [item for item in _chain(error) if isinstance(item, (OSError, sqlite3.Error))]
+        if any(_is_full(item) for item in failed):
             return HTTPStatus.INSUFFICIENT_STORAGE
         if failed and not isinstance(error, errors.StaleRecordError):
             return HTTPStatus.SERVICE_UNAVAILABLE
@@ -52,14 +52,14 @@ def status_of(error: errors.TsisError) -> HTTPStatus:
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
-    found: list[BaseException] = [error]
-    while found:
-        each = found.pop()
-        yield each
-        if (cause := each.__cause__ or each.__context__) is not None:
-            found.append(cause)
-        if isinstance(original := getattr(each, "orig", None), BaseException):  # of SQLAlchemy
-            found.append(original)
+    result: list[BaseException] = [error]
+    while result:
+        item = result.pop()
+        yield item
+        if (cause := item.__cause__ or item.__context__) is not None:
+            result.append(cause)
+        if isinstance(original := getattr(item, "orig", None), BaseException):  # of SQLAlchemy
+            result.append(original)
 
 
 def _is_full(error: BaseException) -> bool:

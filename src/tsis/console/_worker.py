@@ -55,12 +55,12 @@ class WorkerProcess:
         RuntimeError
             When it failed for another reason, which the log tells.
         """
-        asked = pickle.dumps((work, given, named))
+        requested = pickle.dumps((work, given, named))
         with self._one_at_a_time:
             process = self._ready()
             self._done += 1
             try:
-                kind, answer = _exchanged(process, asked)
+                kind, response = _exchanged(process, requested)
             except (OSError, EOFError, pickle.UnpicklingError) as error:
                 self._end()
                 if self._closed:
@@ -69,11 +69,11 @@ class WorkerProcess:
             if self._done >= self._most:
                 self._end()
         if kind == REFUSED:
-            raise answer
+            raise response
         if kind == FAILED:
-            _log.error("work in a process of its own failed: %s", answer)
+            _log.error("work in a process of its own failed: %s", response)
             raise RuntimeError("work in a process of its own failed")
-        return answer  # type: ignore[no-any-return]
+        return response  # type: ignore[no-any-return]
 
     def close(self) -> None:
         """End the process, whatever it does, and begin none any more."""
@@ -108,17 +108,17 @@ def _begun() -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
 
 
-def _exchanged(process: subprocess.Popen[bytes], asked: bytes) -> Any:
+def _exchanged(process: subprocess.Popen[bytes], requested: bytes) -> Any:
     assert process.stdin is not None
     assert process.stdout is not None
-    process.stdin.write(asked)
+    process.stdin.write(requested)
     process.stdin.flush()
     return pickle.load(process.stdout)
 
 
-def _answer(asked: BinaryIO) -> bytes:
+def _answer(binary_io: BinaryIO) -> bytes:
     """What comes of the next piece of work; EOFError when nobody asks any more."""
-    work, given, named = pickle.load(asked)
+    work, given, named = pickle.load(binary_io)
     try:
         return pickle.dumps((DONE, work(*given, **named)))
     except TsisError as error:
@@ -131,12 +131,12 @@ def main() -> None:
     """Do what is asked for on standard input until it is closed."""
     with suppress(AttributeError, OSError):
         os.nice(NICE)
-    answers = os.fdopen(os.dup(1), "wb")
+    responses = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
     with suppress(EOFError, OSError):  # whoever asked is gone
         while True:
-            answers.write(_answer(sys.stdin.buffer))
-            answers.flush()
+            responses.write(_answer(sys.stdin.buffer))
+            responses.flush()
 
 
 if __name__ == "__main__":

@@ -132,9 +132,9 @@ class AucCovariance:
 
     def __post_init__(self) -> None:
         for name in ("auc", "covariance"):
-            held = np.array(getattr(self, name), dtype=float)
-            held.flags.writeable = False
-            object.__setattr__(self, name, held)
+            stored = np.array(getattr(self, name), dtype=float)
+            stored.flags.writeable = False
+            object.__setattr__(self, name, stored)
 
 
 def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
@@ -190,8 +190,8 @@ def delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], lev
     [0.512, 0.988]
     """
     z = float(ndtri(0.5 + checked_level(level) / 2))
-    found = auc_covariance(np.atleast_2d(scores), present)
-    auc, variance = float(found.auc[0]), float(found.covariance[0, 0])
+    result = auc_covariance(np.atleast_2d(scores), present)
+    auc, variance = float(result.auc[0]), float(result.covariance[0, 0])
     if variance == 0:
         raise InputError(
             f"method must not be delong where its variance is 0, as for an area under the curve of {auc:g}: "

@@ -226,5 +226,5 @@ def bland_altman(first: ArrayLike, second: ArrayLike) -> BlandAltman:
 
 
 def _normal(coverage: float) -> float:
-    share = require_number("coverage", coverage, 1e-6, 1 - 1e-9, hint="a share of differences, such as 0.95")
-    return float(ndtri(0.5 + share / 2))
+    fraction = require_number("coverage", coverage, 1e-6, 1 - 1e-9, hint="a share of differences, such as 0.95")
+    return float(ndtri(0.5 + fraction / 2))

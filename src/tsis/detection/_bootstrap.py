@@ -99,12 +99,12 @@ def drawn_areas(
     """
     m, n = both_classes(present, needed_by="a curve")
     draws = checked_draws(rng, draws)
-    places = [_places(row[present], row[~present]) for row in scores]
+    positions = [_places(row[present], row[~present]) for row in scores]
     result = np.empty((draws, len(scores)))
     for start, stop in batches(draws, m + n):
         inside = rng.multinomial(m, np.full(m, 1 / m), stop - start)
         outside = rng.multinomial(n, np.full(n, 1 / n), stop - start)
-        for index, (order, left, right) in enumerate(places):
+        for index, (order, left, right) in enumerate(positions):
             below = np.zeros((stop - start, n + 1), dtype=np.int64)
             np.cumsum(outside[:, order], axis=1, out=below[:, 1:])
             right_pairs = (inside * (below[:, left] + below[:, right])).sum(axis=1)

@@ -74,18 +74,18 @@ def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLi
     together = values if groups is None else np.asarray(groups)
     if together.shape != values.shape:
         raise InputError(f"groups must have one number a target, {len(values)} in all; got shape {together.shape}")
-    place = np.unique(together, return_inverse=True)[1]
-    sizes = np.bincount(place)
-    said, seen = (np.bincount(place, weights=one) / sizes for one in (values, truth.astype(float)))
-    share = float(truth.mean())
+    position = np.unique(together, return_inverse=True)[1]
+    sizes = np.bincount(position)
+    message, observed = (np.bincount(position, weights=item) / sizes for item in (values, truth.astype(float)))
+    fraction = float(truth.mean())
     # Stephenson, Coelho and Jolliffe, Weather Forecast. 23 (2008) 752: variance and covariance inside the groups.
-    apart = values - said[place]
+    difference = values - message[position]
     return BrierScore(
         score=float(np.mean((values - truth) ** 2)),
-        reliability=float(np.average((said - seen) ** 2, weights=sizes)),
-        resolution=float(np.average((seen - share) ** 2, weights=sizes)),
-        uncertainty=share * (1 - share),
-        within=float(np.mean(apart**2) - 2 * np.mean(apart * (truth - seen[place]))),
+        reliability=float(np.average((message - observed) ** 2, weights=sizes)),
+        resolution=float(np.average((observed - fraction) ** 2, weights=sizes)),
+        uncertainty=fraction * (1 - fraction),
+        within=float(np.mean(difference**2) - 2 * np.mean(difference * (truth - observed[position]))),
     )
 
 
@@ -203,8 +203,8 @@ class ReliabilityCurve:
     @property
     def expected_calibration_error(self) -> float:
         """Mean distance of said and seen over all targets; few targets a bin raise it even where all is right."""
-        weights = [one.observed.trials for one in self.bins]
-        return float(np.average([abs(one.probability - one.observed.value) for one in self.bins], weights=weights))
+        weights = [item.observed.trials for item in self.bins]
+        return float(np.average([abs(item.probability - item.observed.value) for item in self.bins], weights=weights))
 
 
 def reliability_curve(
@@ -237,14 +237,14 @@ def reliability_curve(
     0.167
     """
     values, truth = probabilities_and_truth(probabilities, present)
-    shares = np.linspace(0.0, 1.0, require_integer("bins", bins, 1, MOST_BINS) + 1)
+    fractions = np.linspace(0.0, 1.0, require_integer("bins", bins, 1, MOST_BINS) + 1)
     widths = choice("widths", widths, ("equal-count", "equal-width"))
-    ends = shares if widths == "equal-width" else np.quantile(values, shares)
-    place = np.searchsorted(ends[1:-1], values)
-    found = []
-    for index in np.unique(place):
-        inside = place == index
+    ends = fractions if widths == "equal-width" else np.quantile(values, fractions)
+    position = np.searchsorted(ends[1:-1], values)
+    results = []
+    for index in np.unique(position):
+        inside = position == index
         observed = Proportion(successes=int(truth[inside].sum()), trials=int(inside.sum()))
         low, high = float(ends[index]), float(ends[index + 1])
-        found.append(ReliabilityBin(low=low, high=high, probability=float(values[inside].mean()), observed=observed))
-    return ReliabilityCurve(bins=tuple(found), brier=brier_score(values, truth, groups=place))
+        results.append(ReliabilityBin(low=low, high=high, probability=float(values[inside].mean()), observed=observed))
+    return ReliabilityCurve(bins=tuple(results), brier=brier_score(values, truth, groups=position))

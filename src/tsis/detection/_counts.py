@@ -78,13 +78,13 @@ class Counts:
         >>> Counts.of([True, True, False], [True, False, False])
         Counts(true_positives=1, false_positives=1, true_negatives=1, false_negatives=0)
         """
-        said, truth = booleans("decided", decided), booleans("present", present)
-        same_length("decided", said, "present", truth)
+        message, truth = booleans("decided", decided), booleans("present", present)
+        same_length("decided", message, "present", truth)
         return cls(
-            true_positives=int(np.count_nonzero(said & truth)),
-            false_positives=int(np.count_nonzero(said & ~truth)),
-            true_negatives=int(np.count_nonzero(~said & ~truth)),
-            false_negatives=int(np.count_nonzero(~said & truth)),
+            true_positives=int(np.count_nonzero(message & truth)),
+            false_positives=int(np.count_nonzero(message & ~truth)),
+            true_negatives=int(np.count_nonzero(~message & ~truth)),
+            false_negatives=int(np.count_nonzero(~message & truth)),
         )
 
     @property
@@ -120,14 +120,14 @@ class Counts:
     @property
     def positive_predictive_value(self) -> Proportion:
         """Inclusions present among those said to be; it holds for this study's share of inclusions alone."""
-        said = self.true_positives + self.false_positives
-        return _share("positive_predictive_value", self.true_positives, said, "target said to hold an inclusion")
+        message = self.true_positives + self.false_positives
+        return _share("positive_predictive_value", self.true_positives, message, "target said to hold an inclusion")
 
     @property
     def negative_predictive_value(self) -> Proportion:
         """Targets without inclusion among those called so; it holds for this study's share of inclusions alone."""
-        said = self.true_negatives + self.false_negatives
-        return _share("negative_predictive_value", self.true_negatives, said, "target said to hold no inclusion")
+        message = self.true_negatives + self.false_negatives
+        return _share("negative_predictive_value", self.true_negatives, message, "target said to hold no inclusion")
 
     @property
     def positive_likelihood_ratio(self) -> ProportionRatio:
@@ -148,7 +148,7 @@ class Counts:
         return ProportionDifference(first=self.sensitivity, second=Proportion(successes=false, trials=self.absent))
 
 
-def _share(name: str, successes: int, trials: int, wanted: str) -> Proportion:
+def _share(name: str, successes: int, trials: int, requested: str) -> Proportion:
     if trials == 0:
-        raise InputError(f"{name} must have at least one {wanted} to be a share of; got 0: add such targets")
+        raise InputError(f"{name} must have at least one {requested} to be a share of; got 0: add such targets")
     return Proportion(successes=successes, trials=trials)

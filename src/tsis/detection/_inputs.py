@@ -122,8 +122,8 @@ def both_classes(present: NDArray[np.bool_], *, least: int = 1, needed_by: str) 
         When a class is missing or too small; the message names it.
     """
     inside = int(np.count_nonzero(present))
-    found = {True: inside, False: len(present) - inside}
-    for value, number in found.items():
+    results = {True: inside, False: len(present) - inside}
+    for value, number in results.items():
         if number < least:
             targets, hold = ("target", "holds") if least == 1 else ("targets", "hold")
             cure = ABSENT[value].format(least=f"{least} {targets}", hold=hold)

@@ -84,20 +84,20 @@ def youden_point(curve: Roc) -> OperatingPoint:
     return _point(curve, int(np.argmax(gained)), "largest sensitivity + specificity - 1")
 
 
-def at_sensitivity(curve: Roc, wanted: float) -> OperatingPoint:
-    """The highest threshold whose sensitivity is at least ``wanted``.
+def at_sensitivity(curve: Roc, requested: float) -> OperatingPoint:
+    """The highest threshold whose sensitivity is at least ``requested``.
 
     Parameters
     ----------
     curve
         The detector. The point is chosen on its targets, so its counts are optimistic.
-    wanted
+    requested
         Sensitivity, in [0, 1].
 
     Raises
     ------
     InputError
-        When ``wanted`` is no share.
+        When ``requested`` is no share.
 
     Examples
     --------
@@ -105,25 +105,25 @@ def at_sensitivity(curve: Roc, wanted: float) -> OperatingPoint:
     >>> at_sensitivity(roc([1, 2, 3, 4, 5], [False, False, True, False, True]), 0.5).threshold
     4.5
     """
-    require_number("wanted", wanted, 0, 1, hint="a sensitivity")
-    enough = curve.true_positives >= wanted * curve.targets - ROUNDING
-    return _point(curve, int(np.argmax(enough)), f"sensitivity of at least {wanted:g}")
+    require_number("wanted", requested, 0, 1, hint="a sensitivity")
+    enough = curve.true_positives >= requested * curve.targets - ROUNDING
+    return _point(curve, int(np.argmax(enough)), f"sensitivity of at least {requested:g}")
 
 
-def at_specificity(curve: Roc, wanted: float) -> OperatingPoint:
-    """The threshold of the largest sensitivity whose specificity is at least ``wanted``; of equals the highest.
+def at_specificity(curve: Roc, requested: float) -> OperatingPoint:
+    """The threshold of the largest sensitivity whose specificity is at least ``requested``; of equals the highest.
 
     Parameters
     ----------
     curve
         The detector. The point is chosen on its targets, so its counts are optimistic.
-    wanted
+    requested
         Specificity, in [0, 1].
 
     Raises
     ------
     InputError
-        When ``wanted`` is no share.
+        When ``requested`` is no share.
 
     Examples
     --------
@@ -131,10 +131,10 @@ def at_specificity(curve: Roc, wanted: float) -> OperatingPoint:
     >>> at_specificity(roc([1, 2, 3, 4, 5], [False, False, True, False, True]), 0.6).threshold
     2.5
     """
-    require_number("wanted", wanted, 0, 1, hint="a specificity")
-    allowed = curve.blanks - curve.false_positives >= wanted * curve.blanks - ROUNDING
+    require_number("wanted", requested, 0, 1, hint="a specificity")
+    allowed = curve.blanks - curve.false_positives >= requested * curve.blanks - ROUNDING
     return _point(
-        curve, int(np.argmax(np.where(allowed, curve.true_positives, -1))), f"specificity of at least {wanted:g}"
+        curve, int(np.argmax(np.where(allowed, curve.true_positives, -1))), f"specificity of at least {requested:g}"
     )
 
 
@@ -212,8 +212,8 @@ def held_out_counts(
     both_classes(truth, least=2, needed_by="a threshold chosen on other targets")
     decided = np.empty(len(truth), dtype=bool)
     for left_out in _parts(truth, folds, rng):
-        kept = ~left_out
-        decided[left_out] = choose(Roc(scores=values[kept], present=truth[kept])).decide(values[left_out])
+        selected = ~left_out
+        decided[left_out] = choose(Roc(scores=values[selected], present=truth[selected])).decide(values[left_out])
     return Counts.of(decided, truth)
 
 

@@ -106,10 +106,10 @@ class PresenceProbability:
             When it is no such share.
         """
         require_number("prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
-        moved = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))
+        transformed = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))
         if self.is_bound:  # what was certain stays so: the ratio behind it is larger than is known
-            moved = self.probability
-        return replace(self, probability=moved, prior=prevalence)
+            transformed = self.probability
+        return replace(self, probability=transformed, prior=prevalence)
 
 
 def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProbability:
@@ -151,16 +151,16 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
         )
     if prior is not None and stated is not None and prior != stated:
         raise InputError(f"prior must be that of the estimate, {stated:g}; got {prior!r:.60}: leave it out")
-    doubts = tuple(flag for flag in estimate.flags if flag in UNTRUSTED_FLAGS and flag != ABSENCE_FLAG)
+    uncertainties = tuple(flag for flag in estimate.flags if flag in UNTRUSTED_FLAGS and flag != ABSENCE_FLAG)
     return PresenceProbability(
         probability=estimate.presence,
         prior=stated if prior is None else prior,  # type: ignore[arg-type]
-        doubts=doubts,
+        doubts=uncertainties,
         evidence=estimate.log_bayes_factor,
     )
 
 
 def _stated_prior(provenance: Mapping[str, Any]) -> float | None:
-    told = provenance.get("prior")
-    value = told.get("presence") if isinstance(told, Mapping) else None
+    reported = provenance.get("prior")
+    value = reported.get("presence") if isinstance(reported, Mapping) else None
     return value if isinstance(value, float) else None

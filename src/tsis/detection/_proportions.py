@@ -249,9 +249,9 @@ class ProportionDifference:
         InputError
             When the level is no probability.
         """
-        one, two = self.first.interval(level), self.second.interval(level)
-        below = math.hypot(self.first.value - one.low, two.high - self.second.value)
-        above = math.hypot(one.high - self.first.value, self.second.value - two.low)
+        first, second = self.first.interval(level), self.second.interval(level)
+        below = math.hypot(self.first.value - first.low, second.high - self.second.value)
+        above = math.hypot(first.high - self.first.value, self.second.value - second.low)
         return Interval(low=self.value - below, high=self.value + above, level=level, method="newcombe")
 
 

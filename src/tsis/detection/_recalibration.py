@@ -144,7 +144,7 @@ def _line(logits: NDArray[Any], truth: NDArray[np.bool_]) -> tuple[list[float], 
         if np.abs(step).max() < CONVERGED * (1 + np.abs(at).max()):
             break
     variances = np.diag(np.linalg.inv(_curvature(design, at)))
-    return [float(one) for one in at], [math.sqrt(one) for one in variances]
+    return [float(item) for item in at], [math.sqrt(variance) for variance in variances]
 
 
 def _curvature(design: NDArray[Any], at: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -155,11 +155,11 @@ def _curvature(design: NDArray[Any], at: NDArray[np.float64]) -> NDArray[np.floa
 
 def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> FittedValue:
     """What must be added to every logit for the expected number of inclusions to be the number seen."""
-    seen = int(truth.sum())
-    low, high = logit(seen / len(truth)) - logits.max(), logit(seen / len(truth)) - logits.min()
+    observed = int(truth.sum())
+    low, high = logit(observed / len(truth)) - logits.max(), logit(observed / len(truth)) - logits.min()
 
     def excess(shift: float) -> float:
-        return float(expit(logits + shift).sum() - seen)
+        return float(expit(logits + shift).sum() - observed)
 
     shift = float(brentq(excess, low - 1, high + 1, xtol=1e-13))
     chance = expit(logits + shift)

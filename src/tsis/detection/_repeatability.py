@@ -242,25 +242,25 @@ def reproducibility(readings: ArrayLike) -> Reproducibility:
     cells = centred.mean(axis=2)
     rows, columns = cells.mean(axis=1), cells.mean(axis=0)
     free = (n - 1, k - 1, (n - 1) * (k - 1), n * k * (r - 1))
-    found = (
+    result = (
         k * r * squares(rows, table) / free[0],
         n * r * squares(columns, table) / free[1],
         r * squares(cells - rows[:, None] - columns, table) / free[2],
         squares(centred - cells[:, :, None], table) / free[3],
     )
     variances = {
-        "target": (found[0] - found[2]) / (k * r),
-        "operator": (found[1] - found[2]) / (n * r),
-        "interaction": (found[2] - found[3]) / r,
+        "target": (result[0] - result[2]) / (k * r),
+        "operator": (result[1] - result[2]) / (n * r),
+        "interaction": (result[2] - result[3]) / r,
     }
     cut = {name: math.sqrt(max(variance, 0.0)) for name, variance in variances.items()}
     return Reproducibility(
         target_sd=cut["target"],
         operator_sd=cut["operator"],
         interaction_sd=cut["interaction"],
-        repeat_sd=math.sqrt(found[3]),
+        repeat_sd=math.sqrt(result[3]),
         truncated=tuple(name for name, variance in variances.items() if variance < 0),
-        mean_squares=found,
+        mean_squares=result,
         degrees_of_freedom=free,
         shape=(n, k, r),
     )

@@ -61,17 +61,17 @@ class Roc:
     def __post_init__(self) -> None:
         scores, present = scored(self.scores, self.present)
         both_classes(present, needed_by="a curve")
-        falling, place = np.unique(-scores, return_inverse=True)
-        inside = np.bincount(place[present], minlength=len(falling))
-        outside = np.bincount(place[~present], minlength=len(falling))
-        found = {
+        falling, position = np.unique(-scores, return_inverse=True)
+        inside = np.bincount(position[present], minlength=len(falling))
+        outside = np.bincount(position[~present], minlength=len(falling))
+        results = {
             "scores": scores,
             "present": present,
             "thresholds": np.concatenate([[math.inf], -falling]),
             "true_positives": np.concatenate([[0], np.cumsum(inside)]),
             "false_positives": np.concatenate([[0], np.cumsum(outside)]),
         }
-        for name, value in found.items():
+        for name, value in results.items():
             value.flags.writeable = False
             object.__setattr__(self, name, value)
 
@@ -116,12 +116,12 @@ class Roc:
             When there is no such threshold.
         """
         index = require_integer("index", index, 0, len(self.thresholds) - 1)
-        found, false = int(self.true_positives[index]), int(self.false_positives[index])
+        result, false = int(self.true_positives[index]), int(self.false_positives[index])
         return Counts(
-            true_positives=found,
+            true_positives=result,
             false_positives=false,
             true_negatives=self.blanks - false,
-            false_negatives=self.targets - found,
+            false_negatives=self.targets - result,
         )
 
     def auc_interval(

@@ -78,10 +78,10 @@ def _require_small(members: list[zipfile.ZipInfo], declared: int, most: int) -> 
 
 def _member_bytes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
     with archive.open(member) as stream:
-        held = stream.read(member.file_size + 1)  # what is declared may be a lie
-    if len(held) != member.file_size:
+        stored = stream.read(member.file_size + 1)  # what is declared may be a lie
+    if len(stored) != member.file_size:
         raise FileInputError(f"an array must take the {member.file_size} bytes that it declares; it takes others")
-    return held
+    return stored
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -159,14 +159,14 @@ def make_folder_durably(folder: Path, *, disk: Disk = DISK, private: bool = Fals
         When one cannot be made.
     """
     folder = folder.absolute()
-    for each in (*reversed(folder.parents), folder):
-        made = not each.is_dir()
-        if made:
-            disk.make_folder(each, private=private)
+    for parent in (*reversed(folder.parents), folder):
+        created = not parent.is_dir()
+        if created:
+            disk.make_folder(parent, private=private)
         try:
-            disk.sync_folder(each.parent)
+            disk.sync_folder(parent.parent)
         except OSError:
-            if made or each == folder:  # others, up to the root, need not let themselves be synced
+            if created or parent == folder:  # others, up to the root, need not let themselves be synced
                 raise
 
 
@@ -179,8 +179,8 @@ def remove_unfinished(folder: Path, *, age_s: float = 0.0) -> None:
 
 
 @contextmanager
-def atomic_file(wanted: Path, *, disk: Disk = DISK) -> Iterator[Path]:
-    """A draft to write beside ``wanted``; it gets that name when the block ends well, else nothing is left.
+def atomic_file(requested: Path, *, disk: Disk = DISK) -> Iterator[Path]:
+    """A draft to write beside ``requested``; it gets that name when the block ends well, else nothing is left.
 
     Raises
     ------
@@ -189,21 +189,21 @@ def atomic_file(wanted: Path, *, disk: Disk = DISK) -> Iterator[Path]:
     OSError
         When it cannot be written.
     """
-    draft = _draft_of(wanted, disk)
+    draft = _draft_of(requested, disk)
     try:
         yield draft
         disk.sync_again(draft)
-        disk.name(draft, wanted)
+        disk.name(draft, requested)
     except BaseException:
         with suppress(OSError):
             disk.remove(draft)
         raise
-    disk.sync_folder(wanted.parent)
+    disk.sync_folder(requested.parent)
 
 
 @contextmanager
-def atomic_folder(wanted: Path, *, disk: Disk = DISK) -> Iterator[Path]:
-    """A folder to fill beside ``wanted``; it gets that name when the block ends well, else nothing is left.
+def atomic_folder(requested: Path, *, disk: Disk = DISK) -> Iterator[Path]:
+    """A folder to fill beside ``requested``; it gets that name when the block ends well, else nothing is left.
 
     When the block has ended, all that is in it is on the disk.
 
@@ -214,22 +214,22 @@ def atomic_folder(wanted: Path, *, disk: Disk = DISK) -> Iterator[Path]:
     OSError
         When it cannot be written.
     """
-    draft = _draft_of(wanted, disk)
+    draft = _draft_of(requested, disk)
     draft.mkdir()  # others may read it as they may read any new folder: the user's mask says
     try:
         yield draft
-        for each in sorted(draft.rglob("*")):
-            if each.is_dir():
-                disk.sync_folder(each)
+        for path in sorted(draft.rglob("*")):
+            if path.is_dir():
+                disk.sync_folder(path)
             else:
-                disk.sync_again(each)
+                disk.sync_again(path)
         disk.sync_folder(draft)
-        _require_new(wanted)  # a rename would take the place of an empty folder
-        disk.rename(draft, wanted)
+        _require_new(requested)  # a rename would take the place of an empty folder
+        disk.rename(draft, requested)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
-    disk.sync_folder(wanted.parent)
+    disk.sync_folder(requested.parent)
 
 
 def add_files(folder: Path, files: Mapping[str, bytes], *, disk: Disk = DISK) -> None:
@@ -271,13 +271,13 @@ def add_files(folder: Path, files: Mapping[str, bytes], *, disk: Disk = DISK) ->
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def _draft_of(wanted: Path, disk: Disk) -> Path:
-    _require_new(wanted)
-    if not wanted.parent.is_dir():
-        make_folder_durably(wanted.parent, disk=disk)
-    return wanted.with_name(f".{wanted.name}-{secrets.token_hex(8)}{UNFINISHED}")
+def _draft_of(requested: Path, disk: Disk) -> Path:
+    _require_new(requested)
+    if not requested.parent.is_dir():
+        make_folder_durably(requested.parent, disk=disk)
+    return requested.with_name(f".{requested.name}-{secrets.token_hex(8)}{UNFINISHED}")
 
 
-def _require_new(wanted: Path) -> None:
-    if wanted.name in ("", "..") or os.path.lexists(wanted):
-        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(wanted))
+def _require_new(requested: Path) -> None:
+    if requested.name in ("", "..") or os.path.lexists(requested):
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(requested))

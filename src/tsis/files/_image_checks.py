@@ -26,9 +26,9 @@ class _Form:
     order: str
     large: bool
 
-    def number(self, data: bytes, place: int) -> int:
+    def number(self, data: bytes, index: int) -> int:
         """An offset or count."""
-        return int(struct.unpack_from(self.order + ("Q" if self.large else "I"), data, place)[0])
+        return int(struct.unpack_from(self.order + ("Q" if self.large else "I"), data, index)[0])
 
 
 def tiff_fault(data: bytes) -> str | None:
@@ -36,25 +36,25 @@ def tiff_fault(data: bytes) -> str | None:
     order = "<" if data.startswith(b"II") else ">"
     try:
         form = _Form(order, large=struct.unpack_from(order + "H", data, 2)[0] == 43)
-        place, seen = form.number(data, 8 if form.large else 4), 0
-        while place:
-            seen += 1
-            if seen > MOST_DIRECTORIES:
+        position, observed = form.number(data, 8 if form.large else 4), 0
+        while position:
+            observed += 1
+            if observed > MOST_DIRECTORIES:
                 return f"it lists more than {MOST_DIRECTORIES} pictures"
-            entries = struct.unpack_from(order + ("Q" if form.large else "H"), data, place)[0]
+            entries = struct.unpack_from(order + ("Q" if form.large else "H"), data, position)[0]
             if not 0 < entries <= MOST_ENTRIES:
                 return f"a directory of it lists {entries} entries"
-            if (broken := _directory_fault(list(_entries(data, place, entries, form)), len(data))) is not None:
+            if (broken := _directory_fault(list(_entries(data, position, entries, form)), len(data))) is not None:
                 return broken
-            place = form.number(data, place + (8 + 20 * entries if form.large else 2 + 12 * entries))
+            position = form.number(data, position + (8 + 20 * entries if form.large else 2 + 12 * entries))
     except (struct.error, OverflowError):  # beyond the end, or beyond any place in a file
         return f"it is truncated: it ends at byte {len(data)} before a directory that it names"
     return None
 
 
-def _entries(data: bytes, place: int, entries: int, form: _Form) -> Iterator[tuple[int, int, int]]:
+def _entries(data: bytes, index: int, entries: int, form: _Form) -> Iterator[tuple[int, int, int]]:
     """Tag, kind and count of each entry."""
-    first, step = (place + 8, 20) if form.large else (place + 2, 12)
+    first, step = (index + 8, 20) if form.large else (index + 2, 12)
     for number in range(entries):
         tag, kind = struct.unpack_from(form.order + "HH", data, first + step * number)
         yield tag, kind, form.number(data, first + step * number + 4)
@@ -106,8 +106,8 @@ def jpeg_fault(data: bytes) -> str | None:
     Segments are skipped by their length, so that the end marker of an embedded thumbnail is not taken for the file's.
     """
     position, segments, scans, pixels = 2, 0, 0, 0
-    while (found := _JPEG_MARKER.search(data, position)) is not None:
-        position, marker = found.start(), data[found.start() + 1]
+    while (match := _JPEG_MARKER.search(data, position)) is not None:
+        position, marker = match.start(), data[match.start() + 1]
         if marker == _JPEG_END:
             return None if scans else "it holds no image data"
         if position + (9 if marker in _JPEG_FRAMES else 4) > len(data):
@@ -163,33 +163,33 @@ _JPEG_NOTES = frozenset({*range(0xE1, 0xF0), 0xFE}) - {_JPEG_ADOBE}
 
 def png_pixels(data: bytes) -> bytes:
     """A whole PNG file without ancillary chunks; the same object when it has none."""
-    kept, place, kind = [data[:_SIGNATURE_BYTES]], _SIGNATURE_BYTES, b""
+    saved, position, kind = [data[:_SIGNATURE_BYTES]], _SIGNATURE_BYTES, b""
     while kind != b"IEND":
-        (length,) = struct.unpack_from(">I", data, place)
-        kind, end = data[place + 4 : place + 8], place + 12 + length
+        (length,) = struct.unpack_from(">I", data, position)
+        kind, end = data[position + 4 : position + 8], position + 12 + length
         critical = not kind[0] & 0x20  # a capital letter
         if critical or kind in _PNG_KEPT:
-            kept.append(memoryview(data)[place:end])  # type: ignore[arg-type]  # joins as bytes do
-        place = end
-    return data if sum(map(len, kept)) == len(data) else b"".join(kept)
+            saved.append(memoryview(data)[position:end])  # type: ignore[arg-type]  # joins as bytes do
+        position = end
+    return data if sum(map(len, saved)) == len(data) else b"".join(saved)
 
 
 def jpeg_pixels(data: bytes) -> bytes:
     """A whole JPEG file without segments of notes before its first scan; the same object when it has none."""
-    kept, place = [data[:2]], 2
+    saved, position = [data[:2]], 2
     while True:
-        while data[place + 1] == 0xFF:  # fill bytes
-            place += 1
-        marker = data[place + 1]
-        if data[place] != 0xFF or not 0xC0 <= marker <= 0xFE or marker == _JPEG_SCAN_START or 0xD0 <= marker <= 0xD9:
+        while data[position + 1] == 0xFF:  # fill bytes
+            position += 1
+        marker = data[position + 1]
+        if data[position] != 0xFF or not 0xC0 <= marker <= 0xFE or marker == _JPEG_SCAN_START or 0xD0 <= marker <= 0xD9:
             break  # pixels, or something that the decoder shall judge
-        end = place + 2 + int(struct.unpack_from(">H", data, place + 2)[0])
-        if marker not in _JPEG_NOTES or data[place + 4 : place + 8] == _PICTURES:
-            kept.append(data[place:end])
-        place = end
-    if sum(map(len, kept)) == place:
+        end = position + 2 + int(struct.unpack_from(">H", data, position + 2)[0])
+        if marker not in _JPEG_NOTES or data[position + 4 : position + 8] == _PICTURES:
+            saved.append(data[position:end])
+        position = end
+    if sum(map(len, saved)) == position:
         return data
-    return b"".join([*kept, data[place:]])
+    return b"".join([*saved, data[position:]])
 
 
 def pixels_alone(data: bytes) -> bytes:
@@ -251,22 +251,22 @@ def rows_missing(data: bytes) -> bool:
         return False
     columns, rows, depth, colour = struct.unpack_from(">IIBB", data, 16)
     bits, interlaced = _CHANNELS.get(colour, 1) * depth, data[28] == 1
-    wanted = sum(
+    requested = sum(
         high * (1 + -(-wide * bits // 8))
-        for left, across, top, down in (_ADAM7 if interlaced else _WHOLE)
-        if (wide := -(-(columns - left) // across)) > 0 and (high := -(-(rows - top) // down)) > 0
+        for left, span, top, down in (_ADAM7 if interlaced else _WHOLE)
+        if (wide := -(-(columns - left) // span)) > 0 and (high := -(-(rows - top) // down)) > 0
     )
-    unpacker, place, kind, found = zlib.decompressobj(), 8, b"", 0
+    unpacker, position, kind, result = zlib.decompressobj(), 8, b"", 0
     view = memoryview(data)
     try:
-        while kind != b"IEND" and found < wanted:
-            (length,) = struct.unpack_from(">I", data, place)
-            kind, end = data[place + 4 : place + 8], place + 8 + length
-            for start in range(place + 8, end, _PIECE) if kind == b"IDAT" else ():
-                found += len(unpacker.decompress(view[start : min(start + _PIECE, end)]))
-                if unpacker.eof or found >= wanted:
-                    return bool(found < wanted)
-            place += 12 + length
+        while kind != b"IEND" and result < requested:
+            (length,) = struct.unpack_from(">I", data, position)
+            kind, end = data[position + 4 : position + 8], position + 8 + length
+            for start in range(position + 8, end, _PIECE) if kind == b"IDAT" else ():
+                result += len(unpacker.decompress(view[start : min(start + _PIECE, end)]))
+                if unpacker.eof or result >= requested:
+                    return bool(result < requested)
+            position += 12 + length
     except zlib.error:
         return True
-    return bool(found < wanted)
+    return bool(result < requested)

@@ -54,8 +54,8 @@ def digest(values: Mapping[str, Any]) -> str:
     >>> digest({"number": 3, "note": None}) == digest({"number": 3})
     True
     """
-    held = {name: value for name, value in values.items() if value is not None}
-    return hashlib.sha256(canonical(held).encode()).hexdigest()
+    by_name = {name: value for name, value in values.items() if value is not None}
+    return hashlib.sha256(canonical(by_name).encode()).hexdigest()
 
 
 def digest_of_any(values: Mapping[str, Any]) -> str | None:

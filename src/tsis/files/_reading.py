@@ -55,8 +55,8 @@ def one_line(error: object, longest: int = 200) -> str:
     >>> one_line(ValueError("bad header:\n\tmagic \x1b[2J"))
     'bad header: magic ?[2J'
     """
-    words = " ".join(str(error)[: 10 * longest].split()) or type(error).__name__
-    return "".join(letter if letter.isprintable() else "?" for letter in words)[:longest]
+    text = " ".join(str(error)[: 10 * longest].split()) or type(error).__name__
+    return "".join(letter if letter.isprintable() else "?" for letter in text)[:longest]
 
 
 def as_path(path: str | os.PathLike[str]) -> Path:
@@ -202,8 +202,8 @@ def _depth(content: Any) -> int:
     depth, level = 0, [content]
     while level:
         depth += 1
-        inner = (each.values() if isinstance(each, dict) else each for each in level)
-        level = [each for held in inner for each in held if isinstance(each, (dict, list))]
+        inner = (item.values() if isinstance(item, dict) else item for item in level)
+        level = [item for stored in inner for item in stored if isinstance(item, (dict, list))]
     return depth
 
 

@@ -88,12 +88,13 @@ def require_radius(name: str, probe: Probe, radius_mm: float) -> None:
 
 def _written(frames: list[TactileImage]) -> tuple[float | None, float | None]:
     """Radius and standard deviation that the frames carry, which must agree."""
-    said = {(frame.settings.get("radius_mm"), frame.settings.get("radius_sd_mm")) for frame in frames}
-    if len(said) > 1:
+    findings = {(frame.settings.get("radius_mm"), frame.settings.get("radius_sd_mm")) for frame in frames}
+    if len(findings) > 1:
         raise ImageMismatchError(
-            f"all images must be of one object; their settings say (radius_mm, radius_sd_mm) {sorted(said, key=str)}"
+            f"all images must be of one object; their settings say (radius_mm, radius_sd_mm) "
+            f"{sorted(findings, key=str)}"
         )
-    radius, sd = said.pop()
+    radius, sd = findings.pop()
     if radius is not None:
         radius = require_number("radius_mm of the settings", radius, 1e-3, 1e3)
     if sd is not None:
@@ -179,29 +180,29 @@ def estimate(
     require_frames_of_probe(frames + balls, probe)
     radius = radius_prior(probe, frames, radius_mm, radius_sd_mm)
     ball_mm, ball_sd = ball_radius(probe, balls, reference_radius_mm) if balls else (None, 0.0)
-    seen = [read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm) for frame in frames + balls]
+    observed = [read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm) for frame in frames + balls]
     presses = [
         ContactPress(
             force_n=frame.force_n or 0.0,
-            seen=one,
-            ball_radius_mm=ball_mm if place >= len(frames) else None,
+            seen=item,
+            ball_radius_mm=ball_mm if index >= len(frames) else None,
             ball_radius_sd=ball_sd,
         )
-        for place, (frame, one) in enumerate(zip(frames + balls, seen, strict=True))
+        for index, (frame, item) in enumerate(zip(frames + balls, observed, strict=True))
     ]
     table = _table(probe) if progress is None else build_contact_table(probe, progress=progress)
     with one_blas_thread():
         likelihood = HardnessLikelihood(presses, table=table, calibration=calibration, drift_sd=drift_sd)
-        found = explore_modulus(likelihood, prior, radius)
-    said = findings(presses, likelihood, found, prior, radius)
+        result = explore_modulus(likelihood, prior, radius)
+    message = findings(presses, likelihood, result, prior, radius)
     return Estimate(
-        samples={"young_kpa": found.young_kpa},
+        samples={"young_kpa": result.young_kpa},
         prior_sd={"young_kpa": prior.young_sd_kpa},
-        identifiability=identifiability(found, prior),
+        identifiability=identifiability(result, prior),
         prior=str(prior),
-        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in said),
-        flags=tuple(flag for flag, _ in said),
-        notes=tuple(note for _, note in said),
+        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in message),
+        flags=tuple(flag for flag, _ in message),
+        notes=tuple(note for _, note in message),
         provenance={
             "notice": RESEARCH_USE_ONLY,
             "tsis": __version__,

@@ -97,8 +97,8 @@ class RadiusPrior:
             return radii, np.full(UNKNOWN_RADII, -np.log(UNKNOWN_RADII))
         if self.sd_mm == 0:
             return np.array([self.radius_mm]), np.zeros(1)
-        place, weight = np.polynomial.hermite_e.hermegauss(RADII)
-        radii = self.radius_mm * np.exp(self.sd_mm / self.radius_mm * place)
+        position, weight = np.polynomial.hermite_e.hermegauss(RADII)
+        radii = self.radius_mm * np.exp(self.sd_mm / self.radius_mm * position)
         return np.asarray(radii), np.log(weight / weight.sum())
 
 
@@ -123,23 +123,23 @@ class HardnessPosterior:
 
 def explore_modulus(likelihood: HardnessLikelihood, prior: HardnessPrior, radius: RadiusPrior) -> HardnessPosterior:
     """Integrate over Poisson's ratio and radius on nodes, and draw the modulus from a grid in its logarithm."""
-    place, weight = np.polynomial.legendre.leggauss(RATIOS)
+    position, weight = np.polynomial.legendre.leggauss(RATIOS)
     low, high = prior.poisson
-    ratios, log_ratio = low + (high - low) * (place + 1) / 2, np.log(weight / 2)
+    ratios, log_ratio = low + (high - low) * (position + 1) / 2, np.log(weight / 2)
     radii, log_radius = radius.nodes()
     nodes = ratios[:, None], radii[None, :]
     log_weight = log_ratio[:, None] + log_radius
 
     def at(log_young: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        found, misfit = likelihood(np.exp(log_young)[:, None, None], *nodes)
-        return found + log_weight, misfit
+        result, misfit = likelihood(np.exp(log_young)[:, None, None], *nodes)
+        return result + log_weight, misfit
 
     coarse = np.linspace(np.log(prior.young_kpa[0]), np.log(prior.young_kpa[1]), COARSE)
     log_young = _where_it_matters(coarse, logsumexp(at(coarse)[0], axis=(1, 2)))
-    found, misfit = at(log_young)
+    result, misfit = at(log_young)
     best = np.unravel_index(int(np.argmin(misfit)), misfit.shape)
     return HardnessPosterior(
-        young_kpa=np.exp(_quantiles(log_young, logsumexp(found, axis=(1, 2)))),
+        young_kpa=np.exp(_quantiles(log_young, logsumexp(result, axis=(1, 2)))),
         misfit=float(misfit.min()),
         best=(float(np.exp(log_young[best[0]])), float(ratios[best[1]]), float(radii[best[2]])),
     )
@@ -147,14 +147,14 @@ def explore_modulus(likelihood: HardnessLikelihood, prior: HardnessPrior, radius
 
 def _where_it_matters(grid: NDArray[np.float64], log_density: NDArray[np.float64]) -> NDArray[np.float64]:
     """A finer grid over what is not negligible, and one step of the coarse one to both sides."""
-    kept = np.flatnonzero(log_density > log_density.max() - NEGLIGIBLE)
-    low, high = max(kept[0] - 1, 0), min(kept[-1] + 1, len(grid) - 1)
+    saved = np.flatnonzero(log_density > log_density.max() - NEGLIGIBLE)
+    low, high = max(saved[0] - 1, 0), min(saved[-1] + 1, len(grid) - 1)
     return np.linspace(grid[low], grid[high], FINE)
 
 
 def _quantiles(grid: NDArray[np.float64], log_density: NDArray[np.float64]) -> NDArray[np.float64]:
     """Evenly spaced quantiles of a density that is linear between the grid's points."""
     density = np.exp(log_density - log_density.max())
-    share = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
-    wanted = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    return np.asarray(np.interp(wanted, share / share[-1], grid))
+    fraction = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
+    requested = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    return np.asarray(np.interp(requested, fraction / fraction[-1], grid))

@@ -56,11 +56,13 @@ class HardnessLikelihood:
     ) -> None:
         self.presses, self.table = tuple(presses), table
         self._calibration, self._drift_sd = calibration, drift_sd
-        seen = [press.seen for press in presses]
-        self.log_radius = np.log([one.radius_mm for one in seen])
-        self.log_light = np.log([one.light_force_n / press.force_n for one, press in zip(seen, presses, strict=True)])
+        observed = [press.seen for press in presses]
+        self.log_radius = np.log([item.radius_mm for item in observed])
+        self.log_light = np.log(
+            [item.light_force_n / press.force_n for item, press in zip(observed, presses, strict=True)]
+        )
         light = calibration.gain_sd**2 + np.zeros((len(presses), len(presses)))
-        own = np.array([one.light_force_sd**2 for one in seen]) + drift_sd**2 + calibration.force_sd**2
+        own = np.array([item.light_force_sd**2 for item in observed]) + drift_sd**2 + calibration.force_sd**2
         self._light = light + np.diag(own)
 
     def __call__(self, young_kpa: Any, poisson: Any, radius_mm: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -80,7 +82,7 @@ class HardnessLikelihood:
         shape, count = young_kpa.shape, len(self.presses)
         residual = np.zeros((*shape, 2 * count))
         by_force, by_probe, by_ball, error = np.zeros((4, *shape, count))
-        for place, press in enumerate(self.presses):
+        for index, press in enumerate(self.presses):
             sphere = (young_kpa, poisson, radius_mm)
             if press.ball_radius_mm is not None:
                 sphere = (
@@ -89,14 +91,14 @@ class HardnessLikelihood:
                     np.full(shape, press.ball_radius_mm),
                 )
             here = self.table.log_radius(*sphere, press.force_n)
-            by_force[..., place] = (self.table.log_radius(*sphere, press.force_n * np.exp(STEP)) - here) / STEP
+            by_force[..., index] = (self.table.log_radius(*sphere, press.force_n * np.exp(STEP)) - here) / STEP
             stiffer = self.table.log_radius(*sphere, press.force_n, probe_factor=np.exp(STEP))
-            by_probe[..., place] = (stiffer - here) / STEP
-            residual[..., place] = self.log_radius[place] - here
-            error[..., place] = self.table.error_at(*self.table.place(*sphere, press.force_n))
+            by_probe[..., index] = (stiffer - here) / STEP
+            residual[..., index] = self.log_radius[index] - here
+            error[..., index] = self.table.error_at(*self.table.place(*sphere, press.force_n))
             if press.ball_radius_mm is not None:
                 wider = self.table.log_radius(*sphere[:2], sphere[2] * np.exp(STEP), press.force_n)
-                by_ball[..., place] = press.ball_radius_sd * (wider - here) / STEP
+                by_ball[..., index] = press.ball_radius_sd * (wider - here) / STEP
         residual[..., count:] = self.log_light
         return residual, self._covariance(by_force, by_probe, by_ball, error)
 
@@ -107,15 +109,15 @@ class HardnessLikelihood:
         by_ball: NDArray[np.float64],
         error: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        count, known = len(self.presses), self._calibration
+        count, given = len(self.presses), self._calibration
         ball = np.array([press.ball_radius_mm is not None for press in self.presses])
         same = ball[:, None] == ball  # presses of one body: the ball's radius and the table's error are common to them
         image = np.array([press.seen.radius_sd**2 for press in self.presses])
         shared = (1 - OWN_SHARE) * same + OWN_SHARE * np.eye(count)
         radius = np.diag(image) + shared * error[..., :, None] * error[..., None, :]
-        radius = radius + known.probe_young_sd**2 * by_probe[..., :, None] * by_probe[..., None, :]
+        radius = radius + given.probe_young_sd**2 * by_probe[..., :, None] * by_probe[..., None, :]
         radius = radius + by_ball[..., :, None] * by_ball[..., None, :] * same
-        own_force = known.force_sd**2 * np.eye(count)
+        own_force = given.force_sd**2 * np.eye(count)
         radius = radius + own_force * by_force[..., :, None] * by_force[..., None, :]
         both = own_force * by_force[..., :, None]
         light = np.broadcast_to(self._light, radius.shape)

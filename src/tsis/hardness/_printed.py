@@ -57,9 +57,9 @@ def lagrangian_strain(gradient: ArrayLike) -> NDArray[np.float64]:
     >>> lagrangian_strain([[[1.1, 0.0], [0.0, 1.0]]]).round(3).tolist()
     [[[0.105, 0.0], [0.0, 0.0]]]
     """
-    moved = _displacement_gradient(gradient)
-    turned = np.swapaxes(moved, 1, 2)
-    return np.asarray((moved + turned + turned @ moved) / 2)
+    transformed = _displacement_gradient(gradient)
+    rotated = np.swapaxes(transformed, 1, 2)
+    return np.asarray((transformed + rotated + rotated @ transformed) / 2)
 
 
 def axial_strain(gradient: ArrayLike) -> NDArray[np.float64]:
@@ -239,9 +239,9 @@ def printed_estimate(
     before, area_before = _lit_surface(first, depth, count)
     after, area_after = _lit_surface(second, depth, count)
     # Two smooth round caps match however they are turned: no match of theirs is reliable, and the source asks for none.
-    found = match_points(before, after, method=method, rng=rng)
-    pairs = ~found.outliers if spline == "matches" else np.ones(len(before), dtype=bool)
-    targets = after[found.matches[pairs]] if spline == "matches" else found.moved
+    result = match_points(before, after, method=method, rng=rng)
+    pairs = ~result.outliers if spline == "matches" else np.ones(len(before), dtype=bool)
+    targets = after[result.matches[pairs]] if spline == "matches" else result.moved
     strain = strain_of(fit_spline(before[pairs], targets).gradient(before))
     forces = (first.force_n or 0.0, second.force_n or 0.0)
     divided = _stress_kpa(stress, forces, (area_before, area_after))
@@ -257,7 +257,7 @@ def printed_estimate(
         area_mm2=(area_before, area_after),
         before=before,
         after=after,
-        registration=found,
+        registration=result,
     )
 
 
@@ -280,16 +280,16 @@ def _pair(images: Sequence[TactileImage]) -> tuple[TactileImage, TactileImage]:
 
 def _lit_surface(image: TactileImage, depth_mm_per_grey: float, count: int) -> tuple[NDArray[np.float64], float]:
     """Control points that lie far apart on the bright patch as a surface, in mm, and the patch's area in mm²."""
-    seen = features(image)
-    if not seen.contact:
+    observed = features(image)
+    if not observed.contact:
         raise InputError(f"images must show a contact; in {image.name or 'an image'!r} nothing stands out of the noise")
     lifted = height_surface(image, max_points=SURFACE_POINTS, height_per_grey=depth_mm_per_grey)
     (width, height), (column, row) = image.scale(), image.axis()
     columns = np.round(lifted.x_mm / width + column).astype(int)
     rows = np.round(lifted.y_mm / height + row).astype(int)
-    lit = seen.patch.mask[np.ix_(rows, columns)]
+    lit = observed.patch.mask[np.ix_(rows, columns)]
     x, y = np.meshgrid(lifted.x_mm, lifted.y_mm)
-    return spread_out(np.column_stack([x[lit], y[lit], lifted.height[lit]]), count), seen.area_mm2 or 0.0
+    return spread_out(np.column_stack([x[lit], y[lit], lifted.height[lit]]), count), observed.area_mm2 or 0.0
 
 
 def _stress_kpa(stress: str, forces_n: tuple[float, float], areas_mm2: tuple[float, float]) -> float:

@@ -85,34 +85,34 @@ def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration,
     """
     label = image.name or "an image"
     level = _evened(image, calibration)
-    found = features(level)
-    if not found.contact:
+    result = features(level)
+    if not result.contact:
         raise InputError(f"images must show a contact; in {label!r} nothing stands out of the noise")
-    circle = None if found.cropped else find_contact(level, patch=found.patch)
+    circle = None if result.cropped else find_contact(level, patch=result.patch)
     if circle is None:
         raise InputError(
             f"the contact must lie inside the picture and be some pixels wide; in {label!r} it does not: centre the "
             "object, press less or choose a lens that sees more"
         )
-    extent = REACH * float(np.sqrt((found.area_mm2 or 0.0) / np.pi))
+    extent = REACH * float(np.sqrt((result.area_mm2 or 0.0) / np.pi))
     _check_place(image, probe, circle.centre_px, extent)
     stray, stray_sd = _stray(level, probe, circle.centre_px, extent, calibration)
-    _check_light(found.peak - stray, calibration, label)
-    seen = _moments(
+    _check_light(result.peak - stray, calibration, label)
+    observed = _moments(
         *_disc(level, circle.centre_px, extent, stray),
         pixel_mm2=float(np.prod(image.scale())),
         stray_sd=stray_sd,
         calibration=calibration,
         blur_mm=blur_mm,
     )
-    long, short = found.semi_axes_mm or (1.0, 1.0)
+    long, short = result.semi_axes_mm or (1.0, 1.0)
     return ContactReading(
-        radius_mm=float(np.sqrt(2.5 * max(seen.spread, 1e-12))),
-        radius_sd=seen.spread_sd / 2,
-        light_force_n=seen.total / MN_PER_N,
-        light_force_sd=seen.total_sd,
+        radius_mm=float(np.sqrt(2.5 * max(observed.spread, 1e-12))),
+        radius_sd=observed.spread_sd / 2,
+        light_force_n=observed.total / MN_PER_N,
+        light_force_sd=observed.total_sd,
         extent_mm=extent,
-        clipped_share=float(np.mean(image.grey[found.patch.mask] >= image.full_scale)),
+        clipped_share=float(np.mean(image.grey[result.patch.mask] >= image.full_scale)),
         axis_ratio=long / short,
     )
 
@@ -140,8 +140,8 @@ def _moments(
     pressure, slope = _pressure(grey, calibration)
     force = pixel_mm2 * pressure
     total = float(force.sum())
-    seen = float((square * force).sum() / total)
-    own = seen - 2 * blur_mm**2  # a point spread adds its own second moment
+    observed = float((square * force).sum() / total)
+    own = observed - 2 * blur_mm**2  # a point spread adds its own second moment
     noise = (calibration.read_noise_grey**2 + ROUNDING + calibration.shot_noise_grey * np.maximum(grey, 0)) / slope**2
     pattern = float(np.hypot(calibration.pattern_sd, calibration.repeatability_sd))
     grains = np.floor(np.sqrt(square) / calibration.grain_mm).astype(int)
@@ -157,7 +157,7 @@ def _moments(
         total=total,
         total_sd=relative_sd(np.full(len(grey), pixel_mm2 / total)),
         spread=own,
-        spread_sd=float(np.hypot(relative_sd(pixel_mm2 * (square - seen) / (total * own)), blurred)),
+        spread_sd=float(np.hypot(relative_sd(pixel_mm2 * (square - observed) / (total * own)), blurred)),
     )
 
 
@@ -216,17 +216,17 @@ def _stray(
 
 def _check_light(peak: float, calibration: Calibration, label: str) -> None:
     """Refuse a contact so bright that grey no longer tells pressure."""
-    share = peak / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
-    if share > FULLEST:
+    fraction = peak / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
+    if fraction > FULLEST:
         raise InputError(
-            f"light must still tell pressure; in {label!r} it reaches {share:.2g} of that of full contact at "
+            f"light must still tell pressure; in {label!r} it reaches {fraction:.2g} of that of full contact at "
             f"saturation_kpa = {calibration.saturation_kpa:g}: direct contact needs a rougher skin or less force"
         )
 
 
 def _pressure(grey: NDArray[np.float64], calibration: Calibration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Pressure in kPa and grey levels a kPa of every pixel."""
-    share = grey / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
-    argument = erfinv(np.clip(share, -BRIGHTEST, BRIGHTEST))
+    fraction = grey / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
+    argument = erfinv(np.clip(fraction, -BRIGHTEST, BRIGHTEST))
     slope = calibration.gain_grey_per_kpa * np.exp(-(argument**2))
     return np.asarray(calibration.saturation_kpa * argument / ERF_SLOPE), np.asarray(slope)

@@ -107,15 +107,15 @@ class SphereOnDeformedFace(SphereOnProbe):
 
     def fields(self, forces_n: Sequence[float], *, stop_at_limit: bool) -> tuple[PressField, ...]:
         """Fields at ascending forces in newtons, as far as they can be reached."""
-        forces, found = [force * MN_PER_N for force in forces_n], list[PressField]()
+        forces, result = [force * MN_PER_N for force in forces_n], list[PressField]()
         with suppress(MechanicsError) if stop_at_limit else nullcontext():
             first = find_first_contact(self.potential, self._moved, TOUCH * self._radius, PULL, below_mn=forces[0] / 2)
             states = follow_load_path(self.potential, first, forces, refuse=self._refuse)
             for state, force in zip(states, forces_n, strict=True):
-                found.append(self._seen(state, force))
-        if not found:
+                result.append(self._seen(state, force))
+        if not result:
             raise MechanicsError(f"the press does not converge at {forces_n[0]:.3g} N; ask for another resolution")
-        return tuple(found)
+        return tuple(result)
 
     def _seen(self, state: State, force_n: float) -> PressField:
         field = self.read(state, force_n).field
@@ -127,15 +127,15 @@ class SphereOnDeformedFace(SphereOnProbe):
 def to_deformed_radius(field: PressField, outward_mm: NDArray[np.float64]) -> PressField:
     """A field over the undeformed radius, when each point of the face has moved ``outward_mm`` along the radius."""
     radius = field.radius_mm
-    moved = np.maximum.accumulate(np.where(radius > 0, radius + outward_mm, 0.0))
+    transformed = np.maximum.accumulate(np.where(radius > 0, radius + outward_mm, 0.0))
     # What an undeformed ring carries, the ring that it has become carries: areas go with radius times width.
-    wider = np.gradient(moved, radius)
-    around = np.divide(moved, radius, out=np.full(len(radius), wider[0]), where=radius > 0)
+    wider = np.gradient(transformed, radius)
+    around = np.divide(transformed, radius, out=np.full(len(radius), wider[0]), where=radius > 0)
     pressure = field.pressure_kpa / np.maximum(wider * around, 1e-3)
     return replace(
         field,
-        pressure_kpa=np.interp(radius, moved, pressure, right=0.0),
-        face_displacement_mm=np.interp(radius, moved, field.face_displacement_mm),
+        pressure_kpa=np.interp(radius, transformed, pressure, right=0.0),
+        face_displacement_mm=np.interp(radius, transformed, field.face_displacement_mm),
     )
 
 

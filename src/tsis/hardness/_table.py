@@ -125,9 +125,9 @@ def terms(depth: Any, softness: Any, radius_mm: Any, poisson: Any) -> NDArray[np
         for j in range(BASE_DEGREES[1] + 1)
         if i + j <= BASE_TOTAL
     ]
-    for share, change in ((1 - softness, radius), (softness, ratio)):
+    for fraction, change in ((1 - softness, radius), (softness, ratio)):
         columns += [
-            share * change**order * depth**i * centred**j
+            fraction * change**order * depth**i * centred**j
             for order in range(1, CHANGE_ORDER + 1)
             for i in range(CHANGE_DEGREES[0] + 1)
             for j in range(CHANGE_DEGREES[1] + 1)
@@ -238,7 +238,7 @@ def build_contact_table(
 def _with_skin(probe: Probe, young_kpa: float) -> Probe:
     """The probe with all moduli in proportion and a skin of ``young_kpa``."""
     factor = young_kpa / probe.layers[0].young_kpa
-    return replace(probe, layers=tuple(replace(one, young_kpa=factor * one.young_kpa) for one in probe.layers))
+    return replace(probe, layers=tuple(replace(layer, young_kpa=factor * layer.young_kpa) for layer in probe.layers))
 
 
 def _rounded(content: Any) -> Any:
@@ -269,12 +269,12 @@ def _solve(
         added.append(added_log_radius(probe, case, resolution))
     rows, weights = zip(*(_rows(case, len(part)) for case, part in zip(cases, added, strict=True)), strict=True)
     coefficients = _fit(rows, added, weights)
-    middle = [place for place, case in enumerate(cases) if case.poisson == MIDDLE_POISSON][:6]
+    middle = [index for index, case in enumerate(cases) if case.poisson == MIDDLE_POISSON][:6]
     return {
         "coefficients": coefficients,
-        "softness": np.array([cases[place].softness for place in middle]),
-        "deepest": np.array([np.cbrt(LOADS[len(added[place]) - 1]) for place in middle]),
-        "error": np.array([_unseen_error(place, rows, added, weights) for place in middle]),
+        "softness": np.array([cases[position].softness for position in middle]),
+        "deepest": np.array([np.cbrt(LOADS[len(added[position]) - 1]) for position in middle]),
+        "error": np.array([_unseen_error(position, rows, added, weights) for position in middle]),
     }
 
 
@@ -299,8 +299,8 @@ def _fit(
     rows: Sequence[NDArray[np.float64]], added: Sequence[NDArray[np.float64]], weights: Sequence[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     weight = np.concatenate(weights)
-    answer = np.linalg.lstsq(weight[:, None] * np.concatenate(rows), weight * np.concatenate(added), rcond=1e-8)
-    return np.asarray(answer[0])
+    response = np.linalg.lstsq(weight[:, None] * np.concatenate(rows), weight * np.concatenate(added), rcond=1e-8)
+    return np.asarray(response[0])
 
 
 def _unseen_error(
@@ -310,7 +310,7 @@ def _unseen_error(
     weights: Sequence[NDArray[np.float64]],
 ) -> float:
     """Weighted root mean square over one sphere's presses of a fit without them."""
-    others = [place for place in range(len(rows)) if place != left_out]
-    found = _fit(*([part[place] for place in others] for part in (rows, added, weights)))
-    error = weights[left_out] * (added[left_out] - rows[left_out] @ found)
+    others = [index for index in range(len(rows)) if index != left_out]
+    result = _fit(*([part[other] for other in others] for part in (rows, added, weights)))
+    error = weights[left_out] * (added[left_out] - rows[left_out] @ result)
     return float(np.sqrt((error**2).sum() / (weights[left_out] ** 2).sum()))

@@ -30,7 +30,7 @@ UNTRUSTED_FLAGS = frozenset(("model_does_not_fit", "saturated", "not_round", "ou
 def findings(
     presses: Sequence[ContactPress],
     likelihood: HardnessLikelihood,
-    found: HardnessPosterior,
+    posterior: HardnessPosterior,
     prior: HardnessPrior,
     radius: RadiusPrior,
 ) -> list[Finding]:
@@ -38,17 +38,17 @@ def findings(
     objects = [press for press in presses if press.ball_radius_mm is None]
     return [
         *_about_frames(presses),
-        *_about_modulus(found, prior),
+        *_about_modulus(posterior, prior),
         *_about_presses(objects, radius),
-        *_about_table(objects, likelihood, found),
-        *_about_fit(presses, found, radius),
+        *_about_table(objects, likelihood, posterior),
+        *_about_fit(presses, posterior, radius),
     ]
 
 
-def identifiability(found: HardnessPosterior, prior: HardnessPrior) -> str:
+def identifiability(posterior: HardnessPosterior, prior: HardnessPrior) -> str:
     """One sentence on what the data tell."""
-    low, high = np.quantile(found.young_kpa, [0.05, 0.95])
-    narrowing = float(found.young_kpa.std()) / prior.young_sd_kpa
+    low, high = np.quantile(posterior.young_kpa, [0.05, 0.95])
+    narrowing = float(posterior.young_kpa.std()) / prior.young_sd_kpa
     return (
         f"The modulus lies between {low:.3g} and {high:.3g} kPa with a probability of 90 %; "
         f"its standard deviation is {narrowing:.2g} of the prior's."
@@ -56,10 +56,10 @@ def identifiability(found: HardnessPosterior, prior: HardnessPrior) -> str:
 
 
 def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
-    said = []
+    findings = []
     clipped = max(press.seen.clipped_share for press in presses)
     if clipped > CLIPPED:
-        said.append(
+        findings.append(
             (
                 "saturated",
                 f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is not seen: expose shorter.",
@@ -67,71 +67,71 @@ def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
         )
     oval = max(press.seen.axis_ratio for press in presses)
     if oval > NOT_ROUND:
-        said.append(
+        findings.append(
             (
                 "not_round",
                 f"A contact is {oval:.2f} times as long as wide: this is no sphere on the probe's axis, which the "
                 "model takes for granted.",
             )
         )
-    return said
+    return findings
 
 
-def _about_modulus(found: HardnessPosterior, prior: HardnessPrior) -> list[Finding]:
-    low, high = np.quantile(found.young_kpa, [0.05, 0.95])
-    said = []
-    if found.young_kpa.std() > NOT_IDENTIFIED * prior.young_sd_kpa or high > WIDE * low:
-        said.append(
+def _about_modulus(posterior: HardnessPosterior, prior: HardnessPrior) -> list[Finding]:
+    low, high = np.quantile(posterior.young_kpa, [0.05, 0.95])
+    findings = []
+    if posterior.young_kpa.std() > NOT_IDENTIFIED * prior.young_sd_kpa or high > WIDE * low:
+        findings.append(
             (
                 "young_kpa_not_identified",
                 f"The modulus is not identifiable from these presses: {low:.3g} to {high:.3g} kPa.",
             )
         )
     ends = np.log(prior.young_kpa)
-    place = (np.log(found.young_kpa) - ends[0]) / (ends[1] - ends[0])
-    for share, side, end in (
-        (np.mean(place < EDGE), "lower", prior.young_kpa[0]),
-        (np.mean(place > 1 - EDGE), "upper", prior.young_kpa[1]),
+    position = (np.log(posterior.young_kpa) - ends[0]) / (ends[1] - ends[0])
+    for fraction, side, end in (
+        (np.mean(position < EDGE), "lower", prior.young_kpa[0]),
+        (np.mean(position > 1 - EDGE), "upper", prior.young_kpa[1]),
     ):
-        if share > CUT_OFF:
-            said.append(
+        if fraction > CUT_OFF:
+            findings.append(
                 (
                     "young_kpa_cut_off",
                     f"The modulus piles up at the prior's {side} end of {end:g} kPa: it may lie beyond.",
                 )
             )
-    return said
+    return findings
 
 
 def _about_presses(objects: Sequence[ContactPress], radius: RadiusPrior) -> list[Finding]:
-    said = []
+    findings = []
     forces = [press.force_n for press in objects]
     if max(forces) < (1 + SAME_FORCE) * min(forces):
-        said.append(
+        findings.append(
             (
                 "one_force",
                 "All presses have one force: a second one would test whether the contact grows as that of a sphere.",
             )
         )
     if radius.radius_mm is None:
-        said.append(
+        findings.append(
             (
                 "radius_unknown",
                 f"The object's radius is not known, only that it lies in [1, {radius.largest_mm:.3g}] mm: small "
                 "contacts tell the modulus over the radius, and large ones little more (give radius_mm).",
             )
         )
-    return said
+    return findings
 
 
 def _about_table(
-    objects: Sequence[ContactPress], likelihood: HardnessLikelihood, found: HardnessPosterior
+    objects: Sequence[ContactPress], likelihood: HardnessLikelihood, posterior: HardnessPosterior
 ) -> list[Finding]:
-    _, poisson, radius = found.best
+    _, poisson, radius = posterior.best
     table = likelihood.table
     outside = 0.0
     for press in objects:
-        softness, depth = table.place(found.young_kpa, poisson, radius, press.force_n)
+        softness, depth = table.place(posterior.young_kpa, poisson, radius, press.force_n)
         outside = max(outside, float(np.mean(depth > table.deepest_at(softness))))
     if outside <= BEYOND:
         return []
@@ -144,9 +144,9 @@ def _about_table(
     ]
 
 
-def _about_fit(presses: Sequence[ContactPress], found: HardnessPosterior, radius: RadiusPrior) -> list[Finding]:
+def _about_fit(presses: Sequence[ContactPress], posterior: HardnessPosterior, radius: RadiusPrior) -> list[Finding]:
     fitted = 2 if radius.radius_mm is None else 1
-    chance = float(scipy.stats.chi2.sf(found.misfit, 2 * len(presses) - fitted))
+    chance = float(scipy.stats.chi2.sf(posterior.misfit, 2 * len(presses) - fitted))
     if chance >= IMPROBABLE:
         return []
     return [

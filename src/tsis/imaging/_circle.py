@@ -55,9 +55,9 @@ class SlopeField:
         )
         height, width = self.slope_x.shape
         inside = (columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1)
-        seen = inside.sum(axis=1)
-        mean: NDArray[np.float64] = -np.where(inside, slope, 0.0).sum(axis=1) / np.maximum(seen, 1)
-        return np.where(seen >= LEAST_VISIBLE * DIRECTIONS, mean, 0.0)
+        observed = inside.sum(axis=1)
+        mean: NDArray[np.float64] = -np.where(inside, slope, 0.0).sum(axis=1) / np.maximum(observed, 1)
+        return np.where(observed >= LEAST_VISIBLE * DIRECTIONS, mean, 0.0)
 
 
 def pixel_shape(image: TactileImage) -> tuple[float, float]:
@@ -80,42 +80,42 @@ def _slope(smooth: NDArray[np.float64], axis: int, step: float) -> NDArray[np.fl
     return np.asarray(np.gradient(smooth, step, axis=axis), dtype=np.float32)
 
 
-def steepest_circle(field: SlopeField, centre: tuple[float, float], reach: float) -> tuple[float, float] | None:
+def steepest_circle(field: SlopeField, centre: tuple[float, float], extent: float) -> tuple[float, float] | None:
     """Centre (x, y) of the steepest circle near a patch; None when the signal falls across no circle."""
-    start = _coarse(field, centre, reach)
+    start = _coarse(field, centre, extent)
     if start is None:
         return None
-    step = 2.0 * CENTRE_REACH * reach / (COARSE_STEPS - 1)
+    step = 2.0 * CENTRE_REACH * extent / (COARSE_STEPS - 1)
 
     def shallowness(circle: NDArray[np.float64]) -> float:
         return -float(field.fall(circle[0], circle[1], circle[2:3])[0])
 
-    found = minimize(
+    result = minimize(
         shallowness,
         np.array(start),
         method="Nelder-Mead",
         options={
             "initial_simplex": np.array(start) + step * np.vstack([np.zeros(3), np.eye(3)]),
-            "xatol": TOLERANCE * reach,
+            "xatol": TOLERANCE * extent,
             "fatol": 1e-6,
             "maxiter": 400,
         },
     )
-    return float(found.x[0]), float(found.x[1])
+    return float(result.x[0]), float(result.x[1])
 
 
-def steepest_radius(field: SlopeField, centre: tuple[float, float], reach: float) -> float | None:
+def steepest_radius(field: SlopeField, centre: tuple[float, float], extent: float) -> float | None:
     """Radius of the steepest circle about a known centre; None when the signal falls across none."""
-    radii = np.linspace(RADIUS_REACH[0] * reach, RADIUS_REACH[1] * reach, FINE_RADII)
+    radii = np.linspace(RADIUS_REACH[0] * extent, RADIUS_REACH[1] * extent, FINE_RADII)
     falls = field.fall(*centre, radii)
     best = int(np.argmax(falls))
     return float(radii[best]) if falls[best] > 0.0 else None
 
 
-def _coarse(field: SlopeField, centre: tuple[float, float], reach: float) -> tuple[float, float, float] | None:
+def _coarse(field: SlopeField, centre: tuple[float, float], extent: float) -> tuple[float, float, float] | None:
     """Best (x, y, radius) of a grid."""
-    radii = np.linspace(RADIUS_REACH[0] * reach, RADIUS_REACH[1] * reach, RADII)
-    shifts = np.linspace(-CENTRE_REACH * reach, CENTRE_REACH * reach, COARSE_STEPS)
+    radii = np.linspace(RADIUS_REACH[0] * extent, RADIUS_REACH[1] * extent, RADII)
+    shifts = np.linspace(-CENTRE_REACH * extent, CENTRE_REACH * extent, COARSE_STEPS)
     best, where = 0.0, None
     for x in centre[0] + shifts:
         for y in centre[1] + shifts:
@@ -132,7 +132,7 @@ LEAST_COMPARED = 0.5  # share of the window that must lie inside the image, with
 
 
 def symmetry_centre(
-    image: TactileImage, centre: tuple[float, float], reach: float, blur: float
+    image: TactileImage, centre: tuple[float, float], extent: float, blur: float
 ) -> tuple[float, float] | None:
     """Centre of symmetry (x, y) near a patch, in pixels; None when too little of it lies inside the image.
 
@@ -141,7 +141,7 @@ def symmetry_centre(
     """
     pixel = pixel_shape(image)
     hill = blurred(np.maximum(image.grey, 0.0), blur, pixel).astype(np.float32)
-    offsets = _disc(WINDOW * reach, pixel)
+    offsets = _disc(WINDOW * extent, pixel)
     height, width = hill.shape
 
     def unlikeness(point: NDArray[np.float64]) -> float:
@@ -151,23 +151,23 @@ def symmetry_centre(
         pair = inside & inside[::-1]
         if np.count_nonzero(pair) < LEAST_COMPARED * pair.size:
             return 1.0
-        turned = values[::-1]
-        alike = float(np.square(values + turned)[pair].sum())
-        return float(np.square(values - turned)[pair].sum()) / alike if alike > 0.0 else 1.0
+        rotated = values[::-1]
+        correlation = float(np.square(values + rotated)[pair].sum())
+        return float(np.square(values - rotated)[pair].sum()) / correlation if correlation > 0.0 else 1.0
 
-    shifts = np.linspace(-CENTRE_REACH * reach, CENTRE_REACH * reach, COARSE_STEPS)
+    shifts = np.linspace(-CENTRE_REACH * extent, CENTRE_REACH * extent, COARSE_STEPS)
     starts = [np.array([centre[0] + x, centre[1] + y]) for x in shifts for y in shifts]
     start = min(starts, key=unlikeness)
     if unlikeness(start) >= 1.0:
         return None
     simplex = start + float(shifts[1] - shifts[0]) * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    found = minimize(
+    result = minimize(
         unlikeness,
         start,
         method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": TOLERANCE * reach, "fatol": 1e-12, "maxiter": 400},
+        options={"initial_simplex": simplex, "xatol": TOLERANCE * extent, "fatol": 1e-12, "maxiter": 400},
     )
-    return float(found.x[0]), float(found.x[1])
+    return float(result.x[0]), float(result.x[1])
 
 
 def _disc(radius: float, pixel: tuple[float, float]) -> NDArray[np.float64]:

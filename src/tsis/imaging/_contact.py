@@ -84,15 +84,15 @@ def find_contact(image: TactileImage, *, patch: Patch | None = None, method: str
     if patch.mask.shape != image.grey.shape:
         raise InputError(f"patch must have the image's shape {image.grey.shape}; got {patch.mask.shape}")
     rows, columns = np.nonzero(patch.mask)
-    reach = float(np.sqrt(rows.size / np.pi))
-    if reach < LEAST_RADIUS_PX:
+    extent = float(np.sqrt(rows.size / np.pi))
+    if extent < LEAST_RADIUS_PX:
         return None
     start = float(columns.mean()), float(rows.mean())
     if method == "edge":
-        centre = steepest_circle(SlopeField(image, BLUR * reach), start, reach)
+        centre = steepest_circle(SlopeField(image, BLUR * extent), start, extent)
     else:
-        centre = symmetry_centre(image, start, reach, BLUR * reach)
-    radius = None if centre is None else steepest_radius(SlopeField(image, EDGE_BLUR_PX), centre, reach)
+        centre = symmetry_centre(image, start, extent, BLUR * extent)
+    radius = None if centre is None else steepest_radius(SlopeField(image, EDGE_BLUR_PX), centre, extent)
     if centre is None or radius is None:
         return None
     side_mm = None if image.mm_per_pixel is None else float(np.sqrt(np.prod(image.mm_per_pixel)))

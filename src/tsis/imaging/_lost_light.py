@@ -95,8 +95,8 @@ def find_lost_light(
 def _survey(field: PressField | PressMap, sensor: Sensor) -> Sensor:
     """A sensor without lens that sees the whole face and the whole field of view."""
     frame = (sensor.columns * sensor.mm_per_pixel[0], sensor.rows * sensor.mm_per_pixel[1])
-    reach = np.abs([field.x_mm, field.y_mm]).max() if isinstance(field, PressMap) else field.radius_mm[-1]
-    x, y = (float(max(size, 2.02 * reach)) / SURVEY for size in frame)
+    extent = np.abs([field.x_mm, field.y_mm]).max() if isinstance(field, PressMap) else field.radius_mm[-1]
+    x, y = (float(max(size, 2.02 * extent)) / SURVEY for size in frame)
     return Sensor(columns=SURVEY, rows=SURVEY, mm_per_pixel=(x, y))
 
 

@@ -18,7 +18,7 @@ def paint(
     y: NDArray[np.float64],
     radius: NDArray[np.float64],
     glow: NDArray[np.float64],
-    moved: NDArray[np.float64],
+    shifted: NDArray[np.float64],
     slope: NDArray[np.float64],
     map_x: NDArray[np.float64],
     map_y: NDArray[np.float64],
@@ -63,7 +63,7 @@ def paint(
             shine = glow[near] + part * (glow[near + 1] - glow[near])
             k, w = column[j], right[j]
             if grows:
-                dent = moved[near] + part * (moved[near + 1] - moved[near])
+                dent = shifted[near] + part * (shifted[near + 1] - shifted[near])
                 rate = g[k] + w * (g[k + 1] - g[k]) + dent * (b[k] + w * (b[k + 1] - b[k]))
                 shine *= np.exp(dent * rate)
             caught = 1.0

@@ -39,8 +39,8 @@ def coverage(field: PressField, sensor: Sensor) -> NDArray[np.float64]:
     """Share of each pixel that is in contact, shape (rows, columns); an edge is taken as straight inside a pixel."""
     x, y = sensor.axes_mm()
     radius = sensor.radius_mm()
-    reach = np.maximum(np.abs(x)[None, :] * sensor.mm_per_pixel[0], np.abs(y)[:, None] * sensor.mm_per_pixel[1])
-    width = reach / np.maximum(radius, 1e-12)  # of a pixel along the radius, but for its corners
+    extent = np.maximum(np.abs(x)[None, :] * sensor.mm_per_pixel[0], np.abs(y)[:, None] * sensor.mm_per_pixel[1])
+    width = extent / np.maximum(radius, 1e-12)  # of a pixel along the radius, but for its corners
     width = np.maximum(width, min(sensor.mm_per_pixel) / 2)  # the pixel on the axis has no direction
     covered = np.zeros(radius.shape)
     for edge, side in contact_edges(field):
@@ -114,10 +114,10 @@ def render(
     model, light = as_contact_model(contact_model), light or LightMap.uniform()
     require_type("light", light, LightMap)
     if isinstance(field, PressMap):
-        seen = _of_map(field, sensor, calibration, model, light)
+        observed = _of_map(field, sensor, calibration, model, light)
     else:
-        seen = _of_profile(field, sensor, calibration, model, light)
-    picture = _blurred(seen, sensor, blur_mm)
+        observed = _of_profile(field, sensor, calibration, model, light)
+    picture = _blurred(observed, sensor, blur_mm)
     if sensor.field_angle_deg > 0:
         picture *= sensor.vignetting()
     return picture
@@ -129,10 +129,10 @@ def _of_profile(
     """A round press: profiles of what shines and of the slope, turned around the axis."""
     radius, slope = field.radius_mm, np.gradient(field.face_displacement_mm, field.radius_mm)
     slope[0] = 0.0  # on the axis, where the difference above would be one-sided
-    share = model.share(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
+    fraction = model.share(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
     if isinstance(model, SmoothContact):  # whose edge is sharper than the profile's radii: the pixels know it
-        share = np.ones_like(share)
-    profiles = (_full_contact(calibration) * share, field.face_displacement_mm, slope)
+        fraction = np.ones_like(fraction)
+    profiles = (_full_contact(calibration) * fraction, field.face_displacement_mm, slope)
     x, y = sensor.axes_mm()
     maps = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm, light.bend_per_mm2)
     picture = paint(x, y, radius, *profiles, light.x_mm, light.y_mm, *maps)
@@ -149,15 +149,15 @@ def _of_map(
     inside = binary_erosion(field.face_displacement_mm != 0, border_value=1)
     slope_y, slope_x = inside * np.gradient(field.face_displacement_mm, field.y_mm, field.x_mm)
     steepness = np.hypot(slope_x, slope_y)
-    share = model.share(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
+    fraction = model.share(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
     x, y = sensor.axes_mm()
     rows, columns = (
         interpolation_matrix(field.y_mm, y, outside="zero"),
         interpolation_matrix(field.x_mm, x, outside="zero").T,
     )
-    fields = (_full_contact(calibration) * share, field.face_displacement_mm, slope_x, slope_y)
-    glow, moved, slope_x, slope_y = (rows @ values @ columns for values in fields)
-    return np.asarray(glow * light.at(x, y, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y))
+    fields = (_full_contact(calibration) * fraction, field.face_displacement_mm, slope_x, slope_y)
+    glow, shifted, slope_x, slope_y = (rows @ values @ columns for values in fields)
+    return np.asarray(glow * light.at(x, y, displacement_mm=shifted, slope_x=slope_x, slope_y=slope_y))
 
 
 def _full_contact(calibration: Calibration) -> float:
@@ -203,10 +203,10 @@ def render_reference(
         slope_y=slope * y[:, None] / np.maximum(radius, 1e-12),
     )
     model = as_contact_model(contact_model)
-    share = model.share(at_pixels(field.pressure_kpa), slope=slope, saturation_kpa=calibration.saturation_kpa)
+    fraction = model.share(at_pixels(field.pressure_kpa), slope=slope, saturation_kpa=calibration.saturation_kpa)
     if isinstance(model, SmoothContact):
-        share = coverage(field, sensor) * (radius <= field.radius_mm[-1])
-    seen = calibration.gain_grey_per_kpa * calibration.saturation_kpa * arriving * share
+        fraction = coverage(field, sensor) * (radius <= field.radius_mm[-1])
+    observed = calibration.gain_grey_per_kpa * calibration.saturation_kpa * arriving * fraction
     size_x, size_y = sensor.mm_per_pixel
-    blurred = gaussian_filter(seen, (blur_mm / size_y, blur_mm / size_x), mode="reflect") if blur_mm else seen
+    blurred = gaussian_filter(observed, (blur_mm / size_y, blur_mm / size_x), mode="reflect") if blur_mm else observed
     return np.asarray(blurred * sensor.vignetting())

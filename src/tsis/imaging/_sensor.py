@@ -100,11 +100,11 @@ class Sensor:
 @lru_cache(maxsize=1)  # it takes as long as half of a frame, and cameras hardly change between frames
 def _vignetting(sensor: Sensor) -> NDArray[np.float64]:
     x, y = sensor.axes_mm()
-    reach = np.tan(np.radians(sensor.field_angle_deg)) / np.hypot(x[-1], y[-1])
-    secant_squared = (1 + (reach * x[None, :]) ** 2) + (reach * y[:, None]) ** 2
-    share = np.asarray(1 / secant_squared**2)
-    share.flags.writeable = False
-    return share
+    extent = np.tan(np.radians(sensor.field_angle_deg)) / np.hypot(x[-1], y[-1])
+    secant_squared = (1 + (extent * x[None, :]) ** 2) + (extent * y[:, None]) ** 2
+    fraction = np.asarray(1 / secant_squared**2)
+    fraction.flags.writeable = False
+    return fraction
 
 
 def expose(light: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator) -> NDArray[np.float64]:

@@ -78,11 +78,11 @@ def check_calibration(calibration: Calibration, probe: Probe) -> None:
     light = calibration.light
     if light is None or _is_even(light):
         return
-    reach = min(-light.x_mm[0], light.x_mm[-1], -light.y_mm[0], light.y_mm[-1])
-    if reach < (1 - ROUNDING) * probe.radius_mm:
+    extent = min(-light.x_mm[0], light.x_mm[-1], -light.y_mm[0], light.y_mm[-1])
+    if extent < (1 - ROUNDING) * probe.radius_mm:
         raise NotCalibratedError(
             f"light of the calibration must reach the rim of the face at {probe.radius_mm:g} mm; got a map that ends "
-            f"at {reach:g} mm: it is that of a smaller probe, so calibrate the light of this one"
+            f"at {extent:g} mm: it is that of a smaller probe, so calibrate the light of this one"
         )
 
 
@@ -150,25 +150,25 @@ def estimate(
             return read_frames(shown, references, surrogate, probe=probe, calibration=calibration, prior=prior)
 
         reading = read(targets)
-        said = image_findings(targets, references, probe=probe, calibration=calibration)
-        found = explore_inclusion(reading.likelihood, prior)
-        said = [*findings(found, prior, reading.data), *place_findings(reading.place), *said]
-        chance = misfit_chance(found, reading.data)
+        message = image_findings(targets, references, probe=probe, calibration=calibration)
+        result = explore_inclusion(reading.likelihood, prior)
+        message = [*findings(result, prior, reading.data), *place_findings(reading.place), *message]
+        chance = misfit_chance(result, reading.data)
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
-            said.append(misfit_finding(chance, disagree=disagree))
-    said += _contact_findings(targets + references, surrogate, reading.likelihood, found, prior)
+            message.append(misfit_finding(chance, disagree=disagree))
+    message += _contact_findings(targets + references, surrogate, reading.likelihood, result, prior)
     return Estimate(
-        samples=dict(zip(PARAMETERS, found.samples.T, strict=True)),
+        samples=dict(zip(PARAMETERS, result.samples.T, strict=True)),
         prior_sd=prior.sd,
-        cramer_rao_sd=cramer_rao_sd(found),
-        presence=found.presence,
-        log_bayes_factor=found.log_bayes_factor,
-        identifiability=identifiability(found, prior),
+        cramer_rao_sd=cramer_rao_sd(result),
+        presence=result.presence,
+        log_bayes_factor=result.log_bayes_factor,
+        identifiability=identifiability(result, prior),
         prior=str(prior),
-        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in said),
-        flags=tuple(flag for flag, _ in said),
-        notes=tuple(note for _, note in said),
+        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in message),
+        flags=tuple(flag for flag, _ in message),
+        notes=tuple(note for _, note in message),
         provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
     )
 
@@ -211,12 +211,12 @@ def _contact_findings(
     frames: list[TactileImage],
     surrogate: FullContactSurrogate,
     likelihood: InclusionLikelihood,
-    found: InclusionPosterior,
+    posterior: InclusionPosterior,
     prior: InclusionPrior,
 ) -> list[tuple[str, str]]:
     """Whether the dome touched as a whole on what was found, in a slab of the prior's thickness."""
-    stiffening = float(np.exp(likelihood.within(found.fit.nuisance[0])[TISSUE]))
-    needed = covering_force_n(surrogate, prior, found.middle, stiffening=stiffening)
+    stiffening = float(np.exp(likelihood.within(posterior.fit.nuisance[0])[TISSUE]))
+    needed = covering_force_n(surrogate, prior, posterior.middle, stiffening=stiffening)
     least = min(frame.force_n or 0.0 for frame in frames)
     if least >= needed:
         return []
@@ -242,8 +242,8 @@ def read_frames(
     frames, edges = targets + references, ring_edges(probe)
     light = ring_light(frames[0], calibration, edges)
     data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
-    place = _place(targets, references, calibration, probe)
-    offset, spread_sd = _offset(place, prior)
+    position = _place(targets, references, calibration, probe)
+    offset, spread_sd = _offset(position, prior)
     model = ForwardModel(
         rings=ring_answers(surrogate, edges, light.level, offset_mm=offset),
         level=light.level,
@@ -256,17 +256,17 @@ def read_frames(
         alike=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
     )
-    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, place=place)
+    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, place=position)
 
 
-def _offset(place: InclusionPlace | None, prior: InclusionPrior) -> tuple[float, float]:
+def _offset(inclusion: InclusionPlace | None, prior: InclusionPrior) -> tuple[float, float]:
     """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
-    if place is None or place.sd_mm > prior.offset_sd_mm:
+    if inclusion is None or inclusion.sd_mm > prior.offset_sd_mm:
         # Over the axis is where an examiner aims; that the square of a miss cannot be negative is left out.
         return 0.0, 2 * prior.offset_sd_mm**2
     # What noise adds to the square of a distance is twice the variance of either coordinate.
-    square = max(place.distance_mm**2 - 2 * place.sd_mm**2, 0.0)
-    return float(np.sqrt(square)), float(2 * place.sd_mm * np.sqrt(square + place.sd_mm**2))
+    square = max(inclusion.distance_mm**2 - 2 * inclusion.sd_mm**2, 0.0)
+    return float(np.sqrt(square)), float(2 * inclusion.sd_mm * np.sqrt(square + inclusion.sd_mm**2))
 
 
 def _provenance(

@@ -64,8 +64,8 @@ def _rings_of(
     outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
 
     def mean(values: NDArray[np.floating[Any]], empty: float) -> NDArray[np.float64]:
-        found = radial_profile(replace(frame, grey=np.asarray(values, dtype=float)), edges_mm=edges_mm).mean_grey
-        return np.asarray(np.nan_to_num(found, nan=empty))
+        result = radial_profile(replace(frame, grey=np.asarray(values, dtype=float)), edges_mm=edges_mm).mean_grey
+        return np.asarray(np.nan_to_num(result, nan=empty))
 
     level = mean(relative, 1.0)
     if level.min() <= DARKEST * level.max():
@@ -78,8 +78,8 @@ def depletion_per_n(calibration: Calibration, probe: Probe) -> float:
     """What each newton adds to the divisor of the light, per N, while contact is in proportion to pressure."""
     if calibration.light is None:
         return 0.0
-    share = MN_PER_N / (np.pi * probe.radius_mm**2 * calibration.saturation_kpa)
-    return calibration.light.depletion * float(share)
+    fraction = MN_PER_N / (np.pi * probe.radius_mm**2 * calibration.saturation_kpa)
+    return calibration.light.depletion * float(fraction)
 
 
 def _pixels_mm(frame: TactileImage) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -121,9 +121,9 @@ def ring_profiles(
             "the inner half of the probe's face must lie in every picture without clipping; got one with no "
             "usable ring there (check mm_per_pixel, axis_px and the exposure)"
         )
-    seen = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
-    pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(seen, 0.0) + 1 / 12
-    grey = seen / light
+    observed = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
+    pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(observed, 0.0) + 1 / 12
+    grey = observed / light
     variance = pixel / (np.maximum(count, 1) * light**2) + (model_error * grey) ** 2
     return Profiles(grey=grey, variance=variance, usable=usable)
 
@@ -180,8 +180,8 @@ def covering_force_n(
     if surrogate.covering_force_n is None:
         return 0.0
     at = surrogate.covering_force_n.at_tissue(prior.tissue_young_kpa * stiffening, prior.thickness_mm)
-    found = at.plain if inclusion is None else at(*inclusion[:, None])[0]
-    return float(found[0])
+    result = at.plain if inclusion is None else at(*inclusion[:, None])[0]
+    return float(result[0])
 
 
 def largest_force_n(surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior) -> float:

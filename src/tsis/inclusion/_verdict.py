@@ -40,32 +40,32 @@ UNTRUSTED_FLAGS = frozenset(  # with any of these the model does not hold, or th
 )
 
 
-def findings(found: InclusionPosterior, prior: InclusionPrior, data: Profiles) -> list[Finding]:
+def findings(posterior: InclusionPosterior, prior: InclusionPrior, data: Profiles) -> list[Finding]:
     """Flags and sentences about the posterior: what is not identified or cut off, rings left out, doubt about any."""
-    said = []
-    for column, name in zip(found.samples.T, PARAMETERS, strict=True):
+    findings = []
+    for column, name in zip(posterior.samples.T, PARAMETERS, strict=True):
         if _is_loose(column, name, prior):
             low, high = np.quantile(column, [0.05, 0.95])
-            said.append(
+            findings.append(
                 (
                     f"{name}_not_identified",
                     f"The {NAMES[name]} is not identifiable from this press: {low:.3g} to {high:.3g} {UNITS[name]}.",
                 )
             )
-        said += _cut_off(column, name, getattr(prior, name))
+        findings += _cut_off(column, name, getattr(prior, name))
     if not data.usable.all():
-        said.append(
+        findings.append(
             (
                 "rings_left_out",
                 f"{int((~data.usable).sum())} of {data.usable.size} rings are clipped or outside the picture.",
             )
         )
-    return [*said, *_doubt_about_any(found.presence)]
+    return [*findings, *_doubt_about_any(posterior.presence)]
 
 
-def misfit_chance(found: InclusionPosterior, data: Profiles) -> float:
+def misfit_chance(posterior: InclusionPosterior, data: Profiles) -> float:
     """Chance that noise and nuisances alone make a misfit this large, if there is one sphere in a uniform slab."""
-    return float(scipy.stats.chi2.sf(found.fit.misfit[0], int(data.usable.sum())))
+    return float(scipy.stats.chi2.sf(posterior.fit.misfit[0], int(data.usable.sum())))
 
 
 def misfit_finding(chance: float, *, disagree: bool) -> Finding:
@@ -84,38 +84,40 @@ def misfit_finding(chance: float, *, disagree: bool) -> Finding:
     )
 
 
-def place_findings(place: InclusionPlace | None) -> list[Finding]:
+def place_findings(inclusion: InclusionPlace | None) -> list[Finding]:
     """What a missing reference, or an inclusion beside the axis, means."""
-    if place is None:
+    if inclusion is None:
         return [
             ("no_reference", "No reference press on plain tissue: size and depth are less certain than they could be.")
         ]
-    if np.isfinite(place.sd_mm) and place.distance_mm - 2 * place.noise_mm > OFF_AXIS_MM:
+    if np.isfinite(inclusion.sd_mm) and inclusion.distance_mm - 2 * inclusion.noise_mm > OFF_AXIS_MM:
         return [
             (
                 "off_axis",
-                f"The inclusion lies {place.distance_mm:.1f} mm from the probe's axis; the model holds up to "
+                f"The inclusion lies {inclusion.distance_mm:.1f} mm from the probe's axis; the model holds up to "
                 f"{OFF_AXIS_MM:g} mm: move the probe over it.",
             )
         ]
     return []
 
 
-def identifiability(found: InclusionPosterior, prior: InclusionPrior) -> str:
+def identifiability(posterior: InclusionPosterior, prior: InclusionPrior) -> str:
     """One sentence: what the frames tell of each parameter, and what they do not."""
-    told, loose = [], []
-    for column, name in zip(found.samples.T, PARAMETERS, strict=True):
+    reported, loose = [], []
+    for column, name in zip(posterior.samples.T, PARAMETERS, strict=True):
         low, high = np.quantile(column, [0.05, 0.95])
         if _is_loose(column, name, prior):
             loose.append(f"{NAMES[name]} is not identifiable: {low:.3g} to {high:.3g} {UNITS[name]}")
         else:
-            told.append(f"{NAMES[name]} {column.mean():.3g} ± {column.std():.2g} {UNITS[name]}")
-    return ("; ".join(([f"{', '.join(told)}"] if told else []) + loose) + ".").capitalize().replace(" kpa", " kPa")
+            reported.append(f"{NAMES[name]} {column.mean():.3g} ± {column.std():.2g} {UNITS[name]}")
+    return (
+        ("; ".join(([f"{', '.join(reported)}"] if reported else []) + loose) + ".").capitalize().replace(" kpa", " kPa")
+    )
 
 
-def cramer_rao_sd(found: InclusionPosterior) -> dict[str, float]:
+def cramer_rao_sd(posterior: InclusionPosterior) -> dict[str, float]:
     """Least standard deviation of an unbiased estimate of each parameter; infinite where the data tell nothing."""
-    return dict(zip(PARAMETERS, least_sd(found.information).tolist(), strict=True))
+    return dict(zip(PARAMETERS, least_sd(posterior.information).tolist(), strict=True))
 
 
 def _is_loose(column: NDArray[np.float64], name: str, prior: InclusionPrior) -> bool:
@@ -147,19 +149,19 @@ def _cut_off(column: NDArray[np.float64], name: str, interval: tuple[float, floa
     """A flag when the samples pile up against an end of the prior: the truth may well lie beyond it."""
     low, high = interval
     margin = EDGE * (high - low)
-    for end, share in ((low, np.mean(column < low + margin)), (high, np.mean(column > high - margin))):
-        if share > PILED_UP:
-            sentence = (
+    for end, fraction in ((low, np.mean(column < low + margin)), (high, np.mean(column > high - margin))):
+        if fraction > PILED_UP:
+            message = (
                 f"The {NAMES[name]} piles up at the prior's end of {end:g} {UNITS[name]}: it may lie beyond, or there "
                 "may be no such inclusion, and then the other intervals are wrong too."
             )
-            return [(f"{name}_at_prior_end", sentence)]
+            return [(f"{name}_at_prior_end", message)]
     return []
 
 
 INCLUSION_FLAGS = MappingProxyType(
-    {f"{name}_not_identified": f"the presses tell next to nothing of the {words}" for name, words in NAMES.items()}
-    | {f"{name}_at_prior_end": f"the {words} piles up at an end of the prior" for name, words in NAMES.items()}
+    {f"{name}_not_identified": f"the presses tell next to nothing of the {text}" for name, text in NAMES.items()}
+    | {f"{name}_at_prior_end": f"the {text} piles up at an end of the prior" for name, text in NAMES.items()}
     | {
         "inclusion_uncertain": "whether there is an inclusion at all is uncertain",
         "no_reference": "there is no press on plain tissue: size and depth are less certain",

@@ -93,7 +93,7 @@ def find_cameras(
     sources: Iterable[str] = LIVE_SOURCES,
     *,
     module: Callable[[str], Any] | None = None,
-    patience_s: float = _PATIENCE_S,
+    timeout_s: float = _PATIENCE_S,
 ) -> CameraListing:
     """Ask every source for its cameras; one that fails or hangs is named among the missing and stops no other.
 
@@ -103,7 +103,7 @@ def find_cameras(
         Names of the sources to ask.
     module
         Gives the module of a source by its name; the imported one when None.
-    patience_s
+    timeout_s
         How long one source may take, in [0.01, 600] s.
 
     Raises
@@ -111,17 +111,17 @@ def find_cameras(
     UnknownNameError
         When a source has another name.
     """
-    require_number("patience_s", patience_s, 0.01, 600.0, hint="seconds")
+    require_number("patience_s", timeout_s, 0.01, 600.0, hint="seconds")
     names = [require_one_of("camera source", name, LIVE_SOURCES) for name in sources]
-    found: list[CameraInfo] = []
+    camera_infos: list[CameraInfo] = []
     missing: dict[str, str] = {}
     for name in names:
-        answer = _asked(name, module or _searching_module, patience_s)
-        if isinstance(answer, str):
-            missing[name] = answer
+        response = _asked(name, module or _searching_module, timeout_s)
+        if isinstance(response, str):
+            missing[name] = response
         else:
-            found.extend(answer)
-    return CameraListing(found=tuple(found), missing=missing)
+            camera_infos.extend(response)
+    return CameraListing(found=tuple(camera_infos), missing=missing)
 
 
 def connect(spec: str) -> Camera:
@@ -167,18 +167,20 @@ def _searching_module(source: str) -> Any:
     return importlib.import_module(f"{_HOME}.{_LIVE[source][0]}")
 
 
-def _asked(source: str, module: Callable[[str], Any], patience_s: float) -> tuple[CameraInfo, ...] | str:
+def _asked(source: str, module: Callable[[str], Any], timeout_s: float) -> tuple[CameraInfo, ...] | str:
     """The cameras of one source, or why it cannot look; asked in a thread, for a driver may never answer."""
-    answers: list[tuple[CameraInfo, ...] | str] = []
+    responses: list[tuple[CameraInfo, ...] | str] = []
 
     def ask() -> None:
         try:
             searching = module(source)
-            answers.append(searching.missing_requirement() or tuple(searching.find_cameras_here()))
+            responses.append(searching.missing_requirement() or tuple(searching.find_cameras_here()))
         except Exception as error:  # a driver may raise anything, and one must not hide the cameras of the others
-            answers.append(f"the camera source {source} failed: {' '.join(str(error).split()) or type(error).__name__}")
+            responses.append(
+                f"the camera source {source} failed: {' '.join(str(error).split()) or type(error).__name__}"
+            )
 
     thread = threading.Thread(target=ask, name=f"search for {source} cameras", daemon=True)
     thread.start()
-    thread.join(patience_s)
-    return answers[0] if answers else f"the camera source {source} did not answer within {patience_s:g} s"
+    thread.join(timeout_s)
+    return responses[0] if responses else f"the camera source {source} did not answer within {timeout_s:g} s"

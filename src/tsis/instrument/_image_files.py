@@ -198,9 +198,10 @@ def _require_supported(path: Path, image: Image.Image, data: bytes) -> None:
     if broken is not None:
         raise FileInputError(f"{printable_path(path)} must hold {broken}")
     if image.mode not in _GREY_MODES | _COLOUR_MODES:
-        found = _REFUSED_MODES.get(image.mode, f"pixels of kind {image.mode}")
+        result = _REFUSED_MODES.get(image.mode, f"pixels of kind {image.mode}")
         raise FileInputError(
-            f"{printable_path(path)} must hold 8- or 16-bit grey or RGB pixels; got {found} (save it as 8-bit grey PNG)"
+            f"{printable_path(path)} must hold 8- or 16-bit grey or RGB pixels; got {result} (save it as "
+            f"8-bit grey PNG)"
         )
     pictures = getattr(image, "n_frames", 1)
     if pictures != 1:
@@ -272,8 +273,8 @@ def whole_levels(grey: NDArray[Any], full_scale: float) -> NDArray[Any]:
     """
     if grey.size > LARGEST_PIXELS:
         raise InputError(f"grey must have at most {LARGEST_PIXELS} pixels to be stored; got {grey.shape}")
-    wanted = np.uint8 if full_scale <= 255 else np.uint16
-    if grey.dtype == wanted and full_scale >= np.iinfo(wanted).max:
+    requested = np.uint8 if full_scale <= 255 else np.uint16
+    if grey.dtype == requested and full_scale >= np.iinfo(requested).max:
         return grey
     lowest, highest = float(grey.min()), float(grey.max())
     if lowest < 0 or highest > full_scale or not np.array_equal(np.rint(grey), grey):
@@ -281,4 +282,4 @@ def whole_levels(grey: NDArray[Any], full_scale: float) -> NDArray[Any]:
             f"grey must hold whole numbers in [0, {full_scale:g}] to be stored without loss; "
             f"got levels from {lowest:g} to {highest:g}"
         )
-    return grey.astype(wanted)
+    return grey.astype(requested)

@@ -91,7 +91,7 @@ def save_snapshot(
     """
     require_one_of("picture format", picture, FORMATS)
     pixels = whole_levels(frame.pixels, frame.full_scale)
-    place = as_path(folder) / target_folder(target, name=name)
+    path = as_path(folder) / target_folder(target, name=name)
     raw_format = "bmp" if picture == "bmp" and pixels.dtype == np.uint8 else "png"
     contents = {
         f".{picture}": _encoded(colour(frame)[..., ::-1], picture),
@@ -99,33 +99,33 @@ def save_snapshot(
     }
     sidecar = _sidecar(frame, target, when, contents, about or {})
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        stem = _reserved(place, snapshot_stems(target, when, name=name), tuple(contents))
-        _write_all(place, stem, contents, sidecar)
+        path.mkdir(parents=True, exist_ok=True)
+        stem = _reserved(path, snapshot_stems(target, when, name=name), tuple(contents))
+        _write_all(path, stem, contents, sidecar)
     except OSError as error:
         raise FileInputError(
-            f"the snapshot must be written into {printable_path(place)}; got: {error.strerror or error} "
+            f"the snapshot must be written into {printable_path(path)}; got: {error.strerror or error} "
             "(free some space or choose another folder)"
         ) from error
-    files = {ending: place / f"{stem}{ending}" for ending in contents}
-    return Snapshot(colour=files[f".{picture}"], raw=files[f"-raw.{raw_format}"], sidecar=place / f"{stem}.json")
+    files = {ending: path / f"{stem}{ending}" for ending in contents}
+    return Snapshot(colour=files[f".{picture}"], raw=files[f"-raw.{raw_format}"], sidecar=path / f"{stem}.json")
 
 
-def _reserved(place: Path, stems: Any, endings: tuple[str, ...]) -> str:
+def _reserved(path: Path, stems: Any, endings: tuple[str, ...]) -> str:
     """The first free stem, taken by making its sidecar, so that two programs never choose the same."""
     for stem in stems:
-        if any((place / f"{stem}{ending}").exists() for ending in endings):
+        if any((path / f"{stem}{ending}").exists() for ending in endings):
             continue
-        with suppress(FileExistsError), (place / f"{stem}.json").open("xb"):
+        with suppress(FileExistsError), (path / f"{stem}.json").open("xb"):
             return str(stem)
     raise AssertionError("stems never end")
 
 
-def _write_all(place: Path, stem: str, contents: Mapping[str, bytes], sidecar: bytes) -> None:
-    written = [place / f"{stem}.json"]
+def _write_all(path: Path, stem: str, contents: Mapping[str, bytes], sidecar: bytes) -> None:
+    written = [path / f"{stem}.json"]
     try:
         for ending, content in contents.items():
-            written.append(place / f"{stem}{ending}")
+            written.append(path / f"{stem}{ending}")
             write_durably(written[-1], content)
         write_durably(written[0], sidecar)
     except BaseException:

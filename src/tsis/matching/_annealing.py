@@ -97,24 +97,24 @@ def _settle(
     rounds: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Pairs and spline in turn at one temperature."""
-    moved = basis.design @ coordinates
+    transformed = basis.design @ coordinates
     for _ in range(rounds):
-        paired, drawn, balance = soft_pairs(moved, target, temperature, balance)
+        paired, drawn, balance = soft_pairs(transformed, target, temperature, balance)
         coordinates = _follow(basis, paired, drawn, temperature, hold)
-        before, moved = moved, basis.design @ coordinates
-        if np.max((moved - before) ** 2) < SETTLED**2 * temperature:
+        before, transformed = transformed, basis.design @ coordinates
+        if np.max((transformed - before) ** 2) < SETTLED**2 * temperature:
             break
     return coordinates, balance
 
 
 def soft_pairs(
-    moved: NDArray[np.float64], target: NDArray[np.float64], temperature: float, balance: NDArray[np.float64]
+    transformed: NDArray[np.float64], target: NDArray[np.float64], temperature: float, balance: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """What soft pairs of the moved source, shape (n, d), and the target, shape (m, d), say.
 
     Parameters
     ----------
-    moved, target
+    transformed, target
         The points.
     temperature
         T, positive.
@@ -132,9 +132,9 @@ def soft_pairs(
         Factors of the target's points, shape (m,).
     """
     order = np.argsort(target[:, 0], kind="stable")
-    alone, stray = outlier_weights(moved), outlier_weights(target)
+    single, stray = outlier_weights(transformed), outlier_weights(target)
     paired, drawn, sorted_balance = _balanced(
-        moved, target[order], temperature, balance[order], alone, stray[order], BALANCINGS, BALANCED, REACH
+        transformed, target[order], temperature, balance[order], single, stray[order], BALANCINGS, BALANCED, REACH
     )
     balance = np.empty_like(balance)
     balance[order] = sorted_balance
@@ -143,32 +143,32 @@ def soft_pairs(
 
 @fused
 def _balanced(
-    moved: NDArray[np.float64],
+    transformed: NDArray[np.float64],
     target: NDArray[np.float64],
     temperature: float,
     balance: NDArray[np.float64],
-    alone: NDArray[np.float64],
+    single: NDArray[np.float64],
     stray: NDArray[np.float64],
     most: int,
     enough: float,
-    reach: float,
+    extent: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """The parts of `soft_pairs`; the target ascends along the first axis, so that near points lie in one run."""
-    n, dimension = moved.shape
+    n, dimension = transformed.shape
     first_axis = np.ascontiguousarray(target[:, 0])
-    farthest = np.sqrt(reach * temperature)
+    farthest = np.sqrt(extent * temperature)
     start = np.zeros(n + 1, dtype=np.int64)
     column = np.empty(4 * (n + len(target)), dtype=np.int64)
     near = np.empty(len(column))
     pairs = 0
     for i in range(n):
-        first = np.searchsorted(first_axis, moved[i, 0] - farthest)
-        last = np.searchsorted(first_axis, moved[i, 0] + farthest)
+        first = np.searchsorted(first_axis, transformed[i, 0] - farthest)
+        last = np.searchsorted(first_axis, transformed[i, 0] + farthest)
         for j in range(first, last):
             away = 0.0
             for axis in range(dimension):
-                away += (moved[i, axis] - target[j, axis]) ** 2
-            if away < reach * temperature:
+                away += (transformed[i, axis] - target[j, axis]) ** 2
+            if away < extent * temperature:
                 if pairs == len(column):
                     column = np.append(column, np.empty(pairs, dtype=np.int64))
                     near = np.append(near, np.empty(pairs))
@@ -179,7 +179,7 @@ def _balanced(
     for _ in range(most):
         columns = stray.copy()
         for i in range(n):
-            total = alone[i]
+            total = single[i]
             for pair in range(start[i], start[i + 1]):
                 total += near[pair] * balance[column[pair]]
             rows[i] = 1 / total
@@ -202,12 +202,12 @@ def _balanced(
 
 
 def plain_soft_pairs(
-    moved: NDArray[np.float64], target: NDArray[np.float64], temperature: float, *, balancings: int = 2000
+    transformed: NDArray[np.float64], target: NDArray[np.float64], temperature: float, *, balancings: int = 2000
 ) -> NDArray[np.float64]:
     """The weights that `soft_pairs` sums, shape (n, m), from the whole matrix with the outliers' row and column."""
-    weights = np.zeros((len(moved) + 1, len(target) + 1))
-    weights[:-1, :-1] = np.exp(-cdist(moved, target, "sqeuclidean") / (2 * temperature)) / temperature
-    weights[:-1, -1], weights[-1, :-1] = outlier_weights(moved), outlier_weights(target)
+    weights = np.zeros((len(transformed) + 1, len(target) + 1))
+    weights[:-1, :-1] = np.exp(-cdist(transformed, target, "sqeuclidean") / (2 * temperature)) / temperature
+    weights[:-1, -1], weights[-1, :-1] = outlier_weights(transformed), outlier_weights(target)
     for _ in range(balancings):
         weights[:-1] /= weights[:-1].sum(axis=1, keepdims=True)
         weights[:, :-1] /= weights[:, :-1].sum(axis=0, keepdims=True)

@@ -103,15 +103,15 @@ def fit_displacement(
         Relative change of the variance from round to round below which it ends.
     """
     factor, control, triangle = _kernel_factor(source)
-    dimension, moved = source.shape[1], source
+    dimension, transformed = source.shape[1], source
     coordinates = np.zeros((factor.shape[1], dimension))
     variance = max(float(cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
     for _ in range(rounds):
-        of_source, of_target, drawn = expect(moved, target, variance, outliers)
-        seen = ExpectedPairs(source=of_source, target=of_target, drawn=drawn)
-        coordinates = _maximise(factor, source, seen, STIFFNESS * variance)
-        moved = source + factor @ coordinates
-        before, variance = variance, _variance(moved, target, seen)
+        of_source, of_target, drawn = expect(transformed, target, variance, outliers)
+        observed = ExpectedPairs(source=of_source, target=of_target, drawn=drawn)
+        coordinates = _maximise(factor, source, observed, STIFFNESS * variance)
+        transformed = source + factor @ coordinates
+        before, variance = variance, _variance(transformed, target, observed)
         if abs(variance - before) <= settled * before:
             break
     return DisplacementField(
@@ -136,27 +136,27 @@ def _kernel_factor(
 
 
 def _maximise(
-    factor: NDArray[np.float64], source: NDArray[np.float64], seen: ExpectedPairs, ridge: float
+    factor: NDArray[np.float64], source: NDArray[np.float64], expected_pairs: ExpectedPairs, ridge: float
 ) -> NDArray[np.float64]:
     """Coordinates c of the displacement L c that draws each point to its targets and has a small sum of squares."""
-    normal = factor.T @ (seen.source[:, None] * factor)
-    right = factor.T @ (seen.drawn - seen.source[:, None] * source)
+    normal = factor.T @ (expected_pairs.source[:, None] * factor)
+    right = factor.T @ (expected_pairs.drawn - expected_pairs.source[:, None] * source)
     return ridge_solution(normal, right, ridge)
 
 
-def _variance(moved: NDArray[np.float64], target: NDArray[np.float64], seen: ExpectedPairs) -> float:
+def _variance(transformed: NDArray[np.float64], target: NDArray[np.float64], expected_pairs: ExpectedPairs) -> float:
     """Mean square distance, a coordinate, of target points from the points that explain them."""
-    total = seen.target @ np.sum(target**2, axis=1) + seen.source @ np.sum(moved**2, axis=1)
-    total -= 2 * np.sum(moved * seen.drawn)
-    return max(float(total / max(seen.source.sum() * moved.shape[1], 1e-300)), SHARPEST)
+    total = expected_pairs.target @ np.sum(target**2, axis=1) + expected_pairs.source @ np.sum(transformed**2, axis=1)
+    total -= 2 * np.sum(transformed * expected_pairs.drawn)
+    return max(float(total / max(expected_pairs.source.sum() * transformed.shape[1], 1e-300)), SHARPEST)
 
 
 @compiled
 def expect(
-    moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float
+    transformed: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """The sums of `ExpectedPairs` without the matrix, leaving out what rounding would."""
-    n, dimension = moved.shape
+    n, dimension = transformed.shape
     m = len(target)
     source, explained, drawn = np.zeros(n), np.zeros(m), np.zeros((n, dimension))
     uniform = (2 * np.pi * variance) ** (dimension / 2) * outliers / (1 - outliers) * n / m
@@ -165,7 +165,7 @@ def expect(
         for i in range(n):
             square = 0.0
             for k in range(dimension):
-                square += (target[j, k] - moved[i, k]) ** 2
+                square += (target[j, k] - transformed[i, k]) ** 2
             away[i] = square / (2 * variance)
         nearest = away.min()  # measured from it, no chance underflows that matters
         total = uniform * np.exp(nearest) if outliers > 0 else 0.0
@@ -174,9 +174,9 @@ def expect(
             total += chance[i]
         for i in range(n):
             if chance[i] > 0:
-                share = chance[i] / total
-                source[i] += share
-                explained[j] += share
+                fraction = chance[i] / total
+                source[i] += fraction
+                explained[j] += fraction
                 for k in range(dimension):
-                    drawn[i, k] += share * target[j, k]
+                    drawn[i, k] += fraction * target[j, k]
     return source, explained, drawn

@@ -115,15 +115,15 @@ def _cosine_of_turn(matrix: NDArray[np.float64]) -> float:
 
 
 def explained(
-    moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
+    transformed: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
 ) -> ExplainedTarget:
     """How moved source points, shape (n, d), explain the target, shape (m, d), at a common variance.
 
     ``outliers`` is the share of targets that lie anywhere, with the density ``even``; the others lie normally about one
     of the source points, each as likely as another.
     """
-    order = np.argsort(moved[:, 0], kind="stable")
-    likelihood, inner, outer, squared = _explained(moved[order], target, variance, outliers, even)
+    order = np.argsort(transformed[:, 0], kind="stable")
+    likelihood, inner, outer, squared = _explained(transformed[order], target, variance, outliers, even)
     paired, drawn = np.empty_like(inner), np.empty_like(outer)
     paired[order], drawn[order] = inner, outer
     return ExplainedTarget(likelihood=likelihood, paired=paired, drawn=drawn, squared=squared)
@@ -131,31 +131,31 @@ def explained(
 
 @fused
 def _explained(
-    moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
+    transformed: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
     """The parts of `ExplainedTarget`; moved points are sorted along the first axis, so near ones are contiguous."""
-    n, dimension = moved.shape
+    n, dimension = transformed.shape
     near = (1 - outliers) / n * (2 * np.pi * variance) ** (-dimension / 2)
     paired, drawn, weights, away = np.zeros(n), np.zeros((n, dimension)), np.empty(n), np.empty(n)
     likelihood, squared = 0.0, 0.0
-    reach = np.sqrt(REACH * variance)
-    first_axis = np.ascontiguousarray(moved[:, 0])
+    extent = np.sqrt(REACH * variance)
+    first_axis = np.ascontiguousarray(transformed[:, 0])
     for j in range(len(target)):
         total = outliers * even
-        first = np.searchsorted(first_axis, target[j, 0] - reach)
-        last = np.searchsorted(first_axis, target[j, 0] + reach)
+        first = np.searchsorted(first_axis, target[j, 0] - extent)
+        last = np.searchsorted(first_axis, target[j, 0] + extent)
         for i in range(first, last):
             away[i] = 0.0
             for axis in range(dimension):
-                away[i] += (moved[i, axis] - target[j, axis]) ** 2
+                away[i] += (transformed[i, axis] - target[j, axis]) ** 2
             weights[i] = near * np.exp(-0.5 * away[i] / variance) if away[i] < REACH * variance else 0.0
             total += weights[i]
         likelihood += np.log(total)
         for i in range(first, last):
             if weights[i] > 0:
-                share = weights[i] / total
-                paired[i] += share
-                squared += share * away[i]
+                fraction = weights[i] / total
+                paired[i] += fraction
+                squared += fraction * away[i]
                 for axis in range(dimension):
-                    drawn[i, axis] += share * target[j, axis]
+                    drawn[i, axis] += fraction * target[j, axis]
     return likelihood, paired, drawn, squared

@@ -188,9 +188,9 @@ def _rings(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(np.log2(np.maximum(distance, SMALLEST) / INNER) + 0.5, 0.0)
 
 
-def _within(place: NDArray[np.float64], bins: int) -> NDArray[np.float64]:
+def _within(position: NDArray[np.float64], bins: int) -> NDArray[np.float64]:
     """Places counted from the centre of the first of ``bins``, none outside the centres of the outermost."""
-    return np.clip(place - 0.5, 0.0, bins - 1.0)
+    return np.clip(position - 0.5, 0.0, bins - 1.0)
 
 
 def _share(
@@ -201,13 +201,13 @@ def _share(
     row = np.broadcast_to(np.arange(len(ring))[:, None], ring.shape)
     for corner in np.ndindex(2, 2, 2):
         weight = 1.0 - np.eye(len(ring))
-        place = []
+        positions = []
         for at, up in zip((ring, latitude, angle), corner, strict=True):
             low = np.floor(at)
             weight *= at - low if up else 1 - at + low
-            place.append(low.astype(int) + up)
-        inside = (place[0] < bins[0]) & (place[1] < bins[1])
-        where = row[inside], place[0][inside], place[1][inside], place[2][inside] % bins[2]
+            positions.append(low.astype(int) + up)
+        inside = (positions[0] < bins[0]) & (positions[1] < bins[1])
+        where = row[inside], positions[0][inside], positions[1][inside], positions[2][inside] % bins[2]
         np.add.at(counts, where, weight[inside])
     return counts
 

@@ -19,13 +19,13 @@ REACH = 3.0  # standard deviations of a point's place that the tolerance stands 
 
 
 def nearest_pairs(
-    moved: NDArray[np.float64], target: NDArray[np.float64], *, tolerance: float
+    transformed: NDArray[np.float64], target: NDArray[np.float64], *, tolerance: float
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Which target point each moved point has reached, the squared distances together being the least possible.
 
     Parameters
     ----------
-    moved, target
+    transformed, target
         Shapes (n, d) and (m, d), in the same unit.
     tolerance
         Distance beyond which points have no partner, positive, in that unit.
@@ -44,7 +44,7 @@ def nearest_pairs(
     >>> matches.tolist()
     [1, -1]
     """
-    squared = cdist(moved, target, "sqeuclidean")
+    squared = cdist(transformed, target, "sqeuclidean")
     matches = assign(squared, dummy=tolerance**2)
     likely = np.exp(-0.5 * squared * (REACH / tolerance) ** 2)
     chance = likely / (likely.sum(axis=1, keepdims=True) + np.exp(-0.5 * REACH**2))
@@ -72,9 +72,9 @@ def assign(cost: NDArray[np.float64], *, dummy: float) -> NDArray[np.int64]:
 
 def spacing(points: NDArray[np.float64]) -> float:
     """Median distance of the points, shape (n, d), to the nearest one elsewhere; 0 where there is none."""
-    places = np.unique(points, axis=0)
-    distance, _ = KDTree(places).query(places, k=[2])
-    return float(np.median(distance)) if len(places) > 1 else 0.0
+    positions = np.unique(points, axis=0)
+    distance, _ = KDTree(positions).query(positions, k=[2])
+    return float(np.median(distance)) if len(positions) > 1 else 0.0
 
 
 MOST_PAIRS = 16_000_000  # 128 MB a table; a method holds a few of them
@@ -106,18 +106,18 @@ def matched_all(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.f
     What samples tell is the map. The matches are read off it, between moved source points and target points that are
     each other's nearest.
     """
-    moved = moved_in_blocks(fit.move, source)
-    matches, trust = mutual_nearest(moved, target)
+    transformed = moved_in_blocks(fit.move, source)
+    matches, trust = mutual_nearest(transformed, target)
     return MatchFit(move=fit.move, matches=matches, trust=trust)
 
 
 def mutual_nearest(
-    moved: NDArray[np.float64], target: NDArray[np.float64]
+    transformed: NDArray[np.float64], target: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Mutual nearest neighbours within `MUTUAL_RANGE` of the target's spacing, and their weights, shapes (n,)."""
-    away, nearest = KDTree(target).query(moved)
-    _, back = KDTree(moved).query(target)
-    reach = MUTUAL_RANGE * spacing(target)
-    found = (np.asarray(back)[nearest] == np.arange(len(moved))) & (away <= reach)
-    matches = np.where(found, nearest, UNMATCHED).astype(np.int64)
-    return matches, np.where(found, 1 - away / reach / 2, 0.0)
+    away, nearest = KDTree(target).query(transformed)
+    _, back = KDTree(transformed).query(target)
+    extent = MUTUAL_RANGE * spacing(target)
+    result = (np.asarray(back)[nearest] == np.arange(len(transformed))) & (away <= extent)
+    matches = np.where(result, nearest, UNMATCHED).astype(np.int64)
+    return matches, np.where(result, 1 - away / extent / 2, 0.0)

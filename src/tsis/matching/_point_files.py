@@ -94,18 +94,18 @@ def parse_ply(content: bytes, *, most: int) -> NDArray[np.float64]:
 def _vertices(lines: list[str]) -> Vertices:
     order, count, types, element = None, None, {}, 0
     for line in lines[1:]:
-        words = line.split()
+        text = line.split()
         try:
-            if words[:1] == ["format"]:
-                order = FORMATS[words[1]]
-            elif words[:1] == ["element"]:
+            if text[:1] == ["format"]:
+                order = FORMATS[text[1]]
+            elif text[:1] == ["element"]:
                 element += 1
-                if element == 1 and words[1] == "vertex":
-                    count = int(words[2])
-            elif words[:1] == ["property"] and element == 1:
-                if words[2] in types:
-                    raise FileInputError(f"PLY vertices must have each property once; got {words[2]!r:.40} twice")
-                types[words[2]] = TYPES[words[1]]
+                if element == 1 and text[1] == "vertex":
+                    count = int(text[2])
+            elif text[:1] == ["property"] and element == 1:
+                if text[2] in types:
+                    raise FileInputError(f"PLY vertices must have each property once; got {text[2]!r:.40} twice")
+                types[text[2]] = TYPES[text[1]]
         except (KeyError, IndexError, ValueError) as error:
             if isinstance(error, FileInputError):
                 raise
@@ -116,18 +116,18 @@ def _vertices(lines: list[str]) -> Vertices:
 
 
 def _text(body: bytes, vertices: Vertices, axes: Sequence[str]) -> NDArray[np.float64]:
-    places = [list(vertices.types).index(axis) for axis in axes]
+    positions = [list(vertices.types).index(axis) for axis in axes]
     points = array("d")
     for number, row in enumerate(itertools.islice(io.BytesIO(body), vertices.count)):
         cells = row.split()
         try:
-            points.extend([float(cells[place]) for place in places])
+            points.extend([float(cells[position]) for position in positions])
         except (IndexError, ValueError) as error:
             text = row.decode("ascii", errors="replace").strip()
             raise FileInputError(f"vertex {number} must hold numbers for each property; got {text!r:.60}") from error
-    found = len(points) // len(axes)
-    if found < vertices.count:
-        raise FileInputError(f"it must hold the {vertices.count} vertices of its header; got {found}")
+    result = len(points) // len(axes)
+    if result < vertices.count:
+        raise FileInputError(f"it must hold the {vertices.count} vertices of its header; got {result}")
     return np.array(points).reshape(-1, len(axes))
 
 
@@ -198,9 +198,9 @@ def csv_text(points: ArrayLike, **columns: ArrayLike) -> str:
     >>> csv_text([[0.5, 1.0]], match=[3])
     'x,y,match\n0.5,1.0,3\n'
     """
-    places = np.asarray(points, dtype=float)
-    heads = [*AXES[: places.shape[1]], *columns]
-    values = [*places.T.tolist(), *(np.asarray(column).tolist() for column in columns.values())]
+    positions = np.asarray(points, dtype=float)
+    heads = [*AXES[: positions.shape[1]], *columns]
+    values = [*positions.T.tolist(), *(np.asarray(column).tolist() for column in columns.values())]
     rows = (",".join(map(repr, row)) for row in zip(*values, strict=True))
     return "\n".join([",".join(heads), *rows]) + "\n"
 
@@ -231,7 +231,11 @@ def _npy(content: bytes) -> NDArray[np.float64]:
 
 def _csv(content: bytes) -> NDArray[np.float64]:
     _require_text(content[:4096])
-    lines = (each for each in text_lines(content, most=MOST_POINTS) if each[1].strip() and each[1].lstrip()[:1] != "#")
+    lines = (
+        text_line
+        for text_line in text_lines(content, most=MOST_POINTS)
+        if text_line[1].strip() and text_line[1].lstrip()[:1] != "#"
+    )
     first = next(lines, None)
     if first is None:
         raise FileInputError("it must hold points; got none")

@@ -50,16 +50,16 @@ def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.r
     likely = _likely_rotations(source, contexts, scale)
     about = Neighbourhood.of(target, TARGET_NEIGHBOURS)
     here = Neighbourhood.of(source, SOURCE_NEIGHBOURS)
-    found: list[Pose] = []
+    poses: list[Pose] = []
     for rotation in likely[: LABELLED[source.shape[1]] if len(source) * len(target) < MANY else LABELLED_OF_MANY]:
         cost = chi_squared(histograms(source @ rotation.T, scale=scale), contexts)
         around = Neighbourhood.among(source @ rotation.T, here.index)
-        labels = label(around, about, cost, alone=ALONE, updates=UPDATES)
+        labels = label(around, about, cost, single=ALONE, updates=UPDATES)
         pose = agreed(source, target[labels.best], labels.trust**2, rng=rng)
-        found.append(Pose(affine=pose.affine, agreement=pose.agreement * float(labels.trust.mean())))
-        if found[-1].agreement > CLEAR:
+        poses.append(Pose(affine=pose.affine, agreement=pose.agreement * float(labels.trust.mean())))
+        if poses[-1].agreement > CLEAR:
             break
-    return sorted(found, key=lambda pose: -pose.agreement)
+    return sorted(poses, key=lambda pose: -pose.agreement)
 
 
 def _likely_rotations(
@@ -67,15 +67,15 @@ def _likely_rotations(
 ) -> list[NDArray[np.float64]]:
     """All rotations, those first under which some source points have the likest shape contexts among the target's."""
     some = far_apart(source, COMPARED)
-    turned = []
-    plain = histograms(source, scale=scale)[some]
+    rotated = []
+    simple = histograms(source, scale=scale)[some]
     for number, rotation in enumerate(rotations(source.shape[1])):
         if source.shape[1] == 2:  # a turn by whole angle bins only shifts them
-            shifted = np.roll(plain.reshape(len(some), -1, ANGLE_BINS), number, axis=-1).reshape(plain.shape)
+            shifted = np.roll(simple.reshape(len(some), -1, ANGLE_BINS), number, axis=-1).reshape(simple.shape)
         else:
             shifted = histograms(source @ rotation.T, scale=scale)[some]
-        turned.append((float(chi_squared(shifted, contexts).min(axis=1).mean()), number, rotation))
-    return [rotation for _, _, rotation in sorted(turned, key=lambda one: one[:2])]
+        rotated.append((float(chi_squared(shifted, contexts).min(axis=1).mean()), number, rotation))
+    return [rotation for _, _, rotation in sorted(rotated, key=lambda item: item[:2])]
 
 
 def rounded_poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
@@ -86,8 +86,8 @@ def rounded_poses(source: NDArray[np.float64], target: NDArray[np.float64], *, r
     """
     here, there = _rounding(source), _rounding(target)
     back = np.linalg.inv(there)
-    found = poses(source @ here, target @ there, rng=rng)
-    return [replace(pose, affine=np.vstack([pose.affine[0] @ back, here @ pose.affine[1:] @ back])) for pose in found]
+    result = poses(source @ here, target @ there, rng=rng)
+    return [replace(pose, affine=np.vstack([pose.affine[0] @ back, here @ pose.affine[1:] @ back])) for pose in result]
 
 
 def _rounding(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -128,9 +128,9 @@ def agreed(
     chance = trust + 1e-9
     drawn = rng.choice(count, size=(DRAWS, dimension + 1), p=chance / chance.sum())
     from_, to = source[drawn], partners[drawn]
-    spread, reach = from_[:, 1:] - from_[:, :1], to[:, 1:] - to[:, :1]
+    spread, extent = from_[:, 1:] - from_[:, :1], to[:, 1:] - to[:, :1]
     wide = np.abs(np.linalg.det(spread)) > LEAST_SPREAD
-    matrix = np.linalg.solve(spread[wide], reach[wide])
+    matrix = np.linalg.solve(spread[wide], extent[wide])
     volume = np.linalg.det(matrix)
     size = np.maximum(volume, 1e-12) ** (2 / dimension)
     plausible = (volume > LEAST_VOLUME) & (volume < MOST_VOLUME)

@@ -52,10 +52,10 @@ def confidence_of(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np
     dimension = source.shape[1]
     if np.count_nonzero(fit.matches != UNMATCHED) < dimension + 2:
         return 0.0
-    seen = source[far_apart(source, MOST)] if len(source) > MOST else source
+    observed = source[far_apart(source, MOST)] if len(source) > MOST else source
     there = target[far_apart(target, MOST)] if len(target) > MOST else target
-    basis = spline_basis(seen)
-    coordinates = basis.coordinates(fit.move(seen), bending=PASSING)
+    basis = spline_basis(observed)
+    coordinates = basis.coordinates(fit.move(observed), bending=PASSING)
     for_it = log_evidence(basis, coordinates, there) - _price_of_a_pose(there) - _normal_over_even(there)
     return float(1 / (1 + np.exp(np.clip(-for_it / SCALE, -50, 50))))
 
@@ -178,8 +178,8 @@ def register(
     >>> found.transform([[0.0, 0.0]]).round(0).tolist()
     [[3.0, 1.0]]
     """
-    found = match_points(source, target, method=method, rng=rng)
-    return found if found.reliable else _withheld(found, np.array(source, dtype=float))
+    result = match_points(source, target, method=method, rng=rng)
+    return result if result.reliable else _withheld(result, np.array(source, dtype=float))
 
 
 def match_points(
@@ -222,7 +222,7 @@ def _guess(
     def move(points: NDArray[np.float64], /) -> NDArray[np.float64]:
         return end.outward(fit.move(start.inward(points)))
 
-    found = Registration(
+    registration = Registration(
         method=method,
         moved=source,
         matches=fit.matches,
@@ -232,18 +232,18 @@ def _guess(
         notes=tuple(notes),
         move=move,
     )
-    return replace(found, moved=found.transform(source))
+    return replace(registration, moved=registration.transform(source))
 
 
-def _withheld(found: Registration, source: NDArray[np.float64]) -> Registration:
+def _withheld(registration: Registration, source: NDArray[np.float64]) -> Registration:
     """The registration that leaves points alone and matches none."""
-    note = f"no reliable match: confidence {found.confidence:.2f} lies below {RELIABLE:g}; the points were left alone"
+    note = f"no reliable match: confidence {registration.confidence:.2f} lies below {RELIABLE:g}; the points were left alone"
     return replace(
-        found,
+        registration,
         moved=source,
         matches=np.full(len(source), UNMATCHED),
         trust=np.zeros(len(source)),
-        notes=(*found.notes, note),
+        notes=(*registration.notes, note),
         move=_stay,
     )
 
@@ -264,9 +264,9 @@ def _points(name: str, value: ArrayLike) -> NDArray[np.float64]:
         )
     if np.abs(points).max() > LARGEST:
         raise InputError(f"{name} must lie within {LARGEST:g} of the origin; got {np.abs(points).max():g}")
-    places = spread_out(points, FEWEST)
-    if len(places) < FEWEST:
-        raise InputError(f"{name} must hold at least {FEWEST} points in different places; got {len(places)}")
+    positions = spread_out(points, FEWEST)
+    if len(positions) < FEWEST:
+        raise InputError(f"{name} must hold at least {FEWEST} points in different places; got {len(positions)}")
     extent = np.linalg.svd(points - points.mean(axis=0), full_matrices=False, compute_uv=False)
     if extent[0] < 1 / LARGEST:
         raise InputError(f"{name} must extend over at least {1 / LARGEST:g}; got {extent[0]:g}")

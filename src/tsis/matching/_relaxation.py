@@ -103,7 +103,7 @@ class Labels:
 
 
 def label(
-    source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, alone: float, updates: int = UPDATES
+    source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, single: float, updates: int = UPDATES
 ) -> Labels:
     """Probabilities of partners after relaxation.
 
@@ -113,7 +113,7 @@ def label(
         Neighbours of the n and m points.
     cost
         Cost of each pair before its neighbours are asked, shape (n, m).
-    alone
+    single
         Support for having no partner, in (0, 1], 1 being what full agreement of all neighbours gives a pair.
     updates
         Most updates.
@@ -137,7 +137,7 @@ def label(
         source.nearness,
         SAME_DISTANCE,
     )
-    _relax(probability, np.full(len(cost), none), candidates, *supports, alone, cost.shape[1], updates)
+    _relax(probability, np.full(len(cost), none), candidates, *supports, single, cost.shape[1], updates)
     return Labels(candidates=candidates, probability=probability)
 
 
@@ -173,8 +173,8 @@ def _supports(
             j = candidates[i, s]
             for a in range(source_index.shape[1]):
                 for b in range(target_index.shape[1]):
-                    found = slot[source_index[i, a], target_index[j, b]]
-                    if found < 0:
+                    result = slot[source_index[i, a], target_index[j, b]]
+                    if result < 0:
                         continue
                     alpha = 1 - abs(source_log[i, a] - target_log[j, b]) / same
                     beta = 0.0
@@ -185,7 +185,7 @@ def _supports(
                     if count == len(entry):
                         entry = np.append(entry, np.empty(count, dtype=np.int32))
                         weight = np.append(weight, np.empty(count, dtype=np.float32))
-                    entry[count], weight[count] = source_index[i, a] * c + found, alpha * beta * nearness[i, a]
+                    entry[count], weight[count] = source_index[i, a] * c + result, alpha * beta * nearness[i, a]
                     count += 1
             start[i * c + s + 1] = count
     return start, entry[:count], weight[:count]
@@ -199,7 +199,7 @@ def _relax(
     start: NDArray[np.int64],
     entry: NDArray[np.int32],
     weight: NDArray[np.float32],
-    alone: float,
+    single: float,
     columns: int,
     updates: int,
 ) -> None:
@@ -215,7 +215,7 @@ def _relax(
             support[at] = total
         before = flat.copy()
         flat *= support
-        none *= alone
+        none *= single
         for _ in range(NORMALISATIONS):
             _rows_to_one(probability, none)
             taken = np.zeros(columns)
@@ -247,8 +247,8 @@ def _rows_to_one(probability: NDArray[np.float64], none: NDArray[np.float64]) ->
 
 def plain_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[np.float64]:
     """Support ``[i, j, a, b]`` that pair (a, b) gives pair (i, j), shape (n, m, n, m): the sum in (5.12), in full."""
-    apart = np.abs(source.log_distance[:, None, :, None] - target.log_distance[None, :, None, :])
-    alpha = np.maximum(1 - apart / SAME_DISTANCE, 0)
+    difference = np.abs(source.log_distance[:, None, :, None] - target.log_distance[None, :, None, :])
+    alpha = np.maximum(1 - difference / SAME_DISTANCE, 0)
     beta = np.maximum(np.einsum("iad,jbd->ijab", source.direction, target.direction), 0)
     n, m = len(source.index), len(target.index)
     i, j = np.arange(n)[:, None, None, None], np.arange(m)[None, :, None, None]
@@ -260,7 +260,7 @@ def plain_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[np.f
 
 
 def plain_label(
-    source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, alone: float, updates: int = UPDATES
+    source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, single: float, updates: int = UPDATES
 ) -> NDArray[np.float64]:
     """The probabilities of `label` as a whole matrix, shape (n, m), from products of whole matrices."""
     supports, candidates = plain_supports(source, target), cheapest(cost, CANDIDATES)
@@ -271,7 +271,7 @@ def plain_label(
     probability *= (1 - none) / probability.sum(axis=1, keepdims=True)
     for _ in range(updates):
         before = probability
-        probability, none = probability * np.tensordot(supports, probability, axes=2), none * alone
+        probability, none = probability * np.tensordot(supports, probability, axes=2), none * single
         for _ in range(NORMALISATIONS):
             total = none + probability.sum(axis=1, keepdims=True)
             probability, none = probability / total, none / total

@@ -74,11 +74,11 @@ class Chances:
 def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by their neighbourhoods; nothing in it is left to chance."""
     del rng
-    basis, wanted = spline_basis(source), histograms(target)
+    basis, requested = spline_basis(source), histograms(target)
     graphs = neighbours(source), neighbours(target)
-    moved, last = source, np.full(len(source), UNMATCHED)
+    transformed, last = source, np.full(len(source), UNMATCHED)
     for number in range(ROUNDS):
-        cost = chi_squared(histograms(moved), wanted)
+        cost = chi_squared(histograms(transformed), requested)
         pairs = candidates(cost)
         likely = np.exp(-cost[pairs.row, pairs.column] / SHARPNESS)
         matches, trust = _best(relax(likely, support(pairs, *graphs), pairs), pairs)
@@ -87,7 +87,7 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
             bending=BENDING * SOFTENING**number,
             weights=trust,
         )
-        moved = basis.design @ coordinates
+        transformed = basis.design @ coordinates
         if number >= ROUNDS // 2 and np.array_equal(matches, last):  # no sooner: the spline still softens
             break
         last = matches
@@ -122,10 +122,10 @@ def support(pairs: Pairs, source: csr_array, target: csr_array) -> csr_array:
     It is one over the larger number of neighbours where both points are neighbours of the other pair's, else 0: the
     support by chances is the share of the neighbours that agree.
     """
-    place = np.full(pairs.shape, -1, dtype=np.int64)
-    place[pairs.row, pairs.column] = np.arange(len(pairs.row))
+    position = np.full(pairs.shape, -1, dtype=np.int64)
+    position[pairs.row, pairs.column] = np.arange(len(pairs.row))
     start, end, weight = _supporters(
-        pairs.row, pairs.column, place, source.indptr, source.indices, target.indptr, target.indices
+        pairs.row, pairs.column, position, source.indptr, source.indices, target.indptr, target.indices
     )
     return csr_array((weight, end, start), shape=(len(pairs.row), len(pairs.row)))
 
@@ -189,13 +189,13 @@ def _best(chances: Chances, pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np
 def _supporters(
     row: NDArray[np.int64],
     column: NDArray[np.int64],
-    place: NDArray[np.int64],
+    position: NDArray[np.int64],
     source_start: NDArray[np.int32],
     source_end: NDArray[np.int32],
     target_start: NDArray[np.int32],
     target_end: NDArray[np.int32],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Rows of the support matrix; ``place`` is a pair's number among the candidates, -1 where it is none."""
+    """Rows of the support matrix; ``position`` is a pair's number among the candidates, -1 where it is none."""
     start = np.zeros(len(row) + 1, np.int64)
     most = 0
     for e in range(len(row)):
@@ -208,8 +208,8 @@ def _supporters(
         larger = max(source_start[i + 1] - source_start[i], target_start[j + 1] - target_start[j])
         for a in source_end[source_start[i] : source_start[i + 1]]:
             for b in target_end[target_start[j] : target_start[j + 1]]:
-                if place[a, b] >= 0:
-                    end[filled], weight[filled] = place[a, b], 1 / larger
+                if position[a, b] >= 0:
+                    end[filled], weight[filled] = position[a, b], 1 / larger
                     filled += 1
         start[e + 1] = filled
     return start, end[:filled], weight[:filled]

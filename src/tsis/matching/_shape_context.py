@@ -27,19 +27,19 @@ SOFTENING = 0.5  # of the bending, from round to round
 
 
 def fit(
-    source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator, turned: bool = False
+    source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator, rotated: bool = False
 ) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by their shape contexts; nothing in it is left to chance.
 
-    With ``turned``, directions are measured from the mass centre, so that any rotation between the two is found, at
+    With ``rotated``, directions are measured from the mass centre, so that any rotation between the two is found, at
     the price of contexts that tell less apart and change with whatever moves the mass centre.
     """
     del rng
-    describe = axis_histograms if turned else histograms
-    wanted, basis = describe(target), spline_basis(source)
-    moved = source
+    describe = axis_histograms if rotated else histograms
+    requested, basis = describe(target), spline_basis(source)
+    transformed = source
     for number in range(ROUNDS):
-        cost = chi_squared(describe(moved), wanted)
+        cost = chi_squared(describe(transformed), requested)
         matches = _alike(cost)
         paired = matches != UNMATCHED
         coordinates = basis.coordinates(
@@ -47,9 +47,9 @@ def fit(
             bending=BENDING * SOFTENING**number,
             weights=paired.astype(float),
         )
-        moved = basis.design @ coordinates
-    alike = 1 - np.minimum(cost[np.arange(len(source)), matches], 1.0)  # the sums of histograms round
-    return MatchFit(move=basis.spline(coordinates), matches=matches, trust=np.where(paired, alike, 0.0))
+        transformed = basis.design @ coordinates
+    correlation = 1 - np.minimum(cost[np.arange(len(source)), matches], 1.0)  # the sums of histograms round
+    return MatchFit(move=basis.spline(coordinates), matches=matches, trust=np.where(paired, correlation, 0.0))
 
 
 def _alike(cost: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -212,19 +212,19 @@ def fit_spline(
     trust = np.ones(len(at)) if weights is None else require_array("weights", weights, ndim=1)
     if len(trust) != len(at) or trust.min() < 0 or trust.max() == 0:
         raise InputError(f"weights must be {len(at)} numbers that are not negative, one of them positive")
-    kept = trust > ABSENT * trust.max()
-    at, to, trust = at[kept], to[kept], trust[kept]
+    selected = trust > ABSENT * trust.max()
+    at, to, trust = at[selected], to[selected], trust[selected]
     here = NormalFrame.of(at)
     if here.size == 0:
         raise InputError(f"points must lie in at least {at.shape[1] + 1} places; got {len(at)} in one")
     there = NormalFrame(centre=to.mean(axis=0), size=here.size)
     chosen = None if control is None else here.inward(_points("control", control, at.shape[1]))
     basis = spline_basis(here.inward(at), control=chosen)
-    places = len(np.unique(at, axis=0))
-    if bending == 0 and places < len(basis.control):
+    positions = len(np.unique(at, axis=0))
+    if bending == 0 and positions < len(basis.control):
         raise InputError(
             f"bending must be positive where control points are more than the places of points; got "
-            f"{len(basis.control)} and {places}"
+            f"{len(basis.control)} and {positions}"
         )
     stiffness = bending / here.size ** (4 - at.shape[1])
     return _outward(basis.spline(basis.coordinates(there.inward(to), bending=stiffness, weights=trust)), here, there)
@@ -283,6 +283,6 @@ def spread_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
 def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArray[np.float64]:
     points = require_array(name, value, ndim=2)
     if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):
-        wanted = "2 or 3" if dimension is None else str(dimension)
-        raise InputError(f"{name} must have {wanted} coordinates each; got shape {points.shape}")
+        requested = "2 or 3" if dimension is None else str(dimension)
+        raise InputError(f"{name} must have {requested} coordinates each; got shape {points.shape}")
     return points

@@ -40,10 +40,10 @@ def assigned(
     One-to-one pairs of the least sum of squares undo what soft pairs leave when points slid along a line: many small
     steps are cheaper than the one large one at its end.
     """
-    for reach in REACHES:
-        moved = basis.design @ coordinates
-        squared = cdist(moved, target, "sqeuclidean")
-        pairs = assign(squared, dummy=max(reach, NEAREST * spacing) ** 2)
+    for extent in REACHES:
+        transformed = basis.design @ coordinates
+        squared = cdist(transformed, target, "sqeuclidean")
+        pairs = assign(squared, dummy=max(extent, NEAREST * spacing) ** 2)
         rows = np.flatnonzero(pairs != UNMATCHED)
         if len(rows) <= 2 * basis.points.shape[1] + 2:
             return coordinates
@@ -51,10 +51,10 @@ def assigned(
             bending = likeliest_bending(basis.design[rows], basis.bent, target[pairs[rows]])
             coordinates = basis.at(rows).coordinates(target[pairs[rows]], bending=bending)
             away = ((basis.design[rows] @ coordinates - target[pairs[rows]]) ** 2).sum(axis=1)
-            kept = away <= SPREADS**2 * max(float(np.median(away)), 1e-8)
-            if kept.all() or kept.sum() <= 2 * basis.points.shape[1] + 2:
+            selected = away <= SPREADS**2 * max(float(np.median(away)), 1e-8)
+            if selected.all() or selected.sum() <= 2 * basis.points.shape[1] + 2:
                 break
-            rows = rows[kept]
+            rows = rows[selected]
     return coordinates
 
 
@@ -127,14 +127,14 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
         cooling = Cooling(factor=FACTOR, start=start, end=(COLDEST * step) ** 2, rounds=ROUNDS)
         cooled = judged(anneal(basis, coordinates, target, cooling))
         paired = judged(assigned(basis, cooled.coordinates, target, step))
-        return max(cooled, paired, key=lambda one: one.evidence)
+        return max(cooled, paired, key=lambda item: item.evidence)
 
-    found: list[PoseFit] = []
+    fits: list[PoseFit] = []
     for coordinates, start in _starts(basis, source, target, rng):
-        found.append(followed(coordinates, start))
-        if found[-1].evidence >= ENOUGH[source.shape[1]] * len(target):
+        fits.append(followed(coordinates, start))
+        if fits[-1].evidence >= ENOUGH[source.shape[1]] * len(target):
             break
-    best = max(found, key=lambda one: one.evidence).coordinates
+    best = max(fits, key=lambda item: item.evidence).coordinates
     best = interpolated(basis, best, target, step)
     matches, trust = nearest_pairs(basis.design @ best, target, tolerance=step)
     return MatchFit(move=basis.spline(best), matches=matches, trust=trust)
@@ -147,25 +147,25 @@ def _starts(
 
     The best poses and no pose at all, the latter first where poses are vague; then the best poses of rounded shapes.
     """
-    found = poses(source, target, rng=rng)
+    result = poses(source, target, rng=rng)
     many = len(source) * len(target) >= MANY
-    if found[0].agreement < VAGUE:
+    if result[0].agreement < VAGUE:
         yield basis.rest, START
-    yield from ((start, WARM) for start in _unlike(basis, found[: 1 if many else POSES[source.shape[1]]]))
-    if found[0].agreement >= VAGUE:
+    yield from ((start, WARM) for start in _unlike(basis, result[: 1 if many else POSES[source.shape[1]]]))
+    if result[0].agreement >= VAGUE:
         yield basis.rest, START
     if not many:
         rounded = rounded_poses(source, target, rng=rng)
         yield from ((start, WARM) for start in _unlike(basis, rounded[: POSES[source.shape[1]]]))
 
 
-def _unlike(basis: SplineBasis, found: list[Pose]) -> Iterator[NDArray[np.float64]]:
+def _unlike(basis: SplineBasis, poses: list[Pose]) -> Iterator[NDArray[np.float64]]:
     """Coordinates of poses, leaving out those much like one before."""
     placed: list[NDArray[np.float64]] = []
-    for pose in found:
+    for pose in poses:
         start = np.zeros_like(basis.rest)
         start[basis.bent :] = pose.affine
-        moved = basis.design @ start
-        if all(((moved - other) ** 2).sum(axis=1).mean() > SAME**2 for other in placed):
-            placed.append(moved)
+        transformed = basis.design @ start
+        if all(((transformed - other) ** 2).sum(axis=1).mean() > SAME**2 for other in placed):
+            placed.append(transformed)
             yield start

@@ -111,8 +111,8 @@ class HertzContact:
 
     def pressure_kpa(self, radius_mm: ArrayLike) -> NDArray[np.float64]:
         """Pressure ``p0 sqrt(1 - r**2 / a**2)`` at ``radius_mm`` (any shape), zero outside the contact."""
-        share = np.asarray(radius_mm, dtype=float) / self.contact_radius_mm
-        return np.asarray(self.peak_pressure_kpa * np.sqrt(np.maximum(1 - share**2, 0.0)))
+        fraction = np.asarray(radius_mm, dtype=float) / self.contact_radius_mm
+        return np.asarray(self.peak_pressure_kpa * np.sqrt(np.maximum(1 - fraction**2, 0.0)))
 
 
 def hertz(*, radius_mm: float, indentation_mm: float, young_kpa: float, poisson: float) -> HertzContact:
@@ -256,13 +256,13 @@ def bonded_layer_ratio(radius_over_thickness: float, *, poisson: float) -> float
     >>> [round(bonded_layer_ratio(share, poisson=0.49), 3) for share in (0.01, 0.2, 1.0, 2.0)]
     [1.011, 1.274, 3.484, 8.337]
     """
-    share = require_number("radius_over_thickness", radius_over_thickness, 0.0, 20.0)
+    fraction = require_number("radius_over_thickness", radius_over_thickness, 0.0, 20.0)
     ratio = require_number("poisson", poisson, 0.0, LARGEST_POISSON)
     # Points enough for the fastest cosine, cos(u s) up to u = KERNEL_END, and for phi's steep end under a wide punch.
-    u, du = _gauss(0.0, KERNEL_END, 80 + int(8 * share))
-    x, dx = _gauss(0.0, 1.0, 24 + int(8 * share))
-    waves = np.cos(share * np.outer(x, u))
-    kernel = 2 * share / np.pi * (waves * (du * _missing(u, 3 - 4 * ratio))) @ waves.T
+    u, du = _gauss(0.0, KERNEL_END, 80 + int(8 * fraction))
+    x, dx = _gauss(0.0, 1.0, 24 + int(8 * fraction))
+    waves = np.cos(fraction * np.outer(x, u))
+    kernel = 2 * fraction / np.pi * (waves * (du * _missing(u, 3 - 4 * ratio))) @ waves.T
     phi = np.linalg.solve(np.eye(len(x)) - kernel * dx, np.ones(len(x)))
     return float(dx @ phi)
 

@@ -103,9 +103,9 @@ def stiffness(
     radius = nodes[..., 0] @ ref.value.T
     # Every entry is a product of strains along r, along z and around the hoop; both factors take half of the weight.
     root = np.sqrt(2 * np.pi * radius * np.abs(determinant) * ref.weight)
-    share = root / determinant
-    along_r = (share * z_b)[..., None] * ref.slope_a - (share * z_a)[..., None] * ref.slope_b
-    along_z = (share * r_a)[..., None] * ref.slope_b - (share * r_b)[..., None] * ref.slope_a
+    fraction = root / determinant
+    along_r = (fraction * z_b)[..., None] * ref.slope_a - (fraction * z_a)[..., None] * ref.slope_b
+    along_z = (fraction * r_a)[..., None] * ref.slope_b - (fraction * r_b)[..., None] * ref.slope_a
     hoop = (root / radius)[..., None] * ref.value
     sideways = along_r + hoop
     shear, lame = (constant[:, None, None] for constant in lame_constants(young_kpa, poisson))

@@ -70,10 +70,10 @@ def ring_points(ends: NDArray[np.float64], *, points: int = 6) -> tuple[NDArray[
 def hats(radius_mm: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Functions that are 1 at one of ``radius_mm``, 0 at the others and linear between, shape (len(at), n)."""
     right = np.clip(np.searchsorted(radius_mm, at), 1, len(radius_mm) - 1)
-    share = (at - radius_mm[right - 1]) / (radius_mm[right] - radius_mm[right - 1])
+    fraction = (at - radius_mm[right - 1]) / (radius_mm[right] - radius_mm[right - 1])
     values = np.zeros((len(at), len(radius_mm)))
     rows = np.arange(len(at))
-    values[rows, right], values[rows, right - 1] = share, 1 - share
+    values[rows, right], values[rows, right - 1] = fraction, 1 - fraction
     return values
 
 

@@ -119,8 +119,8 @@ class Spheroid:
         """Where rays from the centre to the points (r, z) of ``boundary`` leave it."""
         centre = np.array([0.0, self.centre_depth])
         rays = boundary - centre
-        share = 1 / np.hypot(rays[:, 0] / self.half_width, rays[:, 1] / self.half_height)
-        return np.asarray(centre + share[:, None] * rays)
+        fraction = 1 / np.hypot(rays[:, 0] / self.half_width, rays[:, 1] / self.half_height)
+        return np.asarray(centre + fraction[:, None] * rays)
 
 
 def mesh_around(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
@@ -137,9 +137,9 @@ def mesh_around(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *
     """
     surface = spheroid.surface(boundary)
     # Equal ratios of distance from the centre suit fields that decay with powers of it, however small the spheroid.
-    reach, size = np.linalg.norm(boundary - [0.0, spheroid.centre_depth], axis=1).max(), spheroid.size
-    distance = size * (reach / size) ** (np.arange(layers + 1) / layers)
-    fraction = refine((distance - size) / (reach - size), order)[::-1]
+    extent, size = np.linalg.norm(boundary - [0.0, spheroid.centre_depth], axis=1).max(), spheroid.size
+    distance = size * (extent / size) ** (np.arange(layers + 1) / layers)
+    fraction = refine((distance - size) / (extent - size), order)[::-1]
     nodes = surface[:, None] + fraction[None, :, None] * (boundary - surface)[:, None]
     return LayeredMesh(nodes=nodes, order=order)
 

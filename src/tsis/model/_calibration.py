@@ -137,8 +137,8 @@ class LightMap:
         """
         relative, flux_x, flux_y, growth, bend = self.undented(x_mm, y_mm)
         tilt = 1 + flux_x * np.asarray(slope_x) + flux_y * np.asarray(slope_y)
-        moved = np.asarray(displacement_mm)
-        return np.asarray(relative * np.exp((growth + bend * moved) * moved) * np.maximum(tilt, 0.0))
+        transformed = np.asarray(displacement_mm)
+        return np.asarray(relative * np.exp((growth + bend * transformed) * transformed) * np.maximum(tilt, 0.0))
 
     def undented(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[NDArray[np.float64], ...]:
         """All five fields over a grid, in the order of `FIELDS`, each (len(y_mm), len(x_mm))."""

@@ -43,8 +43,8 @@ def require_image_numbers(
     if force_n is not None:
         require_number("force_n", force_n, 0.0, 100.0, hint="newtons")
     if axis_px is not None:
-        for place in require_pair("axis_px", axis_px):
-            require_number("axis_px", place, -1e6, 1e6, hint="pixels")
+        for position in require_pair("axis_px", axis_px):
+            require_number("axis_px", position, -1e6, 1e6, hint="pixels")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

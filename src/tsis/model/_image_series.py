@@ -69,7 +69,7 @@ def require_image_series(frames: list[TactileImage]) -> list[str]:
     ImageMismatchError
         When the frames differ in shape, scale, axis or range of values.
     """
-    first, seen = frames[0], list[str]()
+    first, observed = frames[0], list[str]()
     for frame in frames:
         label = frame.name or "an image"
         if not frame.force_n:
@@ -85,10 +85,10 @@ def require_image_series(frames: list[TactileImage]) -> list[str]:
                 f"{label!r} has {frame.grey.shape} and {frame.axis_px}"
             )
         digest = grey_sha256(frame.grey)
-        if digest in seen:
+        if digest in observed:
             raise InputError(f"images must be different frames; {label!r} is given twice, which tells nothing new")
-        seen.append(digest)
-    return seen
+        observed.append(digest)
+    return observed
 
 
 def grey_sha256(grey: NDArray[np.floating[Any]]) -> str:

@@ -138,14 +138,14 @@ class Phantom:
             raise InputError(f"inclusion must be an Inclusion or None; got {self.inclusion!r}")
         if self.more_inclusions and self.inclusion is None:
             raise InputError("more_inclusions must stay empty where inclusion is None; give the first as inclusion")
-        for one in self.inclusions:
-            if one.bottom_mm >= self.thickness_mm:
+        for inclusion in self.inclusions:
+            if inclusion.bottom_mm >= self.thickness_mm:
                 raise InputError(
                     f"depth_mm + diameter_mm must be less than thickness_mm = {self.thickness_mm:g}; "
-                    f"got {one.bottom_mm:g}"
+                    f"got {inclusion.bottom_mm:g}"
                 )
-        for one, other in combinations(self.inclusions, 2):
-            _refuse_meeting(one, other)
+        for inclusion, other in combinations(self.inclusions, 2):
+            _refuse_meeting(inclusion, other)
 
     @property
     def inclusions(self) -> tuple[Inclusion, ...]:
@@ -155,20 +155,20 @@ class Phantom:
     @property
     def is_axisymmetric(self) -> bool:
         """True for plain tissue and for one sphere or spheroid around the probe's axis."""
-        return all(one.is_axisymmetric for one in self.inclusions) and not self.more_inclusions
+        return all(inclusion.is_axisymmetric for inclusion in self.inclusions) and not self.more_inclusions
 
     def without_inclusion(self) -> Phantom:
         """The same slab of plain tissue: the baseline of a press."""
         return replace(self, inclusion=None, more_inclusions=())
 
 
-def _refuse_meeting(one: Inclusion, other: Inclusion) -> None:
+def _refuse_meeting(item: Inclusion, other: Inclusion) -> None:
     """Keep apart what a mesh has to tell apart; ellipsoids count as the spheres around them."""
-    centres = np.array([[*inclusion.offset_mm, inclusion.centre_depth_mm] for inclusion in (one, other)])
-    apart = float(np.linalg.norm(centres[0] - centres[1]))
-    reach = max(one.half_axes_mm) + max(other.half_axes_mm)
-    if apart <= reach:
-        raise InputError(f"inclusions must not meet: centres at least {reach:g} mm apart; got {apart:g}")
+    centres = np.array([[*inclusion.offset_mm, inclusion.centre_depth_mm] for inclusion in (item, other)])
+    difference = float(np.linalg.norm(centres[0] - centres[1]))
+    extent = max(item.half_axes_mm) + max(other.half_axes_mm)
+    if difference <= extent:
+        raise InputError(f"inclusions must not meet: centres at least {extent:g} mm apart; got {difference:g}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,21 +239,21 @@ class Relaxation:
     times_s: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        shares, times = (
+        fractions, times = (
             require_array("shares", self.shares, ndim=1),
             require_array("times_s", self.times_s, ndim=1),
         )
-        if shares.shape != times.shape:
-            raise InputError(f"shares and times_s must have one value a term; got {shares.size} and {times.size}")
-        for share in shares.tolist():
-            require_number("shares", share, 1e-6, 0.99, hint="shares of the instantaneous modulus")
+        if fractions.shape != times.shape:
+            raise InputError(f"shares and times_s must have one value a term; got {fractions.size} and {times.size}")
+        for fraction in fractions.tolist():
+            require_number("shares", fraction, 1e-6, 0.99, hint="shares of the instantaneous modulus")
         for time in times.tolist():
             require_number("times_s", time, 1e-4, 1e6, hint="seconds")
-        if shares.sum() > 0.99:
-            raise InputError(f"shares must add up to at most 0.99, or nothing is left; got {shares.sum():g}")
+        if fractions.sum() > 0.99:
+            raise InputError(f"shares must add up to at most 0.99, or nothing is left; got {fractions.sum():g}")
         if len(set(times.tolist())) < times.size:
             raise InputError(f"times_s must all differ; got {self.times_s!r}; add the shares of equal ones")
-        object.__setattr__(self, "shares", tuple(shares.tolist()))
+        object.__setattr__(self, "shares", tuple(fractions.tolist()))
         object.__setattr__(self, "times_s", tuple(times.tolist()))
 
     @property

@@ -40,15 +40,15 @@ def interpolation_matrix(
     """
     from scipy.sparse import csr_array  # as long to load as all the rest of the model
 
-    places = np.asarray(at, dtype=float)
-    left = np.clip(np.searchsorted(knots, places, side="right") - 1, 0, len(knots) - 2)
-    part = np.clip((places - knots[left]) / (knots[left + 1] - knots[left]), 0.0, 1.0)
+    positions = np.asarray(at, dtype=float)
+    left = np.clip(np.searchsorted(knots, positions, side="right") - 1, 0, len(knots) - 2)
+    part = np.clip((positions - knots[left]) / (knots[left + 1] - knots[left]), 0.0, 1.0)
     weights = np.column_stack([1 - part, part])
     if outside == "zero":
-        weights[(places < knots[0]) | (places > knots[-1])] = 0.0
+        weights[(positions < knots[0]) | (positions > knots[-1])] = 0.0
     columns = np.column_stack([left, left + 1])
-    rows = np.arange(0, 2 * len(places) + 1, 2)
-    return csr_array((weights.ravel(), columns.ravel(), rows), shape=(len(places), len(knots)))
+    rows = np.arange(0, 2 * len(positions) + 1, 2)
+    return csr_array((weights.ravel(), columns.ravel(), rows), shape=(len(positions), len(knots)))
 
 
 MN_PER_N = 1000.0  # mechanics count in mm, kPa and so in mN
@@ -162,5 +162,5 @@ def _inside_cells(centres: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points spread over the cells around ``centres``, `CELL_SAMPLES` each, flat."""
     middles = (centres[1:] + centres[:-1]) / 2
     ends = np.concatenate([[2 * centres[0] - middles[0]], middles, [2 * centres[-1] - middles[-1]]])
-    share = (np.arange(CELL_SAMPLES) + 0.5) / CELL_SAMPLES
-    return np.asarray((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel())
+    fraction = (np.arange(CELL_SAMPLES) + 0.5) / CELL_SAMPLES
+    return np.asarray((ends[:-1, None] + np.diff(ends)[:, None] * fraction).ravel())

@@ -49,15 +49,15 @@ def _as_float(value: float | np.integer[Any] | np.floating[Any]) -> float:
         return math.inf
 
 
-def require_type(name: str, value: object, wanted: type) -> None:
-    """Refuse a value that is not of the class ``wanted``."""
-    if not isinstance(value, wanted):
-        raise InputError(f"{name} must be a {wanted.__name__}; got {value!r:.80}")
+def require_type(name: str, value: object, requested: type) -> None:
+    """Refuse a value that is not of the class ``requested``."""
+    if not isinstance(value, requested):
+        raise InputError(f"{name} must be a {requested.__name__}; got {value!r:.80}")
 
 
 def require_pair(name: str, value: Any) -> tuple[float, float]:
     """Return ``value`` as two finite numbers."""
-    if type(value) is tuple and len(value) == 2 and all(type(each) is float and math.isfinite(each) for each in value):
+    if type(value) is tuple and len(value) == 2 and all(type(item) is float and math.isfinite(item) for item in value):
         return value  # as every press of a store has it
     result = require_array(name, value, ndim=1)
     if result.shape != (2,):

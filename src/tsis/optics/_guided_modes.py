@@ -96,7 +96,7 @@ class GuidedModes:
             raise InputError(f"mode must be one of none: nothing is guided; got {mode!r}")
         number = require_integer("mode", mode, 0, len(self) - 1)
         some = nearly_degenerate(self.anchor, self.offset, self._q(number).max(), number)
-        q = np.array([self._q(one) for one in range(some.start, some.stop)])
+        q = np.array([self._q(index) for index in range(some.start, some.stop)])
         return mode_field(self.layers, self.n_eff[some], q, number - some.start)
 
     def _q(self, mode: int) -> NDArray[np.float64]:
@@ -179,7 +179,7 @@ def _intervals_of_modes(layers: SlabLayers) -> Iterator[tuple[NDArray[np.float64
         half = (upper - lower) * (upper + lower) / 2
         for anchor, low, high in ((upper, -half, 0.0), (lower, 0.0, half)):
             last = max(first, layers.modes_above(anchor, low))
-            found = np.empty(last - first)
-            mode_roots(*layers.at(anchor), low, high, layers.core, first, found)
-            yield np.full_like(found, anchor), found
+            result = np.empty(last - first)
+            mode_roots(*layers.at(anchor), low, high, layers.core, first, result)
+            yield np.full_like(result, anchor), result
             first = last

@@ -66,9 +66,9 @@ def cross_sections(images: Sequence[TactileImage], ax: Axes) -> Axes:
     if not images or any(force is None for force in forces):
         raise InputError("images must hold frames that know their force_n; got some without")
     row, column = np.unravel_index(int(images[-1].grey.argmax()), images[-1].grey.shape)
-    place_mm = np.asarray((np.arange(images[-1].grey.shape[1]) - column) * images[-1].scale()[0], dtype=np.float64)
+    position_mm = np.asarray((np.arange(images[-1].grey.shape[1]) - column) * images[-1].scale()[0], dtype=np.float64)
     return contact_rows(
-        place_mm, np.array([image.grey[row] for image in images]), np.array(forces, dtype=np.float64), ax
+        position_mm, np.array([image.grey[row] for image in images]), np.array(forces, dtype=np.float64), ax
     )
 
 
@@ -88,7 +88,7 @@ def force_sums(loadings: Sequence[Loading], line: ForceLine, ax: Axes) -> Axes:
         _presses(loading, loading.total_grey / MILLION, ax, colour)
     force = np.linspace(line.least_n, line.most_n, BAND_POINTS)
     slope, intercept = line.slope_grey_per_n.value, line.intercept_grey.value
-    ends = np.array([line.uncertain(float(one)).interval() for one in force])
+    ends = np.array([line.uncertain(float(item)).interval() for item in force])
     ax.plot(force, (intercept + slope * force) / MILLION, color="black", linewidth=0.8)
     low, high = ((intercept + slope * end) / MILLION for end in ends.T)
     ax.fill_between(force, low, high, color="black", alpha=0.12, linewidth=0, label="95 % of new frames")
@@ -135,8 +135,8 @@ def hysteresis_loops(loadings: Sequence[Loading], ax: Axes) -> Axes:
 
 def _coloured(loadings: Sequence[Loading]) -> list[tuple[Loading, str]]:
     """Loadings with one colour a tip."""
-    tips = sorted({one.tip_radius_mm for one in loadings})
-    return [(one, COLOURS[tips.index(one.tip_radius_mm) % len(COLOURS)]) for one in loadings]
+    tips = sorted({loading.tip_radius_mm for loading in loadings})
+    return [(loading, COLOURS[tips.index(loading.tip_radius_mm) % len(COLOURS)]) for loading in loadings]
 
 
 def _presses(loading: Loading, values: NDArray[np.float64], ax: Axes, colour: str) -> None:
@@ -156,7 +156,7 @@ DOT, LATTICE, MISS, STRAY = "#0072b2", "0.75", "#d55e00", "#cc79a7"  # told apar
 
 
 def dot_board(
-    found: DotDiagnostics,
+    dot_diagnostics: DotDiagnostics,
     ax: Axes,
     *,
     image: TactileImage | None = None,
@@ -167,7 +167,7 @@ def dot_board(
 
     Parameters
     ----------
-    found
+    dot_diagnostics
         What `scale_from_dots` found beside the scale.
     ax
         Where to draw; image coordinates in pixels, y downwards.
@@ -185,16 +185,16 @@ def dot_board(
     """
     if image is not None:
         ax.imshow(image.grey, cmap="gray", interpolation="antialiased")
-    places = found.centres_px
-    steps = _steps(found)
+    positions = dot_diagnostics.centres_px
+    steps = _steps(dot_diagnostics)
     ax.plot(*_broken_lines(steps), color=LATTICE, linewidth=0.8, label="lattice")
-    ax.plot(*places.T, "o", color=DOT, markersize=3, label=f"dots ({len(places)})")
-    factor = _magnification(found, steps) if magnified is None else magnified
-    tips = places + factor * found.residuals_px
+    ax.plot(*positions.T, "o", color=DOT, markersize=3, label=f"dots ({len(positions)})")
+    factor = _magnification(dot_diagnostics, steps) if magnified is None else magnified
+    tips = positions + factor * dot_diagnostics.residuals_px
     label = f"residuals, {factor:.0f} times"
-    ax.plot(*_broken_lines(np.stack([places, tips], axis=1)), color=MISS, linewidth=1.4, label=label)
-    if len(found.strays_px):
-        ax.plot(*found.strays_px.T, "x", color=STRAY, label=f"no dots ({len(found.strays_px)})")
+    ax.plot(*_broken_lines(np.stack([positions, tips], axis=1)), color=MISS, linewidth=1.4, label=label)
+    if len(dot_diagnostics.strays_px):
+        ax.plot(*dot_diagnostics.strays_px.T, "x", color=STRAY, label=f"no dots ({len(dot_diagnostics.strays_px)})")
     if scale is not None:
         ax.plot(*scale.at_px, "+", color="black", markersize=12, label="the scale's place")
         ax.set_title(", ".join(f"{axis}: {size}" for axis, size in zip("xy", _sizes(scale), strict=True)), fontsize=9)
@@ -209,12 +209,15 @@ def _sizes(scale: PixelScale) -> list[str]:
     return [f"{size.value:.5f} ± {size.sd:.5f} mm/px" for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y)]
 
 
-def _steps(found: DotDiagnostics) -> NDArray[np.float64]:
+def _steps(dot_diagnostics: DotDiagnostics) -> NDArray[np.float64]:
     """Ends of the lines between neighbours, shape (lines, 2, 2), pixels."""
-    place_of = {(round(i), round(j)): place for (i, j), place in zip(found.cells, found.centres_px, strict=True)}
+    place_of = {
+        (round(i), round(j)): centre_px
+        for (i, j), centre_px in zip(dot_diagnostics.cells, dot_diagnostics.centres_px, strict=True)
+    }
     ends = [
-        (place, place_of[other])
-        for (i, j), place in place_of.items()
+        (position, place_of[other])
+        for (i, j), position in place_of.items()
         for other in ((i + 1, j), (i, j + 1))
         if other in place_of
     ]
@@ -227,8 +230,8 @@ def _broken_lines(ends: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([ends, gap], axis=1).reshape(-1, 2).T
 
 
-def _magnification(found: DotDiagnostics, steps: NDArray[np.float64]) -> float:
-    longest = float(np.linalg.norm(found.residuals_px, axis=1).max())
+def _magnification(dot_diagnostics: DotDiagnostics, steps: NDArray[np.float64]) -> float:
+    longest = float(np.linalg.norm(dot_diagnostics.residuals_px, axis=1).max())
     if longest == 0.0 or not len(steps):
         return 1.0
     distance = float(np.median(np.linalg.norm(steps[:, 1] - steps[:, 0], axis=1)))

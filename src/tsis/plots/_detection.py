@@ -43,14 +43,14 @@ def roc_curve(curve: Roc, ax: Axes, *, label: str = "", counts: Counts | None = 
         linewidth=1.8, clip_on=False,
     )  # fmt: skip
     if counts is not None:
-        found, false = counts.sensitivity, 1 - counts.specificity.value
-        low, high = found.interval()
+        result, false = counts.sensitivity, 1 - counts.specificity.value
+        low, high = result.interval()
         least, most = counts.specificity.interval()
         ax.errorbar(
             false,
-            found.value,
+            result.value,
             xerr=[[max(false - (1 - most), 0.0)], [max(1 - least - false, 0.0)]],
-            yerr=[[max(found.value - low, 0.0)], [max(high - found.value, 0.0)]],
+            yerr=[[max(result.value - low, 0.0)], [max(high - result.value, 0.0)]],
             fmt="o",
             color=colour,
             markersize=6,
@@ -77,10 +77,10 @@ def scores_by_truth(scores: ArrayLike, present: ArrayLike, ax: Axes, *, threshol
         Drawn as a line.
     """
     values, truth = np.asarray(scores, dtype=float), np.asarray(present, dtype=bool)
-    for place, (kind, colour) in enumerate(((False, GREY), (True, BLUE))):
+    for index, (kind, colour) in enumerate(((False, GREY), (True, BLUE))):
         own = np.sort(values[truth == kind])
         beside = 0.5 * (np.arange(len(own)) / max(len(own) - 1, 1) - 0.5)
-        ax.plot(place + beside, own, "o", color=colour, markersize=5, alpha=0.8, clip_on=False)
+        ax.plot(index + beside, own, "o", color=colour, markersize=5, alpha=0.8, clip_on=False)
     ax.axhline(threshold, color=WARM, linestyle="--", linewidth=1.2, label=f"threshold {threshold:g}")
     ax.set(xlim=(-0.5, 1.5), ylabel="score")
     ax.set_xticks([0, 1], ["blank", "inclusion"])
@@ -101,40 +101,40 @@ def reliability_diagram(curve: ReliabilityCurve, ax: Axes) -> Axes:
         Where to draw.
     """
     ax.plot([0, 1], [0, 1], color="0.75", linewidth=1)
-    said = np.array([one.probability for one in curve.bins])
-    seen = np.array([one.observed.value for one in curve.bins])
-    ends = np.array([tuple(one.observed.interval()) for one in curve.bins])
-    errors = np.maximum([seen - ends[:, 0], ends[:, 1] - seen], 0.0)
-    ax.errorbar(said, seen, yerr=errors, fmt="o-", color=BLUE, capsize=3, linewidth=1.2, clip_on=False)
-    for one, x, y in zip(curve.bins, said, seen, strict=True):
+    message = np.array([item.probability for item in curve.bins])
+    observed = np.array([item.observed.value for item in curve.bins])
+    ends = np.array([tuple(item.observed.interval()) for item in curve.bins])
+    errors = np.maximum([observed - ends[:, 0], ends[:, 1] - observed], 0.0)
+    ax.errorbar(message, observed, yerr=errors, fmt="o-", color=BLUE, capsize=3, linewidth=1.2, clip_on=False)
+    for item, x, y in zip(curve.bins, message, observed, strict=True):
         above = y < 0.5  # inside the frame
         ax.annotate(
-            str(one.observed.trials), (x, y), xytext=(5, 5 if above else -11), textcoords="offset points", fontsize=7.5
+            str(item.observed.trials), (x, y), xytext=(5, 5 if above else -11), textcoords="offset points", fontsize=7.5
         )
     ax.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="probability that was said", ylabel="share with an inclusion")
     ax.set_aspect("equal")
     return ax
 
 
-def found_by_place(diameter_mm: ArrayLike, depth_mm: ArrayLike, found: Sequence[bool | None], ax: Axes) -> Axes:
+def found_by_place(diameter_mm: ArrayLike, depth_mm: ArrayLike, result: Sequence[bool | None], ax: Axes) -> Axes:
     """Inclusions over size and depth, deep ones below: found, missed and undecided.
 
     Parameters
     ----------
     diameter_mm, depth_mm
         Shape (inclusions,).
-    found
+    result
         Whether it was found; None where nothing was decided.
     ax
         Where to draw.
     """
     size, depth = np.asarray(diameter_mm, dtype=float), np.asarray(depth_mm, dtype=float)
-    for answer, marker, colour, label in (
+    for response, marker, colour, label in (
         (True, "o", BLUE, "found"),
         (False, "X", WARM, "missed"),
         (None, "s", GREY, "undecided"),
     ):
-        own = np.array([each is answer for each in found], dtype=bool)
+        own = np.array([item is response for item in result], dtype=bool)
         if own.any():
             ax.plot(size[own], depth[own], marker, color=colour, label=label, markersize=7, alpha=0.85)
     ax.set(xlabel="diameter / mm", ylabel="depth / mm")
@@ -159,34 +159,34 @@ def read_over_true(true: ArrayLike, read: ArrayLike, ax: Axes, *, label: str, er
     errors
         Distances of both ends of an interval from the reading, shape (2, targets).
     """
-    known, said = np.asarray(true, dtype=float), np.asarray(read, dtype=float)
-    both = np.concatenate([known, said])
+    given, message = np.asarray(true, dtype=float), np.asarray(read, dtype=float)
+    both = np.concatenate([given, message])
     room = 0.05 * float(np.ptp(both) or 1.0)
     ends = float(both.min()) - room, float(both.max()) + room
     ax.plot(ends, ends, color="0.75", linewidth=1)
     if errors is not None:
-        ax.errorbar(known, said, yerr=errors, fmt="none", color="0.65", linewidth=0.8)
-    ax.plot(known, said, "o", color=BLUE, markersize=5, alpha=0.85)
+        ax.errorbar(given, message, yerr=errors, fmt="none", color="0.65", linewidth=0.8)
+    ax.plot(given, message, "o", color=BLUE, markersize=5, alpha=0.85)
     ax.set(xlabel=f"true {label}", ylabel=f"read {label}")
     return ax
 
 
-def agreement_limits(found: BlandAltman, ax: Axes, *, label: str) -> Axes:
+def agreement_limits(bland_altman: BlandAltman, ax: Axes, *, label: str) -> Axes:
     """Differences over means of two ways to measure, with the bias and both limits of agreement.
 
     Parameters
     ----------
-    found
+    bland_altman
         The comparison.
     ax
         Where to draw.
     label
         Name and unit of the quantity.
     """
-    ax.plot(found.means, found.differences, "o", color=BLUE, markersize=5, alpha=0.85)
+    ax.plot(bland_altman.means, bland_altman.differences, "o", color=BLUE, markersize=5, alpha=0.85)
     ax.axhline(0.0, color="0.75", linewidth=1)
-    ax.axhline(found.bias, color=WARM, linewidth=1.2, label="bias")
-    for limit in found.limits():
+    ax.axhline(bland_altman.bias, color=WARM, linewidth=1.2, label="bias")
+    for limit in bland_altman.limits():
         ax.axhline(limit, color=WARM, linewidth=1.2, linestyle="--")
     ax.set(xlabel=f"mean {label}", ylabel=f"difference of {label}")
     return ax
@@ -195,7 +195,7 @@ def agreement_limits(found: BlandAltman, ax: Axes, *, label: str) -> Axes:
 FACE, REACH, WAY, WORST = "#999999", "#0072b2", "#333333", "#d55e00"  # told apart without red-green vision
 
 
-def draw_scan_plan(plan: ScanPlan, ax: Axes, *, reach_mm: float | None = None) -> Axes:
+def draw_scan_plan(plan: ScanPlan, ax: Axes, *, extent_mm: float | None = None) -> Axes:
     """Draw the area, the face at each press, the way between presses, and a place that is farthest from any press.
 
     Parameters
@@ -204,19 +204,19 @@ def draw_scan_plan(plan: ScanPlan, ax: Axes, *, reach_mm: float | None = None) -
         Where is pressed.
     ax
         Where to draw; both axes get one scale.
-    reach_mm
+    extent_mm
         How far beside a press an inclusion is found; discs of that radius are filled.
     """
-    places = plan.positions_mm
-    if reach_mm is not None and reach_mm > 0:
-        _discs(plan, ax, reach_mm, facecolor=REACH, alpha=0.25)
-        ax.plot([], [], "o", color=REACH, alpha=0.25, label=f"within {reach_mm:.3g} mm of a press")
+    positions = plan.positions_mm
+    if extent_mm is not None and extent_mm > 0:
+        _discs(plan, ax, extent_mm, facecolor=REACH, alpha=0.25)
+        ax.plot([], [], "o", color=REACH, alpha=0.25, label=f"within {extent_mm:.3g} mm of a press")
     _discs(plan, ax, plan.radius_mm, facecolor="none", edgecolor=FACE, linewidth=0.6)
     ax.plot([], [], "o", color=FACE, markerfacecolor="none", label="face of the probe")
     ax.add_patch(Rectangle((0.0, 0.0), plan.width_mm, plan.height_mm, fill=False, linewidth=1.5, label="area"))
-    ax.plot(*places.T, "-", color=WAY, linewidth=0.8, marker=".", markersize=4, label="way of the presses")
-    ax.plot(*places[0], "o", color=WAY, markersize=6, label="first press")
-    at = places[0] + (plan.strip_spacing_mm / 2, plan.press_spacing_mm / 2)
+    ax.plot(*positions.T, "-", color=WAY, linewidth=0.8, marker=".", markersize=4, label="way of the presses")
+    ax.plot(*positions[0], "o", color=WAY, markersize=6, label="first press")
+    at = positions[0] + (plan.strip_spacing_mm / 2, plan.press_spacing_mm / 2)
     farthest = f"farthest from any press, {plan.worst_distance_mm:.3g} mm"
     ax.plot(*at, "x", color=WORST, markersize=8, markeredgewidth=2, label=farthest)
     margin = max(plan.radius_mm, *plan.overhang_mm, 1.0)
@@ -230,10 +230,10 @@ def draw_scan_plan(plan: ScanPlan, ax: Axes, *, reach_mm: float | None = None) -
     return ax
 
 
-def _discs(plan: ScanPlan, ax: Axes, radius_mm: float, **look: object) -> None:
+def _discs(plan: ScanPlan, ax: Axes, radius_mm: float, **view: object) -> None:
     """A disc around each press, all of them one artist, of which legends know nothing: a plan may have thousands."""
     size = [2 * radius_mm]
     discs = EllipseCollection(
-        size, size, [0.0], units="xy", offsets=plan.positions_mm, transOffset=ax.transData, **look
+        size, size, [0.0], units="xy", offsets=plan.positions_mm, transOffset=ax.transData, **view
     )  # fmt: skip
     ax.add_collection(discs)

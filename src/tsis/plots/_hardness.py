@@ -58,13 +58,13 @@ def contact_growth(estimate: Estimate, ax: Axes, *, table: ContactTable) -> Axes
     forces = np.array([press["force_n"] for press in presses])
     radii = np.array([press["seen"]["radius_mm"] for press in presses])
     ax.plot(forces, radii, "o", color=TRUTH, label="frames")
-    known = estimate.provenance["radius"]["radius_mm"]
-    if known is not None:
+    given = estimate.provenance["radius"]["radius_mm"]
+    if given is not None:
         poisson = float(np.mean(estimate.provenance["prior"]["poisson"]))
         along = np.linspace(0.5 * forces.min(), 1.1 * forces.max(), CURVE_POINTS)
         low, high = estimate.interval(0.9)["young_kpa"]
         soft, middle, stiff = (
-            np.exp(table.log_radius(young, poisson, known, along)) for young in (low, estimate.mean["young_kpa"], high)
+            np.exp(table.log_radius(young, poisson, given, along)) for young in (low, estimate.mean["young_kpa"], high)
         )
         ax.plot(along, middle, color=POSTERIOR, label=f"sphere of {estimate.mean['young_kpa']:.3g} kPa")
         ax.fill_between(along, stiff, soft, color=POSTERIOR, alpha=0.15, label="90 % interval")
@@ -96,8 +96,8 @@ def contact_rows(
     """
     named = set(np.linspace(0, len(force_n) - 1, min(LABELLED, len(force_n))).round().astype(int).tolist())
     shades = colormaps["viridis"](np.linspace(0.0, 0.9, len(force_n)))
-    for place, (row, force, shade) in enumerate(zip(rows, force_n, shades, strict=True)):
-        ax.plot(row_mm, row, color=shade, linewidth=1, label=f"{force:g} N" if place in named else None)
+    for index, (row, force, shade) in enumerate(zip(rows, force_n, shades, strict=True)):
+        ax.plot(row_mm, row, color=shade, linewidth=1, label=f"{force:g} N" if index in named else None)
     ax.set(xlabel="x / mm", ylabel="grey level")
     ax.grid(visible=True, alpha=0.3)
     ax.legend(frameon=False)
@@ -134,7 +134,7 @@ def modulus_readings(
 
 
 def strain_over_depth(
-    depth_mm_per_grey: NDArray[np.float64], answers: list[PrintedHardness], ax: Axes, *, truth_kpa: float, label: str
+    depth_mm_per_grey: NDArray[np.float64], responses: list[PrintedHardness], ax: Axes, *, truth_kpa: float, label: str
 ) -> Axes:
     """Draw the mean strain of the printed pipeline over the depth of a grey level, and the strain that E would need.
 
@@ -142,7 +142,7 @@ def strain_over_depth(
     ----------
     depth_mm_per_grey
         Depths that a grey level was taken for, mm, shape (n,).
-    answers
+    responses
         What they gave, as many.
     ax
         Where to draw.
@@ -151,8 +151,10 @@ def strain_over_depth(
     label
         Of the object.
     """
-    (drawn,) = ax.plot(depth_mm_per_grey, [abs(one.mean_strain) for one in answers], "o-", markersize=4, label=label)
-    needed = float(np.mean([one.stress_kpa for one in answers])) / truth_kpa
+    (drawn,) = ax.plot(
+        depth_mm_per_grey, [abs(item.mean_strain) for item in responses], "o-", markersize=4, label=label
+    )
+    needed = float(np.mean([item.stress_kpa for item in responses])) / truth_kpa
     ax.axhline(needed, color=drawn.get_color(), linestyle="--", linewidth=1, label=f"{label}: stress / E")
     highest = max(float(ax.dataLim.y1), needed)
     ax.set(xscale="log", xlabel="depth of a grey level / mm", ylabel="mean strain", ylim=(0.0, 1.1 * highest))

@@ -21,7 +21,7 @@ def tactile_image(
     image: TactileImage,
     ax: Axes,
     *,
-    found: Features | None = None,
+    features: Features | None = None,
     low: float | None = None,
     high: float | None = None,
     label: str = "grey level",
@@ -36,7 +36,7 @@ def tactile_image(
         A frame or a signal.
     ax
         Where to draw.
-    found
+    features
         Features of the image, for outline and centroid.
     low, high
         Grey levels of the colour map's ends; the image's range when None.
@@ -56,11 +56,11 @@ def tactile_image(
         ax.set(xlabel="x / px", ylabel="y / px")
     else:
         _scale_bar(ax, ink, width_mm=columns * sx, height_mm=rows * sy)
-    if found is not None and found.contact:
-        outline = found.patch.contour_px
+    if features is not None and features.contact:
+        outline = features.patch.contour_px
         ax.plot(outline[:, 0] * sx, outline[:, 1] * sy, color=ink, linewidth=1.0)
-        if found.centroid_px is not None:
-            ax.plot(found.centroid_px[0] * sx, found.centroid_px[1] * sy, "+", color=ink, markersize=12)
+        if features.centroid_px is not None:
+            ax.plot(features.centroid_px[0] * sx, features.centroid_px[1] * sy, "+", color=ink, markersize=12)
     return ax
 
 
@@ -89,8 +89,10 @@ def relief(surface: HeightSurface, ax: Axes3D, *, unit: str = "mm", label: str =
 
 def ring_profile(profile: RadialProfile, ax: Axes, *, label: str = "", marker: str = "o") -> Axes:
     """Draw the mean grey level of each ring; rings without pixels are left out."""
-    seen = profile.count > 0
-    ax.plot(profile.radius_mm[seen], profile.mean_grey[seen], marker=marker, markersize=3, linewidth=1, label=label)
+    observed = profile.count > 0
+    ax.plot(
+        profile.radius_mm[observed], profile.mean_grey[observed], marker=marker, markersize=3, linewidth=1, label=label
+    )
     ax.set(xlabel="radius / mm", ylabel="mean grey level")
     ax.grid(visible=True, alpha=0.3)
     return ax

@@ -49,7 +49,7 @@ def point_sets(
         What the legend calls them.
     """
     first, second = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
-    rows, others = (np.arange(0, len(each), -(-len(each) // MOST_DRAWN)) for each in (first, second))
+    rows, others = (np.arange(0, len(item), -(-len(item) // MOST_DRAWN)) for item in (first, second))
     surface: Any = ax  # axes in space take three coordinates, which the declared class does not know
     size = LARGE if max(len(first), len(second)) <= FEW else SMALL
     if matches is not None:
@@ -99,15 +99,15 @@ def curves_over_levels(
         Of the error, where it has one.
     """
     styles = zip(itertools.cycle(CURVE_COLOURS), itertools.cycle(CURVE_MARKS), strict=False)
-    methods = dict.fromkeys(each.method for each in summaries)
+    methods = dict.fromkeys(summary.method for summary in summaries)
     for order, (method, (colour, mark)) in enumerate(zip(methods, styles, strict=False)):
-        own = [each for each in summaries if each.method == method]
-        place = [positions[each.level] for each in own]
+        own = [summary for summary in summaries if summary.method == method]
+        position = [positions[item.level] for item in own]
         line = "-" if order < len(CURVE_COLOURS) else "--"
-        middle = [each.median if quantity == "error" else getattr(each, quantity) for each in own]
-        ax.plot(place, middle, line, color=colour, marker=mark, markersize=4, linewidth=1.2, label=method)
+        middle = [item.median if quantity == "error" else getattr(item, quantity) for item in own]
+        ax.plot(position, middle, line, color=colour, marker=mark, markersize=4, linewidth=1.2, label=method)
         if quantity == "error":
-            ax.plot(place, [each.mean for each in own], mark, color=colour, markerfacecolor="none", markersize=8)
+            ax.plot(position, [item.mean for item in own], mark, color=colour, markerfacecolor="none", markersize=8)
     ending = f" / {unit}" if unit and quantity == "error" else ""
     label = "RMS error: median (line), mean (open mark)" if quantity == "error" else NAMES[quantity]
     ax.set(xlabel=level_label, ylabel=label + ending)

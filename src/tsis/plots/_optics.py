@@ -155,11 +155,11 @@ def ray_picture(
         A press around the axis, whose dent is drawn.
     """
     first = np.radians(next(led.azimuth_deg for led in probe.leds if led.power > 0))
-    across = np.linspace(-probe.radius_mm, probe.radius_mm, 241)
-    face = probe.sag_mm(np.abs(across))
+    span = np.linspace(-probe.radius_mm, probe.radius_mm, 241)
+    face = probe.sag_mm(np.abs(span))
     if pressed is not None:
-        face = face + np.interp(np.abs(across), pressed.radius_mm, pressed.face_displacement_mm)
-    _draw_layers(probe, across, face, ax)
+        face = face + np.interp(np.abs(span), pressed.radius_mm, pressed.face_displacement_mm)
+    _draw_layers(probe, span, face, ax)
     for led in probe.leds:
         side = np.cos(np.radians(led.azimuth_deg) - first)
         if led.power > 0 and abs(side) > 0.99:
@@ -171,42 +171,42 @@ def ray_picture(
         along = np.column_stack([path[:, 0] * np.cos(first) + path[:, 1] * np.sin(first), path[:, 2]])
         legs = np.stack([along[:-1], along[1:]], axis=1)
         power = path[:-1, 3] / path[0, 3]
-        seen = power > FAINTEST
-        colours = [(*_rgb(RAY_COLOUR), 0.15 + 0.75 * float(share)) for share in power[seen]]
-        ax.add_collection(LineCollection(list(legs[seen]), colors=colours, linewidths=0.8, zorder=3))
-    reach = probe.radius_mm + 2 * LAMP_DEPTH_MM
-    ax.set(xlim=(-reach, reach), ylim=(-1.0, probe.thickness_mm + probe.glass.thickness_mm + 1.0))
+        observed = power > FAINTEST
+        colours = [(*_rgb(RAY_COLOUR), 0.15 + 0.75 * float(fraction)) for fraction in power[observed]]
+        ax.add_collection(LineCollection(list(legs[observed]), colors=colours, linewidths=0.8, zorder=3))
+    extent = probe.radius_mm + 2 * LAMP_DEPTH_MM
+    ax.set(xlim=(-extent, extent), ylim=(-1.0, probe.thickness_mm + probe.glass.thickness_mm + 1.0))
     ax.set(xlabel="distance from the axis / mm", ylabel="height above the face / mm", aspect="equal")
     return ax
 
 
-def _draw_layers(probe: Probe, across: NDArray[np.float64], face: NDArray[np.float64], ax: Axes) -> None:
+def _draw_layers(probe: Probe, span: NDArray[np.float64], face: NDArray[np.float64], ax: Axes) -> None:
     thickness, level = probe.thickness_mm, 0.0
     for number, layer in enumerate(probe.layers):
         lower = face + level / thickness * (thickness - face)
         level += layer.thickness_mm
         upper = face + level / thickness * (thickness - face)
-        outline = np.concatenate([np.column_stack([across, lower]), np.column_stack([across, upper])[::-1]])
+        outline = np.concatenate([np.column_stack([span, lower]), np.column_stack([span, upper])[::-1]])
         colour = LAYER_COLOURS[number % len(LAYER_COLOURS)]
         ax.add_patch(Polygon(outline, facecolor=colour, edgecolor="white", linewidth=0.5))
-        middle = float((lower + upper)[len(across) // 2] / 2)
+        middle = float((lower + upper)[len(span) // 2] / 2)
         ax.text(-0.97 * probe.radius_mm, middle, f"n = {layer.refractive_index:g}", **LABEL)
     glass = probe.glass
     ax.add_patch(Rectangle((-probe.radius_mm, thickness), 2 * probe.radius_mm, glass.thickness_mm, color=GLASS_COLOUR))
     label = f"glass, n = {glass.refractive_index:g}"
     ax.text(-0.97 * probe.radius_mm, thickness + glass.thickness_mm / 2, label, **LABEL)
-    ax.plot(across, face, color=FACE_COLOUR, linewidth=1.5, zorder=5)
+    ax.plot(span, face, color=FACE_COLOUR, linewidth=1.5, zorder=5)
 
 
-def light_on_face(found: TracedLight, ax: Axes, *, what: str = "arriving") -> Axes:
+def light_on_face(traced_light: TracedLight, ax: Axes, *, what: str = "arriving") -> Axes:
     """Draw a map of light on the face in millionths of what the lamps send out, per mm².
 
     ``what`` is ``"arriving"``, ``"lost"`` or ``"coupled"``.
     """
-    size = float(found.x_mm[1] - found.x_mm[0])
-    radius = float(found.x_mm[-1]) + size / 2
-    values = getattr(found, what) / size**2 * 1e6
-    inside = np.hypot(found.x_mm, found.y_mm[:, None]) <= radius
+    size = float(traced_light.x_mm[1] - traced_light.x_mm[0])
+    radius = float(traced_light.x_mm[-1]) + size / 2
+    values = getattr(traced_light, what) / size**2 * 1e6
+    inside = np.hypot(traced_light.x_mm, traced_light.y_mm[:, None]) <= radius
     shown = ax.imshow(
         np.where(inside, values, np.nan),
         extent=(-radius, radius, radius, -radius),

@@ -39,16 +39,16 @@ def repeated_readings(
     label
         What the legend calls the readings.
     """
-    place = np.arange(len(targets), dtype=float)
+    position = np.arange(len(targets), dtype=float)
     shift = 0.0 if printed_mean is None else APART
-    means, deviations = [each.mean for each in targets], [each.sd for each in targets]
-    ax.errorbar(place - shift, means, yerr=np.nan_to_num(deviations), fmt="o", capsize=5, color=HERE, label=label)
+    means, deviations = [target.mean for target in targets], [target.sd for target in targets]
+    ax.errorbar(position - shift, means, yerr=np.nan_to_num(deviations), fmt="o", capsize=5, color=HERE, label=label)
     if printed_mean is not None:
         bars = [sd or 0.0 for sd in printed_sd or [None] * len(targets)]
-        ax.errorbar(place + shift, printed_mean, yerr=bars, fmt="s", capsize=5, color=PRINTED, label="printed")
+        ax.errorbar(position + shift, printed_mean, yerr=bars, fmt="s", capsize=5, color=PRINTED, label="printed")
     reading = targets[0].readings[0]
     ax.set(xlim=(-0.5, len(targets) - 0.5), ylabel=f"{reading.quantity} / {reading.unit}")
-    ax.set_xticks(place, [each.label for each in targets])
+    ax.set_xticks(position, [target.label for target in targets])
     ax.set_ylim(bottom=0.0)
     ax.grid(visible=True, axis="y", alpha=0.3)
     return ax

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 DIGITS = 12
 
 
-def pseudonym(dossier: TargetRecord) -> str:
+def pseudonym(record: TargetRecord) -> str:
     """The same for a target of a store for ever; without the store's secret nobody gets from it to the target.
 
     Examples
@@ -34,12 +34,12 @@ def pseudonym(dossier: TargetRecord) -> str:
     >>> pseudonym(TargetRecord(target=target, presses=(), read={}.__getitem__, secret="5a" * 32))
     'TSIS-077785083242'
     """
-    return "TSIS-" + hidden(dossier, "pseudonym", dossier.target.id)[:DIGITS].upper()
+    return "TSIS-" + hidden(record, "pseudonym", record.target.id)[:DIGITS].upper()
 
 
-def hidden(dossier: TargetRecord, what: str, identity: str) -> str:
+def hidden(record: TargetRecord, what: str, identity: str) -> str:
     """What stands for an identity in a de-identified export: as lasting, and as hidden, as the pseudonym."""
-    return derived(dossier.secret, what, identity)[:32]
+    return derived(record.secret, what, identity)[:32]
 
 
 def shown_identity(target: Target) -> str:
@@ -47,8 +47,8 @@ def shown_identity(target: Target) -> str:
 
     The identity itself stays in the store, and in what is handed from store to store.
     """
-    apart = hashlib.sha256(f"tsis target {target.id}".encode()).hexdigest()[:8]
-    return f"{target.kind}-{target.number:05d}-{apart}"
+    difference = hashlib.sha256(f"tsis target {target.id}".encode()).hexdigest()[:8]
+    return f"{target.kind}-{target.number:05d}-{difference}"
 
 
 CAMERA = "a camera"
@@ -56,26 +56,26 @@ DAMAGED = "a stored file is not as it was stored (tsis records verify says which
 CAMERA_SOURCES = ("virtual", "virtual loading machine")  # of frames that this program simulated
 
 
-def deidentified(dossier: TargetRecord) -> TargetRecord:
+def deidentified(record: TargetRecord) -> TargetRecord:
     """The same without what may identify.
 
     Target, presses and estimates have other identities, which follow from the secret of the store; that of the target
     is the pseudonym. Labels, names of frames, notes, settings and true values are gone. A probe keeps its name where it
     is in the catalog, a flag where it is one that this program raises. Sentences are made anew from the numbers.
     """
-    probes = _neutral_probes(_probes_named(dossier))
-    numbers = {press.name: number for number, press in enumerate(dossier.presses, 1) if press.name}
-    target = pseudonym(dossier)
+    probes = _neutral_probes(_probes_named(record))
+    numbers = {press.name: number for number, press in enumerate(record.presses, 1) if press.name}
+    target = pseudonym(record)
     calibrations = {
-        cited: _calibration(known, f"{CALIBRATION} {number}", probes)
-        for number, (cited, known) in enumerate(sorted(dossier.calibrations.items()), 1)
+        cited: _calibration(calibration, f"{CALIBRATION} {number}", probes)
+        for number, (cited, calibration) in enumerate(sorted(record.calibrations.items()), 1)
     }
     return replace(
-        dossier,
-        target=replace(dossier.target, id=target, name="", note="", truth={}),
-        damaged=(DAMAGED,) if dossier.damaged else (),
-        presses=tuple(_press(dossier, press, probes, target) for press in dossier.presses),
-        estimates=tuple(_stored(dossier, each, probes, numbers, target) for each in dossier.estimates),
+        record,
+        target=replace(record.target, id=target, name="", note="", truth={}),
+        damaged=(DAMAGED,) if record.damaged else (),
+        presses=tuple(_press(record, press, probes, target) for press in record.presses),
+        estimates=tuple(_stored(record, estimate, probes, numbers, target) for estimate in record.estimates),
         calibrations=calibrations,
     )
 
@@ -89,24 +89,24 @@ def from_camera(press: StoredPress) -> bool:
     return (bool(settings.get("camera")) and "format" not in settings) or settings.get("source") in CAMERA_SOURCES
 
 
-def _probes_named(dossier: TargetRecord) -> Iterable[str]:
-    yield from (press.probe for press in dossier.presses)
-    yield from (stored.probe for stored in dossier.estimates)
-    for _, known in sorted(dossier.calibrations.items()):
-        yield known.probe
-        if known.response is not None:
-            yield known.response.probe
+def _probes_named(record: TargetRecord) -> Iterable[str]:
+    yield from (press.probe for press in record.presses)
+    yield from (stored.probe for stored in record.estimates)
+    for _, calibration in sorted(record.calibrations.items()):
+        yield calibration.probe
+        if calibration.response is not None:
+            yield calibration.response.probe
 
 
 def _neutral_probes(names: Iterable[str]) -> dict[str, str]:
     """What each probe is called: by its name in the catalog, or by a number in the order in which they occur."""
-    known = {"", *list_probes()}
-    others = [name for name in dict.fromkeys(names) if name not in known]
+    given = {"", *list_probes()}
+    others = [name for name in dict.fromkeys(names) if name not in given]
     numbered = {name: f"other probe {number}" for number, name in enumerate(others, 1)}
-    return {name: name for name in known} | (numbered if len(others) > 1 else dict.fromkeys(others, "other probe"))
+    return {name: name for name in given} | (numbered if len(others) > 1 else dict.fromkeys(others, "other probe"))
 
 
-def _press(dossier: TargetRecord, press: StoredPress, probes: Mapping[str, str], target: str) -> StoredPress:
+def _press(record: TargetRecord, press: StoredPress, probes: Mapping[str, str], target: str) -> StoredPress:
     return replace(
         press,
         probe=probes[press.probe],
@@ -114,13 +114,13 @@ def _press(dossier: TargetRecord, press: StoredPress, probes: Mapping[str, str],
         settings={"camera": CAMERA} if from_camera(press) else {},
         name="",
         note="",
-        id=_hidden(dossier, "press", press.id),
+        id=_hidden(record, "press", press.id),
         target=target,
     )
 
 
 def _stored(
-    dossier: TargetRecord,
+    record: TargetRecord,
     stored: StoredEstimate,
     probes: Mapping[str, str],
     numbers: Mapping[str, int],
@@ -130,21 +130,21 @@ def _stored(
     return replace(
         deidentified_estimate(stored, {name: f"press {number}" for name, number in numbers.items()}),
         probe=probes[stored.probe],
-        presses=tuple(_hidden(dossier, "press", each) for each in stored.presses),
+        presses=tuple(_hidden(record, "press", press) for press in stored.presses),
         calibration=stored.calibration if SHA256.fullmatch(stored.calibration) else "",
-        supersedes=None if supersedes is None else _hidden(dossier, "estimate", supersedes),
-        id=_hidden(dossier, "estimate", stored.id),
+        supersedes=None if supersedes is None else _hidden(record, "estimate", supersedes),
+        id=_hidden(record, "estimate", stored.id),
         target=target,
     )
 
 
-def _calibration(known: ProbeCalibration, name: str, probes: Mapping[str, str]) -> ProbeCalibration:
+def _calibration(calibration: ProbeCalibration, name: str, probes: Mapping[str, str]) -> ProbeCalibration:
     """Its numbers; the sheet, whose words came from a file, is left out."""
-    response = known.response
+    response = calibration.response
     return replace(
-        known,
+        calibration,
         name=name,
-        probe=probes[known.probe],
+        probe=probes[calibration.probe],
         camera="",
         settings={},
         response=None if response is None else replace(response, name=name, probe=probes[response.probe]),
@@ -152,6 +152,6 @@ def _calibration(known: ProbeCalibration, name: str, probes: Mapping[str, str]) 
     )
 
 
-def _hidden(dossier: TargetRecord, what: str, identity: str) -> str:
+def _hidden(record: TargetRecord, what: str, identity: str) -> str:
     """Empty stays empty: what was never stored has no identity."""
-    return hidden(dossier, what, identity) if identity else ""
+    return hidden(record, what, identity) if identity else ""

@@ -30,18 +30,20 @@ SEEN = ("radius_mm", "radius_sd", "light_force_n")  # of a contact
 
 def deidentified_estimate(stored: StoredEstimate, frames: Mapping[str, str]) -> StoredEstimate:
     """The same without words of others; ``frames`` says what the frame of a name is called."""
-    told = stored.estimate
-    names = {name: name if name in PARAMETERS else _other(number, name) for number, name in enumerate(told.samples, 1)}
-    known = FLAGS[stored.kind]
+    reported = stored.estimate
+    names = {
+        name: name if name in PARAMETERS else _other(number, name) for number, name in enumerate(reported.samples, 1)
+    }
+    given = FLAGS[stored.kind]
     renamed = {f"{old}_not_identified": f"{new}_not_identified" for old, new in names.items()}
-    flags = distinct((renamed.get(flag, flag) for flag in told.flags), {*known, *renamed.values()})
+    flags = distinct((renamed.get(flag, flag) for flag in reported.flags), {*given, *renamed.values()})
     estimate = replace(
-        told,
-        samples={new: told.samples[old] for old, new in names.items()},
-        prior_sd={new: told.prior_sd[old] for old, new in names.items()},
-        cramer_rao_sd={names[old]: sd for old, sd in told.cramer_rao_sd.items()},
+        reported,
+        samples={new: reported.samples[old] for old, new in names.items()},
+        prior_sd={new: reported.prior_sd[old] for old, new in names.items()},
+        cramer_rao_sd={names[old]: sd for old, sd in reported.cramer_rao_sd.items()},
         flags=flags,
-        notes=tuple(f"{flag}: {known[flag]}." for flag in flags if flag in known),
+        notes=tuple(f"{flag}: {given[flag]}." for flag in flags if flag in given),
         provenance={},
         identifiability="",
         prior="",
@@ -50,7 +52,7 @@ def deidentified_estimate(stored: StoredEstimate, frames: Mapping[str, str]) -> 
         estimate,
         identifiability=_identifiability(estimate),
         prior=_spreads(estimate),
-        provenance=_provenance(told.provenance, stored.kind, frames),
+        provenance=_provenance(reported.provenance, stored.kind, frames),
     )
     return replace(
         stored,
@@ -60,9 +62,9 @@ def deidentified_estimate(stored: StoredEstimate, frames: Mapping[str, str]) -> 
     )
 
 
-def distinct(flags: Iterable[str], known: Iterable[str]) -> tuple[str, ...]:
+def distinct(flags: Iterable[str], given: Iterable[str]) -> tuple[str, ...]:
     """Each flag once, those that are not known as one that says no more than that there is another."""
-    listed = set(known)
+    listed = set(given)
     return tuple(dict.fromkeys(flag if flag in listed else OTHER_FLAG for flag in flags))
 
 
@@ -73,74 +75,74 @@ def _other(number: int, name: str) -> str:
 
 def _identifiability(estimate: Estimate) -> str:
     """What the numbers tell of each parameter."""
-    said = []
+    messages = []
     for name, (low, high) in estimate.interval(INTERVAL_LEVEL).items():
-        words, unit = PARAMETERS.get(name, (name.replace("_", " "), ""))
-        held = f"between {low:.3g} and {high:.3g} {unit}".rstrip() + f" with a probability of {INTERVAL_LEVEL:.0%}"
-        said.append(f"the {words} lies {held}" if estimate.identified(name) else f"the {words} is not identified")
-    sentence = "; ".join(said) + "."
-    return sentence[:1].upper() + sentence[1:]
+        text, unit = PARAMETERS.get(name, (name.replace("_", " "), ""))
+        stored = f"between {low:.3g} and {high:.3g} {unit}".rstrip() + f" with a probability of {INTERVAL_LEVEL:.0%}"
+        messages.append(f"the {text} lies {stored}" if estimate.identified(name) else f"the {text} is not identified")
+    message = "; ".join(messages) + "."
+    return message[:1].upper() + message[1:]
 
 
 def _spreads(estimate: Estimate) -> str:
     """How wide the belief before the data was."""
-    said = []
+    messages = []
     for name, sd in estimate.prior_sd.items():
-        words, unit = PARAMETERS.get(name, (name.replace("_", " "), ""))
-        said.append(f"{words} {sd:.3g} {unit}".rstrip())
-    return f"standard deviation before the data: {', '.join(said)}"
+        text, unit = PARAMETERS.get(name, (name.replace("_", " "), ""))
+        messages.append(f"{text} {sd:.3g} {unit}".rstrip())
+    return f"standard deviation before the data: {', '.join(messages)}"
 
 
 def _provenance(given: Mapping[str, Any], kind: str, frames: Mapping[str, str]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    document: dict[str, Any] = {}
     if _is_version(given.get("tsis")):
-        found["tsis"] = given["tsis"]
+        document["tsis"] = given["tsis"]
     prior = _prior(given.get("prior"), kind)
     if prior:
-        found["prior"] = prior
+        document["prior"] = prior
     for name in LISTS:
         listed = given.get(name)
         if isinstance(listed, (list, tuple)):
-            found[name] = [_frame(each, frames) for each in listed if isinstance(each, Mapping)]
-    if "presses" in found and not all("seen" in each for each in found["presses"]):
-        del found["presses"]
-    return found
+            document[name] = [_frame(item, frames) for item in listed if isinstance(item, Mapping)]
+    if "presses" in document and not all("seen" in item for item in document["presses"]):
+        del document["presses"]
+    return document
 
 
 def _frame(given: Mapping[str, Any], frames: Mapping[str, str]) -> dict[str, Any]:
     """A frame by the number of its press and its hash, and what was measured in it."""
-    found: dict[str, Any] = {"name": frames.get(str(given.get("name")), "a press")}
-    sha256, seen = given.get("sha256"), given.get("seen")
+    document: dict[str, Any] = {"name": frames.get(str(given.get("name")), "a press")}
+    sha256, observed = given.get("sha256"), given.get("seen")
     if isinstance(sha256, str) and SHA256.fullmatch(sha256):
-        found["sha256"] = sha256
-    if isinstance(seen, Mapping):
-        held = {name: seen[name] for name in SEEN if _is_number(seen.get(name))}
-        if len(held) == len(SEEN):
-            found["seen"] = held
-    return found
+        document["sha256"] = sha256
+    if isinstance(observed, Mapping):
+        by_name = {name: observed[name] for name in SEEN if _is_number(observed.get(name))}
+        if len(by_name) == len(SEEN):
+            document["seen"] = by_name
+    return document
 
 
 def _options(given: Mapping[str, Any], kind: str) -> dict[str, Any]:
-    found = {name: given[name] for name in OPTIONS[kind] if _is_number(given.get(name))}
+    results = {name: given[name] for name in OPTIONS[kind] if _is_number(given.get(name))}
     prior = _prior(given.get("prior"), kind)
-    return found | ({"prior": prior} if prior else {})
+    return results | ({"prior": prior} if prior else {})
 
 
 def _prior(given: Any, kind: str) -> dict[str, Any]:
     """Numbers of the fields that a prior of this program has."""
     if not isinstance(given, Mapping):
         return {}
-    names = {each.name for each in fields(PRIORS[kind])}
+    names = {field.name for field in fields(PRIORS[kind])}
     return {name: value for name, value in given.items() if name in names and _is_numbers(value)}
 
 
 def _environment(given: Mapping[str, Any]) -> dict[str, Any]:
-    found = {name: given[name] for name in ("tsis", "python") if _is_version(given.get(name))}
+    results = {name: given[name] for name in ("tsis", "python") if _is_version(given.get(name))}
     if isinstance(code := given.get("code_sha256"), str) and SHA256.fullmatch(code):
-        found["code_sha256"] = code
+        results["code_sha256"] = code
     if isinstance(libraries := given.get("libraries"), Mapping):
-        found["libraries"] = {name: libraries[name] for name in LIBRARIES if _is_version(libraries.get(name))}
-    return found
+        results["libraries"] = {name: libraries[name] for name in LIBRARIES if _is_version(libraries.get(name))}
+    return results
 
 
 def _is_number(value: Any) -> bool:
@@ -148,7 +150,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_numbers(value: Any) -> bool:
-    return _is_number(value) or (isinstance(value, (list, tuple)) and all(_is_number(each) for each in value))
+    return _is_number(value) or (isinstance(value, (list, tuple)) and all(_is_number(item) for item in value))
 
 
 def _is_version(value: Any) -> bool:

@@ -70,15 +70,15 @@ class EstimationResult:
 
 
 def estimate_stored(
-    dossier: TargetRecord, wanted: EstimationRequest, *, progress: Callable[[int, int], None] | None = None
+    record: TargetRecord, request: EstimationRequest, *, progress: Callable[[int, int], None] | None = None
 ) -> EstimationResult:
     """Estimate from the frames as they are stored, with the calibration as it is stored.
 
     Parameters
     ----------
-    dossier
+    record
         Where frames and calibration are.
-    wanted
+    request
         What to estimate.
     progress
         Called with (done, all) while the mechanics of a new probe are solved, which is kept for next time.
@@ -90,27 +90,27 @@ def estimate_stored(
     InputError, CalibrationError, NotCalibratedError
         As the estimates themselves.
     """
-    known = dossier.calibrations.get(wanted.calibration)
-    if known is None:
-        raise RecordsError(f"the calibration {wanted.calibration[:12]!r} must be stored to estimate with; it is not")
-    images = [dossier.image(press) for press in wanted.presses if press.role == "target"]
-    others = [dossier.image(press) for press in wanted.presses if press.role == REFERENCES[wanted.kind]]
+    given = record.calibrations.get(request.calibration)
+    if given is None:
+        raise RecordsError(f"the calibration {request.calibration[:12]!r} must be stored to estimate with; it is not")
+    images = [record.image(press) for press in request.presses if press.role == "target"]
+    others = [record.image(press) for press in request.presses if press.role == REFERENCES[request.kind]]
     if not images:
         raise RecordsError("an estimate must rest on at least one press on the target; of these presses none is one")
-    ready, response = apply_calibration(known, images, identity=wanted.calibration)
-    reference, other = apply_calibration(known, others, identity=wanted.calibration)
-    probe, (options, notes) = load_probe(wanted.probe), migrate_options(wanted.kind, wanted.options)
-    call = dict(options) | ({"prior": _prior(wanted.kind, options["prior"])} if "prior" in options else {})
-    if wanted.kind == ESTIMATES[0]:
+    ready, response = apply_calibration(given, images, identity=request.calibration)
+    reference, other = apply_calibration(given, others, identity=request.calibration)
+    probe, (options, notes) = load_probe(request.probe), migrate_options(request.kind, request.options)
+    call = dict(options) | ({"prior": _prior(request.kind, options["prior"])} if "prior" in options else {})
+    if request.kind == ESTIMATES[0]:
         if progress is not None:
             build_full_contact_surrogate(probe, call.get("prior", InclusionPrior()).box(), progress=progress)
-        response = max(response, other, key=lambda each: each.force_sd)
-        found = tsis.inclusion.estimate(ready, probe=probe, calibration=response, reference=reference, **call)
+        response = max(response, other, key=lambda item: item.force_sd)
+        result = tsis.inclusion.estimate(ready, probe=probe, calibration=response, reference=reference, **call)
     else:
-        found = tsis.hardness.estimate(
+        result = tsis.hardness.estimate(
             ready, probe=probe, calibration=response, reference=reference, progress=progress, **call
         )
-    return EstimationResult(estimate=found, options=options, notes=notes)
+    return EstimationResult(estimate=result, options=options, notes=notes)
 
 
 def migrate_options(kind: str, options: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
@@ -121,7 +121,7 @@ def migrate_options(kind: str, options: Mapping[str, Any]) -> tuple[dict[str, An
     given = options.get("prior")
     if given is None:
         return ours, tuple(notes)
-    known = {each.name for each in fields(PRIORS[kind])}
+    known = {field.name for field in fields(PRIORS[kind])}
     notes += [
         f"{name!r} of the prior is unknown to this release and was left out" for name in given if name not in known
     ]
@@ -141,5 +141,5 @@ def require_options(kind: str, options: Mapping[str, Any]) -> None:
 
 
 def _prior(kind: str, given: Mapping[str, Any]) -> Any:
-    made: Any = PRIORS[kind]  # the fields of either were looked through by `migrate_options`
-    return made(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})
+    created: Any = PRIORS[kind]  # the fields of either were looked through by `migrate_options`
+    return created(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})

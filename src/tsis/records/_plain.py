@@ -58,24 +58,24 @@ def target_to_plain(target: Target) -> dict[str, Any]:
     }
 
 
-def target_of_plain(plain: Any, where: str = "target") -> Target:
-    """The target that `target_to_plain` made ``plain`` of; ``where`` names it in errors.
+def target_of_plain(document: Any, where: str = "target") -> Target:
+    """The target that `target_to_plain` made ``document`` of; ``where`` names it in errors.
 
     Raises
     ------
     InputError
         When it is no target.
     """
-    found = require_fields(Target, plain, where)
+    result = require_fields(Target, document, where)
     return Target(
-        number=whole(found, "number", where),
-        kind=text(found, "kind", where),
-        name=text(found, "name", where),
-        note=text(found, "note", where),
-        truth=numbers(found, "truth", where),
-        made=moment(found, "made", where),
-        id=text(found, "id", where),
-        version=at_least_one(found, "version", where),
+        number=whole(result, "number", where),
+        kind=text(result, "kind", where),
+        name=text(result, "name", where),
+        note=text(result, "note", where),
+        truth=numbers(result, "truth", where),
+        made=moment(result, "made", where),
+        id=text(result, "id", where),
+        version=at_least_one(result, "version", where),
     )
 
 
@@ -95,8 +95,8 @@ def press_to_plain(press: StoredPress) -> dict[str, Any]:
         "columns": int(press.columns),
         "full_scale": float(press.full_scale),
         "force_n": None if press.force_n is None else float(press.force_n),
-        "mm_per_pixel": None if press.mm_per_pixel is None else [float(each) for each in press.mm_per_pixel],
-        "axis_px": [float(each) for each in press.axis_px],
+        "mm_per_pixel": None if press.mm_per_pixel is None else [float(item) for item in press.mm_per_pixel],
+        "axis_px": [float(item) for item in press.axis_px],
         "probe": press.probe,
         "calibration": press.calibration,
         "flags": list(press.flags),
@@ -109,34 +109,34 @@ def press_to_plain(press: StoredPress) -> dict[str, Any]:
     }
 
 
-def press_of_plain(plain: Any, where: str = "press") -> StoredPress:
-    """The press that `press_to_plain` made ``plain`` of; ``where`` names it in errors.
+def press_of_plain(document: Any, where: str = "press") -> StoredPress:
+    """The press that `press_to_plain` made ``document`` of; ``where`` names it in errors.
 
     Raises
     ------
     InputError
         When it is no press.
     """
-    found = require_fields(StoredPress, plain, where)
+    result = require_fields(StoredPress, document, where)
     return StoredPress(
-        role=text(found, "role", where),
-        taken=moment(found, "taken", where),
-        frame=text(found, "frame", where),
-        rows=at_least_one(found, "rows", where),
-        columns=at_least_one(found, "columns", where),
-        full_scale=number(found, "full_scale", where),
-        force_n=absent(number, found, "force_n", where),
-        mm_per_pixel=absent(pair, found, "mm_per_pixel", where),
-        axis_px=pair(found, "axis_px", where),
-        probe=text(found, "probe", where),
-        calibration=absent(text, found, "calibration", where),
-        flags=texts(found, "flags", where),
-        settings=_free(found, "settings", where),
-        name=text(found, "name", where),
-        note=text(found, "note", where),
-        id=text(found, "id", where),
-        target=text(found, "target", where),
-        version=at_least_one(found, "version", where),
+        role=text(result, "role", where),
+        taken=moment(result, "taken", where),
+        frame=text(result, "frame", where),
+        rows=at_least_one(result, "rows", where),
+        columns=at_least_one(result, "columns", where),
+        full_scale=number(result, "full_scale", where),
+        force_n=absent(number, result, "force_n", where),
+        mm_per_pixel=absent(pair, result, "mm_per_pixel", where),
+        axis_px=pair(result, "axis_px", where),
+        probe=text(result, "probe", where),
+        calibration=absent(text, result, "calibration", where),
+        flags=texts(result, "flags", where),
+        settings=_free(result, "settings", where),
+        name=text(result, "name", where),
+        note=text(result, "note", where),
+        id=text(result, "id", where),
+        target=text(result, "target", where),
+        version=at_least_one(result, "version", where),
     )
 
 
@@ -148,7 +148,7 @@ def estimate_to_plain(stored: StoredEstimate) -> dict[str, Any]:
     InputError
         When its options, environment or provenance hold what is no plain value.
     """
-    found = stored.estimate
+    result = stored.estimate
     return {
         "kind": stored.kind,
         "made": stored.made.isoformat(),
@@ -161,70 +161,70 @@ def estimate_to_plain(stored: StoredEstimate) -> dict[str, Any]:
         "id": stored.id,
         "target": stored.target,
         "estimate": {
-            "prior_sd": {name: float(sd) for name, sd in found.prior_sd.items()},
+            "prior_sd": {name: float(sd) for name, sd in result.prior_sd.items()},
             "cramer_rao_sd": {
-                name: float(sd) if math.isfinite(sd) else "infinity" for name, sd in found.cramer_rao_sd.items()
+                name: float(sd) if math.isfinite(sd) else "infinity" for name, sd in result.cramer_rao_sd.items()
             },
-            "presence": None if found.presence is None else float(found.presence),
-            "identifiability": found.identifiability,
-            "prior": found.prior,
-            "trusted": found.trusted,
-            "flags": list(found.flags),
-            "notes": list(found.notes),
-            "provenance": free_to_plain(found.provenance, "provenance"),
+            "presence": None if result.presence is None else float(result.presence),
+            "identifiability": result.identifiability,
+            "prior": result.prior,
+            "trusted": result.trusted,
+            "flags": list(result.flags),
+            "notes": list(result.notes),
+            "provenance": free_to_plain(result.provenance, "provenance"),
         }
         # Estimates of before there was one must read and hash as they did.
-        | ({} if found.log_bayes_factor is None else {"log_bayes_factor": float(found.log_bayes_factor)}),
+        | ({} if result.log_bayes_factor is None else {"log_bayes_factor": float(result.log_bayes_factor)}),
     }
 
 
 def estimate_of_plain(
-    plain: Any, samples: Mapping[str, NDArray[np.float64]], where: str = "estimate"
+    document: Any, samples: Mapping[str, NDArray[np.float64]], where: str = "estimate"
 ) -> StoredEstimate:
-    """The stored estimate that `estimate_to_plain` made ``plain`` of, with its samples: name -> shape (n,).
+    """The stored estimate that `estimate_to_plain` made ``document`` of, with its samples: name -> shape (n,).
 
     Raises
     ------
     InputError
         When it is no estimate, or not of these samples.
     """
-    found = require_fields(StoredEstimate, plain, where)
+    result = require_fields(StoredEstimate, document, where)
     return StoredEstimate(
-        kind=text(found, "kind", where),
-        estimate=_estimate(found["estimate"], samples, f"{where}.estimate"),
-        made=moment(found, "made", where),
-        probe=text(found, "probe", where),
-        presses=texts(found, "presses", where),
-        calibration=text(found, "calibration", where),
-        options=_free(found, "options", where),
-        environment=_free(found, "environment", where),
-        supersedes=absent(text, found, "supersedes", where),
-        id=text(found, "id", where),
-        target=text(found, "target", where),
+        kind=text(result, "kind", where),
+        estimate=_estimate(result["estimate"], samples, f"{where}.estimate"),
+        made=moment(result, "made", where),
+        probe=text(result, "probe", where),
+        presses=texts(result, "presses", where),
+        calibration=text(result, "calibration", where),
+        options=_free(result, "options", where),
+        environment=_free(result, "environment", where),
+        supersedes=absent(text, result, "supersedes", where),
+        id=text(result, "id", where),
+        target=text(result, "target", where),
     )
 
 
-def _estimate(plain: Any, samples: Mapping[str, NDArray[np.float64]], where: str) -> Estimate:
-    evidence = plain.get("log_bayes_factor") if isinstance(plain, dict) else None
+def _estimate(document: Any, samples: Mapping[str, NDArray[np.float64]], where: str) -> Estimate:
+    evidence = document.get("log_bayes_factor") if isinstance(document, dict) else None
     without = ("samples",) if evidence is not None else ("samples", "log_bayes_factor")
-    found = require_fields(Estimate, plain, where, without=without)
+    result = require_fields(Estimate, document, where, without=without)
     return Estimate(
         samples=samples,
-        prior_sd=numbers(found, "prior_sd", where),
-        cramer_rao_sd=mapping(found, "cramer_rao_sd", where, spread),
-        presence=absent(number, found, "presence", where),
-        log_bayes_factor=None if evidence is None else number(found, "log_bayes_factor", where),
-        identifiability=text(found, "identifiability", where),
-        prior=text(found, "prior", where),
-        trusted=truth_value(found, "trusted", where),
-        flags=texts(found, "flags", where),
-        notes=texts(found, "notes", where),
-        provenance=_free(found, "provenance", where),
+        prior_sd=numbers(result, "prior_sd", where),
+        cramer_rao_sd=mapping(result, "cramer_rao_sd", where, spread),
+        presence=absent(number, result, "presence", where),
+        log_bayes_factor=None if evidence is None else number(result, "log_bayes_factor", where),
+        identifiability=text(result, "identifiability", where),
+        prior=text(result, "prior", where),
+        trusted=truth_value(result, "trusted", where),
+        flags=texts(result, "flags", where),
+        notes=texts(result, "notes", where),
+        provenance=_free(result, "provenance", where),
     )
 
 
-def _free(found: Mapping[str, Any], name: str, where: str) -> dict[str, Any]:
-    value = free_of_plain(found[name], f"{where}.{name}")
+def _free(document: Mapping[str, Any], name: str, where: str) -> dict[str, Any]:
+    value = free_of_plain(document[name], f"{where}.{name}")
     if not isinstance(value, dict):
         raise InputError(f"{where}.{name} must be a mapping; got {value!r:.80}")
     return value

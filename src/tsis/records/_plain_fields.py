@@ -26,121 +26,121 @@ LARGEST_INTEGER = 2**53
 LARGEST = sys.float_info.max
 
 
-def require_fields(wanted: Any, plain: Any, where: str, *, without: tuple[str, ...] = ()) -> dict[str, Any]:
-    """``plain`` when it holds exactly the fields of the class ``wanted`` except those in ``without``.
+def require_fields(requested: Any, document: Any, where: str, *, without: tuple[str, ...] = ()) -> dict[str, Any]:
+    """``document`` when it holds exactly the fields of the class ``requested`` except those in ``without``.
 
     Raises
     ------
     InputError
         When it holds fewer or more, or is no mapping.
     """
-    names = _names(wanted, without)
-    if not isinstance(plain, dict):
-        raise _refusal(where, "an object with named values", plain)
-    if set(plain) != names:
-        missing, unknown = sorted(names - set(plain)), sorted(set(plain) - names)
+    names = _names(requested, without)
+    if not isinstance(document, dict):
+        raise _refusal(where, "an object with named values", document)
+    if set(document) != names:
+        missing, unknown = sorted(names - set(document)), sorted(set(document) - names)
         raise InputError(
             f"{where} must hold all of its values and no others; missing {missing}, unknown {unknown!r:.80}"
         )
-    return plain
+    return document
 
 
 @cache
-def _names(wanted: Any, without: tuple[str, ...]) -> frozenset[str]:
-    return frozenset(field.name for field in fields(wanted)) - set(without)
+def _names(requested: Any, without: tuple[str, ...]) -> frozenset[str]:
+    return frozenset(field.name for field in fields(requested)) - set(without)
 
 
-def text(plain: Mapping[str, Any], name: str, where: str) -> str:
+def text(document: Mapping[str, Any], name: str, where: str) -> str:
     """Text."""
-    if not isinstance(plain[name], str):
-        raise _refusal(f"{where}.{name}", "text", plain[name])
-    return str(plain[name])
+    if not isinstance(document[name], str):
+        raise _refusal(f"{where}.{name}", "text", document[name])
+    return str(document[name])
 
 
-def texts(plain: Mapping[str, Any], name: str, where: str) -> tuple[str, ...]:
+def texts(document: Mapping[str, Any], name: str, where: str) -> tuple[str, ...]:
     """A list of text."""
-    found = plain[name]
-    if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
-        raise _refusal(f"{where}.{name}", "a list of text", found)
-    return tuple(found)
+    result = document[name]
+    if not isinstance(result, list) or not all(isinstance(item, str) for item in result):
+        raise _refusal(f"{where}.{name}", "a list of text", result)
+    return tuple(result)
 
 
-def truth_value(plain: Mapping[str, Any], name: str, where: str) -> bool:
+def truth_value(document: Mapping[str, Any], name: str, where: str) -> bool:
     """True or false."""
-    if not isinstance(plain[name], bool):
-        raise _refusal(f"{where}.{name}", "true or false", plain[name])
-    return bool(plain[name])
+    if not isinstance(document[name], bool):
+        raise _refusal(f"{where}.{name}", "true or false", document[name])
+    return bool(document[name])
 
 
-def whole(plain: Mapping[str, Any], name: str, where: str) -> int:
+def whole(document: Mapping[str, Any], name: str, where: str) -> int:
     """A whole number."""
-    found = plain[name]
-    if type(found) is not int or not -LARGEST_INTEGER <= found <= LARGEST_INTEGER:
-        raise _refusal(f"{where}.{name}", "a whole number of sensible size", found)
-    return int(found)
+    result = document[name]
+    if type(result) is not int or not -LARGEST_INTEGER <= result <= LARGEST_INTEGER:
+        raise _refusal(f"{where}.{name}", "a whole number of sensible size", result)
+    return int(result)
 
 
-def at_least_one(plain: Mapping[str, Any], name: str, where: str) -> int:
+def at_least_one(document: Mapping[str, Any], name: str, where: str) -> int:
     """A whole number from 1."""
-    found = whole(plain, name, where)
-    if found < 1:
-        raise _refusal(f"{where}.{name}", "at least 1", found)
-    return found
+    result = whole(document, name, where)
+    if result < 1:
+        raise _refusal(f"{where}.{name}", "at least 1", result)
+    return result
 
 
-def number(plain: Mapping[str, Any], name: str, where: str) -> float:
+def number(document: Mapping[str, Any], name: str, where: str) -> float:
     """A finite number."""
-    return _number(plain[name], f"{where}.{name}")
+    return _number(document[name], f"{where}.{name}")
 
 
-def pair(plain: Mapping[str, Any], name: str, where: str) -> tuple[float, float]:
+def pair(document: Mapping[str, Any], name: str, where: str) -> tuple[float, float]:
     """Two finite numbers."""
-    found = plain[name]
-    if not isinstance(found, list) or len(found) != 2:
-        raise _refusal(f"{where}.{name}", "two numbers", found)
-    return _number(found[0], f"{where}.{name}"), _number(found[1], f"{where}.{name}")
+    result = document[name]
+    if not isinstance(result, list) or len(result) != 2:
+        raise _refusal(f"{where}.{name}", "two numbers", result)
+    return _number(result[0], f"{where}.{name}"), _number(result[1], f"{where}.{name}")
 
 
-def numbers(plain: Mapping[str, Any], name: str, where: str) -> dict[str, float]:
+def numbers(document: Mapping[str, Any], name: str, where: str) -> dict[str, float]:
     """Finite numbers by name."""
-    return mapping(plain, name, where, _number)
+    return mapping(document, name, where, _number)
 
 
-def mapping(plain: Mapping[str, Any], name: str, where: str, each: Callable[[Any, str], Found]) -> dict[str, Found]:
-    """Values by name, every one made by ``each`` of the plain value and what errors call it."""
-    found = plain[name]
-    if not isinstance(found, dict):
-        raise _refusal(f"{where}.{name}", "a mapping", found)
-    return {key: each(value, f"{where}.{name}.{key}"[:120]) for key, value in found.items()}
+def mapping(document: Mapping[str, Any], name: str, where: str, item: Callable[[Any, str], Found]) -> dict[str, Found]:
+    """Values by name, every one made by ``item`` of the plain value and what errors call it."""
+    result = document[name]
+    if not isinstance(result, dict):
+        raise _refusal(f"{where}.{name}", "a mapping", result)
+    return {key: item(value, f"{where}.{name}.{key}"[:120]) for key, value in result.items()}
 
 
-def spread(plain: Any, where: str) -> float:
+def spread(document: Any, where: str) -> float:
     """A number, or the word that stands for an infinite one."""
-    return math.inf if plain == "infinity" else _number(plain, where)
+    return math.inf if document == "infinity" else _number(document, where)
 
 
-def moment(plain: Mapping[str, Any], name: str, where: str) -> datetime:
+def moment(document: Mapping[str, Any], name: str, where: str) -> datetime:
     """A time; whether it has a zone is asked of the value."""
-    found = text(plain, name, where)
+    result = text(document, name, where)
     try:
-        return datetime.fromisoformat(found)
+        return datetime.fromisoformat(result)
     except ValueError as error:
-        raise _refusal(f"{where}.{name}", "a date and time as 2026-11-22T10:00:00+00:00", found) from error
+        raise _refusal(f"{where}.{name}", "a date and time as 2026-11-22T10:00:00+00:00", result) from error
 
 
 def absent(
-    read: Callable[[Mapping[str, Any], str, str], Found], plain: Mapping[str, Any], name: str, where: str
+    read: Callable[[Mapping[str, Any], str, str], Found], document: Mapping[str, Any], name: str, where: str
 ) -> Found | None:
     """What ``read`` finds, or None where nothing is known."""
-    return None if plain[name] is None else read(plain, name, where)
+    return None if document[name] is None else read(document, name, where)
 
 
-def _number(found: Any, where: str) -> float:
-    if isinstance(found, bool) or not isinstance(found, (int, float)):
-        raise _refusal(where, "a number", found)
-    if not -LARGEST <= found <= LARGEST:  # NaN is not either
-        raise _refusal(where, "a finite number", found)
-    return float(found)
+def _number(result: Any, where: str) -> float:
+    if isinstance(result, bool) or not isinstance(result, (int, float)):
+        raise _refusal(where, "a number", result)
+    if not -LARGEST <= result <= LARGEST:  # NaN is not either
+        raise _refusal(where, "a finite number", result)
+    return float(result)
 
 
 def _refusal(where: str, what: str, got: Any) -> InputError:
@@ -190,15 +190,15 @@ def free_to_plain(value: Any, where: str, depth: int = DEEPEST) -> Any:
     if isinstance(value, Mapping):
         return _mapping_to_plain(value, where, depth)
     if isinstance(value, (tuple, list)):
-        return [free_to_plain(each, f"{where}[{at}]", depth - 1) for at, each in enumerate(value)]
+        return [free_to_plain(item, f"{where}[{at}]", depth - 1) for at, item in enumerate(value)]
     raise InputError(f"{where} must be a number, text, or lists and mappings of them; got a {type(value).__name__}")
 
 
 def _mapping_to_plain(value: Mapping[Any, Any], where: str, depth: int) -> dict[str, Any]:
-    plain = {str(name): free_to_plain(each, f"{where}.{name}"[:120], depth - 1) for name, each in value.items()}
-    if len(plain) != len(value) or NUMBER in plain:
-        raise InputError(f"{where} must have names that differ, none of them {NUMBER!r}; got {sorted(plain)!r:.200}")
-    return plain
+    document = {str(name): free_to_plain(item, f"{where}.{name}"[:120], depth - 1) for name, item in value.items()}
+    if len(document) != len(value) or NUMBER in document:
+        raise InputError(f"{where} must have names that differ, none of them {NUMBER!r}; got {sorted(document)!r:.200}")
+    return document
 
 
 def _free_number(value: float) -> float | dict[str, str]:
@@ -207,8 +207,8 @@ def _free_number(value: float) -> float | dict[str, str]:
     return {NUMBER: "nan" if math.isnan(value) else "infinity" if value > 0 else "-infinity"}
 
 
-def free_of_plain(plain: Any, where: str, depth: int = DEEPEST) -> Any:
-    """The value that `free_to_plain` made ``plain`` of.
+def free_of_plain(document: Any, where: str, depth: int = DEEPEST) -> Any:
+    """The value that `free_to_plain` made ``document`` of.
 
     Raises
     ------
@@ -217,15 +217,15 @@ def free_of_plain(plain: Any, where: str, depth: int = DEEPEST) -> Any:
     """
     if depth < 0:
         raise InputError(f"{where} must be nested at most {DEEPEST} deep; got more")
-    if isinstance(plain, dict):
-        if NUMBER in plain:
-            word = plain[NUMBER]
-            if len(plain) > 1 or not isinstance(word, str) or word not in WORDS:
-                raise InputError(f"{where} must hold a number as {sorted(WORDS)}; got {plain!r:.80}")
-            return WORDS[word]
-        return {name: free_of_plain(each, f"{where}.{name}"[:120], depth - 1) for name, each in plain.items()}
-    if isinstance(plain, list):
-        return [free_of_plain(each, f"{where}[{at}]"[:120], depth - 1) for at, each in enumerate(plain)]
-    if isinstance(plain, float) and not math.isfinite(plain):
-        raise InputError(f"{where} must be a number that a file can hold; got {plain}")
-    return plain
+    if isinstance(document, dict):
+        if NUMBER in document:
+            term = document[NUMBER]
+            if len(document) > 1 or not isinstance(term, str) or term not in WORDS:
+                raise InputError(f"{where} must hold a number as {sorted(WORDS)}; got {document!r:.80}")
+            return WORDS[term]
+        return {name: free_of_plain(item, f"{where}.{name}"[:120], depth - 1) for name, item in document.items()}
+    if isinstance(document, list):
+        return [free_of_plain(item, f"{where}[{at}]"[:120], depth - 1) for at, item in enumerate(document)]
+    if isinstance(document, float) and not math.isfinite(document):
+        raise InputError(f"{where} must be a number that a file can hold; got {document}")
+    return document

@@ -36,20 +36,20 @@ def environment() -> dict[str, Any]:
 @cache
 def code_sha256() -> str:
     """SHA-256 over every file of this package that can change a result: two equal ones computed by equal code."""
-    found = hashlib.sha256()
+    result = hashlib.sha256()
     for name, file in sorted(_files(resources.files("tsis"), "")):
         content = file.read_bytes()
-        found.update(f"{name}\0{len(content)}\0".encode() + content)
-    return found.hexdigest()
+        result.update(f"{name}\0{len(content)}\0".encode() + content)
+    return result.hexdigest()
 
 
-def _files(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable]]:
-    for each in folder.iterdir():
-        name = f"{place}/{each.name}"
-        if each.is_dir():
-            yield from _files(each, name)
-        elif each.name.endswith((".py", ".toml", ".npz")):
-            yield name, each
+def _files(folder: Traversable, location: str) -> Iterator[tuple[str, Traversable]]:
+    for path in folder.iterdir():
+        name = f"{location}/{path.name}"
+        if path.is_dir():
+            yield from _files(path, name)
+        elif path.name.endswith((".py", ".toml", ".npz")):
+            yield name, path
 
 
 FRAMES = ("images", "reference", "presses")  # of an estimate's provenance: one entry a frame
@@ -82,7 +82,7 @@ def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
 def environment_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     """What computed: the code, this program, the language, the machine and every library."""
     if was.get("code_sha256") != now.get("code_sha256"):
-        codes = (str(each.get("code_sha256", "unknown"))[:12] for each in (was, now))
+        codes = (str(item.get("code_sha256", "unknown"))[:12] for item in (was, now))
         yield "the code changed ({} -> {})".format(*codes)
     for name in ("tsis", "python", "machine"):
         yield from _differences(name, was.get(name), now.get(name), arrow=" ")
@@ -98,17 +98,17 @@ def _frame_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[s
         if len(frames[0]) != len(frames[1]):
             yield f"the inputs changed: {len(frames[0])} -> {len(frames[1])} frames of {kind!r}"
             continue
-        for number, (one, other) in enumerate(zip(*frames, strict=True), start=1):
-            label = one.get("name") or f"{kind} {number}"
-            if one.get("sha256") != other.get("sha256"):
+        for number, (item, other) in enumerate(zip(*frames, strict=True), start=1):
+            label = item.get("name") or f"{kind} {number}"
+            if item.get("sha256") != other.get("sha256"):
                 yield f"the inputs changed: frame {label}"
-            for name in sorted({*one, *other} - LABELS - {"sha256", "seen"}):
-                yield from _differences(f"the inputs changed: {name} of {label}", one.get(name), other.get(name))
+            for name in sorted({*item, *other} - LABELS - {"sha256", "seen"}):
+                yield from _differences(f"the inputs changed: {name} of {label}", item.get(name), other.get(name))
 
 
 def _entries(frames: Any) -> list[Mapping[str, Any]]:
     """What is written of frames; a bundle may hold anything there."""
-    return [each for each in frames if isinstance(each, Mapping)] if isinstance(frames, list) else []
+    return [frame for frame in frames if isinstance(frame, Mapping)] if isinstance(frames, list) else []
 
 
 def _option_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
@@ -118,28 +118,28 @@ def _option_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[
 
 def _prior_changes(before: StoredEstimate, after: StoredEstimate) -> Iterator[str]:
     """The prior as it was given; where it was the default of the release then, as the estimator wrote it down."""
-    told = "options" if all(each.options.get("prior") for each in (before, after)) else "provenance"
-    found = (each.options if told == "options" else each.estimate.provenance for each in (before, after))
-    was, now = (_plain({"prior": each.get("prior")})["prior"] for each in found)
+    reported = "options" if all(item.options.get("prior") for item in (before, after)) else "provenance"
+    result = (item.options if reported == "options" else item.estimate.provenance for item in (before, after))
+    was, now = (_plain({"prior": item.get("prior")})["prior"] for item in result)
     if not isinstance(was, Mapping) or not isinstance(now, Mapping):  # a bundle may hold anything there
         yield from _differences("the prior changed", was, now)
         return
-    what = f"the {'options' if told == 'options' else 'default prior'} changed: "
+    what = f"the {'options' if reported == 'options' else 'default prior'} changed: "
     for name in sorted({*was, *now}):
         yield from _differences(
-            what + (f"{name} of the prior" if told == "options" else name), was.get(name), now.get(name)
+            what + (f"{name} of the prior" if reported == "options" else name), was.get(name), now.get(name)
         )
 
 
 def _other_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     """What else the estimator wrote down: probe, calibration, method, tables."""
     for name in sorted({*was, *now} - SAID_ELSEWHERE):
-        one, other = was.get(name), now.get(name)
-        if isinstance(one, Mapping) and isinstance(other, Mapping):
-            for part in sorted({*one, *other} - LABELS):
-                yield from _differences(f"the {name} changed: {part}", one.get(part), other.get(part))
+        item, other = was.get(name), now.get(name)
+        if isinstance(item, Mapping) and isinstance(other, Mapping):
+            for part in sorted({*item, *other} - LABELS):
+                yield from _differences(f"the {name} changed: {part}", item.get(part), other.get(part))
         else:
-            yield from _differences(f"the {name} changed:", one, other, arrow=" ")
+            yield from _differences(f"the {name} changed:", item, other, arrow=" ")
 
 
 def _differences(what: str, was: Any, now: Any, *, arrow: str = ": ") -> Iterator[str]:
@@ -159,8 +159,8 @@ def _shown(value: Any) -> str:
 
 def _plain(value: Mapping[str, Any]) -> Mapping[str, Any]:
     """As a store gives it back."""
-    found: Mapping[str, Any] = free_to_plain(value, "provenance")
-    return found
+    document: Mapping[str, Any] = free_to_plain(value, "provenance")
+    return document
 
 
 def sentence(same: bool, causes: Sequence[str]) -> str:
@@ -173,13 +173,13 @@ def sentence(same: bool, causes: Sequence[str]) -> str:
     >>> sentence(False, ("numpy 2.4.5 -> 2.4.6",))
     'The result changed: numpy 2.4.5 -> 2.4.6.'
     """
-    told = "; ".join(causes)
+    reported = "; ".join(causes)
     if same:
         return (
-            f"Bit for bit the same, although not all else is: {told}."
-            if told
+            f"Bit for bit the same, although not all else is: {reported}."
+            if reported
             else "Nothing changed: bit for bit the same."
         )
-    if told:
-        return f"The result changed: {told}."
+    if reported:
+        return f"The result changed: {reported}."
     return "The result changed, although nothing that is written down did: look at the processor and its settings."

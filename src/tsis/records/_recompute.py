@@ -123,30 +123,30 @@ def recompute(
     InputError, CalibrationError
         When today's code does not take what was stored.
     """
-    dossier = store.dossier(target)
-    dossier.require_whole()
-    in_force = list({stored.kind: stored for stored in dossier.estimates}.values())
+    record = store.dossier(target)
+    record.require_whole()
+    in_force = list({stored.kind: stored for stored in record.estimates}.values())
     if not in_force:
         raise RecordsError(f"target {target.number} must have an estimate to be made again; it has none")
-    last = {stored.kind: at for at, stored in enumerate(dossier.estimates)}
+    last = {stored.kind: at for at, stored in enumerate(record.estimates)}
     in_force.sort(key=lambda stored: last[stored.kind])  # so that the one in force stays so
-    return tuple(_recomputed(store, dossier, stored, dry_run=dry_run, progress=progress) for stored in in_force)
+    return tuple(_recomputed(store, record, stored, dry_run=dry_run, progress=progress) for stored in in_force)
 
 
 def _recomputed(
     store: Store,
-    dossier: TargetRecord,
+    record: TargetRecord,
     before: StoredEstimate,
     *,
     dry_run: bool,
     progress: Callable[[int, int], None] | None,
 ) -> Recomputation:
-    by_identity = {press.id: press for press in dossier.presses}
+    by_identity = {press.id: press for press in record.presses}
     if missing := [identity for identity in before.presses if identity not in by_identity]:
         raise RecordsError(f"an estimate must rest on stored presses; {missing[0]!r:.40} is none (tsis records verify)")
     presses = tuple(by_identity[identity] for identity in before.presses)
-    answer = estimate_stored(
-        dossier,
+    response = estimate_stored(
+        record,
         EstimationRequest(
             kind=before.kind,
             probe=before.probe,
@@ -156,27 +156,27 @@ def _recomputed(
         ),
         progress=progress,
     )
-    known = dossier.calibrations[before.calibration]
+    given = record.calibrations[before.calibration]
     after = replace(
         before,
-        estimate=answer.estimate,
+        estimate=response.estimate,
         made=datetime.now(UTC),
-        options=answer.options,
+        options=response.options,
         environment=environment(),
         supersedes=before.id,
         id="",
     )
     same = _same(before, after)
-    keep = not same and not dry_run
-    if keep:
+    save = not same and not dry_run
+    if save:
         after = store.add_estimate(
-            dossier.target,
-            answer.estimate,
+            record.target,
+            response.estimate,
             kind=before.kind,
             presses=presses,
             probe=before.probe,
-            calibration=known,
-            options=answer.options,
+            calibration=given,
+            options=response.options,
             environment=after.environment,
             supersedes=before,
         )
@@ -186,19 +186,19 @@ def _recomputed(
         same=same,
         shifts=_shifts(before.estimate, after.estimate),
         causes=changes(before, after),
-        notes=(*answer.notes, *_of_the_calibration(known, before.made)),
-        stored=keep,
+        notes=(*response.notes, *_of_the_calibration(given, before.made)),
+        stored=save,
     )
 
 
 def _same(before: StoredEstimate, after: StoredEstimate) -> bool:
     """Whether what was found is the same: samples bit for bit, and all that is said of them."""
-    one, other = before.estimate, after.estimate
-    if list(one.samples) != list(other.samples):
+    item, other = before.estimate, after.estimate
+    if list(item.samples) != list(other.samples):
         return False
-    told: list[dict[str, Any]] = [estimate_to_plain(each)["estimate"] for each in (before, after)]
-    return all(np.array_equal(one.samples[name], other.samples[name]) for name in one.samples) and all(
-        told[0][name] == told[1][name] for name in COMPARED
+    entries: list[dict[str, Any]] = [estimate_to_plain(item)["estimate"] for item in (before, after)]
+    return all(np.array_equal(item.samples[name], other.samples[name]) for name in item.samples) and all(
+        entries[0][name] == entries[1][name] for name in COMPARED
     )
 
 
@@ -222,19 +222,21 @@ def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
     )
 
 
-def _in_sd(moved: float, sd: float) -> float:
+def _in_sd(transformed: float, sd: float) -> float:
     """A change over a standard deviation; of a posterior without any width 0 or infinite."""
-    return moved / sd if sd > 0 else float(np.copysign(np.inf, moved)) if moved else 0.0
+    return transformed / sd if sd > 0 else float(np.copysign(np.inf, transformed)) if transformed else 0.0
 
 
-def _of_the_calibration(known: ProbeCalibration, made: datetime) -> list[str]:
+def _of_the_calibration(calibration: ProbeCalibration, created: datetime) -> list[str]:
     try:
-        known.require_usable(made)
+        calibration.require_usable(created)
     except CalibrationError as error:
         return [f"when the estimate was made the calibration was not to be used: {error}"]
     try:
-        known.require_usable(datetime.now(UTC))
+        calibration.require_usable(datetime.now(UTC))
     except CalibrationError:
-        until = "" if known.expires is None else f" (on {known.expires:%Y-%m-%d})"
-        return [f"the calibration {known.name!r} has expired since{until}; it was good when the estimate was made"]
+        until = "" if calibration.expires is None else f" (on {calibration.expires:%Y-%m-%d})"
+        return [
+            f"the calibration {calibration.name!r} has expired since{until}; it was good when the estimate was made"
+        ]
     return []

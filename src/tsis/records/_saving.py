@@ -80,7 +80,7 @@ def save_results(store: Store, keepable: SavableResult, *, number: int | None = 
     RecordsError
         When it could not be stored as a whole; it says how much was.
     """
-    frames = [(role, frame) for role, each in keepable.frames.items() for frame in each]
+    frames = [(role, frame) for role, item in keepable.frames.items() for frame in item]
     truth = keepable.truth if store.kind == "phantom" else {}
     presses: list[StoredPress] = []
     target: Target | None = None
@@ -116,6 +116,6 @@ def save_results(store: Store, keepable: SavableResult, *, number: int | None = 
     }
 
 
-def saved_notes(kept: Mapping[str, Any]) -> tuple[str, ...]:
+def saved_notes(saved: Mapping[str, Any]) -> tuple[str, ...]:
     """What to tell people."""
-    return (f"Kept as target {kept['target']} in {kept['store']}.", *kept["notes"])
+    return (f"Kept as target {saved['target']} in {saved['store']}.", *saved["notes"])

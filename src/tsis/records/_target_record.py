@@ -81,7 +81,7 @@ class TargetRecord:
 
     def press(self, identity: str) -> StoredPress:
         """The press of that identity; KeyError where there is none."""
-        return {each.id: each for each in self.presses}[identity]
+        return {press.id: press for press in self.presses}[identity]
 
     def levels(self, press: StoredPress) -> NDArray[Any]:
         """Grey levels as the camera gave them, shape (rows, columns), uint8 or uint16.
@@ -91,13 +91,13 @@ class TargetRecord:
         RecordsError
             When the stored frame is not of the size that its press says, or of another kind.
         """
-        found = self.read(press.frame)
-        if found.shape != (press.rows, press.columns) or found.dtype not in (np.uint8, np.uint16):
+        result = self.read(press.frame)
+        if result.shape != (press.rows, press.columns) or result.dtype not in (np.uint8, np.uint16):
             raise RecordsError(
                 f"frame {press.frame:.12} must hold {press.rows} x {press.columns} grey levels of 8 or 16 bits, as its "
-                f"press says; got shape {found.shape} of {found.dtype}"
+                f"press says; got shape {result.shape} of {result.dtype}"
             )
-        return found
+        return result
 
     def image(self, press: StoredPress) -> TactileImage:
         """The frame as an image that estimates take."""

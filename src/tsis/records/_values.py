@@ -256,9 +256,9 @@ class StoredEstimate:
         require_text("probe", self.probe, LONGEST_NAME)
         require_moment("made", self.made)
         for name, part in (("options", "prior"), ("environment", "libraries")):
-            held = getattr(self, name).get(part)
-            if held is not None and not isinstance(held, Mapping):
-                raise InputError(f"{name}[{part!r}] must be a mapping of names to values; got {held!r:.80}")
+            stored = getattr(self, name).get(part)
+            if stored is not None and not isinstance(stored, Mapping):
+                raise InputError(f"{name}[{part!r}] must be a mapping of names to values; got {stored!r:.80}")
         object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
         object.__setattr__(self, "environment", MappingProxyType(dict(self.environment)))
 
@@ -279,14 +279,14 @@ def parse_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, flo
     >>> parse_truth(["diameter_mm=10", "depth_mm = 4.5"])
     {'diameter_mm': 10.0, 'depth_mm': 4.5}
     """
-    found: dict[str, float] = {}
-    for each in lines:
-        name, _, value = each.partition("=")
+    document: dict[str, float] = {}
+    for line in lines:
+        name, _, value = line.partition("=")
         try:
-            found[name.strip()] = float(value)
+            document[name.strip()] = float(value)
         except ValueError as error:
-            raise InputError(f"{called} must be a name and a number as diameter_mm=10; got {each!r:.60}") from error
-    return found
+            raise InputError(f"{called} must be a name and a number as diameter_mm=10; got {line!r:.60}") from error
+    return document
 
 
 def parse_force(text: str, *, called: str = "force_n", nothing: str = "none") -> float | None:

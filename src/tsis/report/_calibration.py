@@ -24,37 +24,37 @@ Row = tuple[str, str, str]
 
 
 def calibration_document(
-    known: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
+    calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
 ) -> dict[str, Any]:
     """What programs read of a calibration."""
     return envelope(
         "calibrate",
-        name=known.name,
-        sha256=calibration_sha256(known),
-        values=measured_values(known),
+        name=calibration.name,
+        sha256=calibration_sha256(calibration),
+        values=measured_values(calibration),
         saturation_kpa={
             "value": findings.response.saturation.value_kpa,
             "identified": findings.response.saturation.identified,
         },
-        made=None if known.made is None else known.made.isoformat(),
-        expires=None if known.expires is None else known.expires.isoformat(),
+        made=None if calibration.made is None else calibration.made.isoformat(),
+        expires=None if calibration.expires is None else calibration.expires.isoformat(),
         provenance=dict(provenance),
     )
 
 
-def measured_values(known: ProbeCalibration) -> dict[str, dict[str, Any]]:
+def measured_values(calibration: ProbeCalibration) -> dict[str, dict[str, Any]]:
     """Numbers with their uncertainty, for programs."""
     return {
         name: {"value": value.value, "sd": value.sd, "interval_95": list(value.interval()), "unit": value.unit}
-        for name, value in _measured(known).items()
+        for name, value in _measured(calibration).items()
     }
 
 
-def calibration_rows(known: ProbeCalibration, findings: SessionResult) -> tuple[Row, ...]:
+def calibration_rows(calibration: ProbeCalibration, findings: SessionResult) -> tuple[Row, ...]:
     """Quantity, value and 95 % interval of everything that was measured."""
     low, high = findings.response.saturation.interval()
     upper = f"{high:.4g} kPa" if findings.response.saturation.identified else "open above"
-    rows = list(held_rows(known))
+    rows = list(held_rows(calibration))
     rows.append(("saturation", f"{findings.response.saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
     line = findings.line
     rows.append(_share_row("largest departure of the mean of tips from the line", line.linearity))
@@ -65,27 +65,31 @@ def calibration_rows(known: ProbeCalibration, findings: SessionResult) -> tuple[
     return tuple(rows)
 
 
-def held_rows(known: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
+def held_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
     """The same of what the file itself holds; ``cited`` is its identity where not all of it is shown."""
     rows = [
-        ("probe", known.probe or "not named", ""),
-        ("camera", known.camera or "not named", ""),
-        *((f"setting {name}", f"{value:g}", "") for name, value in known.settings.items()),
-        ("made", "simulated" if known.made is None else f"{known.made:%Y-%m-%d %H:%M}", ""),
-        ("good until", "does not age" if known.expires is None else f"{known.expires:%Y-%m-%d}", ""),
-        ("identity", (cited or calibration_sha256(known))[:12], ""),
+        ("probe", calibration.probe or "not named", ""),
+        ("camera", calibration.camera or "not named", ""),
+        *((f"setting {name}", f"{value:g}", "") for name, value in calibration.settings.items()),
+        ("made", "simulated" if calibration.made is None else f"{calibration.made:%Y-%m-%d %H:%M}", ""),
+        ("good until", "does not age" if calibration.expires is None else f"{calibration.expires:%Y-%m-%d}", ""),
+        ("identity", (cited or calibration_sha256(calibration))[:12], ""),
     ]
-    rows += [_row(name, value) for name, value in _measured(known).items()]
-    if known.force_line is not None:
-        rows.append(("range of force", f"{known.force_line.least_n:.2f} to {known.force_line.most_n:.2f} N", ""))
-    if known.response is not None:
-        rows.append(("gain", f"{known.response.gain_grey_per_kpa:.4g} grey/kPa", f"sd {known.response.gain_sd:.1%}"))
+    rows += [_row(name, value) for name, value in _measured(calibration).items()]
+    if calibration.force_line is not None:
+        rows.append(
+            ("range of force", f"{calibration.force_line.least_n:.2f} to {calibration.force_line.most_n:.2f} N", "")
+        )
+    if calibration.response is not None:
+        rows.append(
+            ("gain", f"{calibration.response.gain_grey_per_kpa:.4g} grey/kPa", f"sd {calibration.response.gain_sd:.1%}")
+        )
     return tuple(rows)
 
 
-def specification_rows(known: ProbeCalibration) -> tuple[tuple[str, str, str, str], ...]:
+def specification_rows(calibration: ProbeCalibration) -> tuple[tuple[str, str, str, str], ...]:
     """The sheet: quantity, measured, fingertip, printed in the source."""
-    if known.specification is None:
+    if calibration.specification is None:
         return ()
     return tuple(
         (
@@ -94,19 +98,19 @@ def specification_rows(known: ProbeCalibration) -> tuple[tuple[str, str, str, st
             row.fingertip,
             row.printed,
         )
-        for row in known.specification.rows
+        for row in calibration.specification.rows
     )
 
 
-def specification_notes(known: ProbeCalibration) -> tuple[str, ...]:
+def specification_notes(calibration: ProbeCalibration) -> tuple[str, ...]:
     """What one must know to compare the columns of the sheet."""
-    rows = () if known.specification is None else known.specification.rows
+    rows = () if calibration.specification is None else calibration.specification.rows
     return tuple(f"{row.quantity[0].upper()}{row.quantity[1:]}: {row.note}." for row in rows if row.note)
 
 
-def calibration_notes(known: ProbeCalibration, findings: SessionResult) -> tuple[str, ...]:
+def calibration_notes(calibration: ProbeCalibration, findings: SessionResult) -> tuple[str, ...]:
     """What a reader must know besides the numbers."""
-    scale, line = known.scale, known.force_line
+    scale, line = calibration.scale, calibration.force_line
     notes = []
     if findings.dots.distorted:
         notes.append(
@@ -120,21 +124,23 @@ def calibration_notes(known: ProbeCalibration, findings: SessionResult) -> tuple
         notes.append("No press came near saturation: it has a lower end only. Press harder with the smallest tip.")
     if findings.line.saturated:
         notes.append("Pixels clipped in the heaviest presses, which end the range of force.")
-    if known.reference is not None and known.reference.flat_frames == 0:
+    if calibration.reference is not None and calibration.reference.flat_frames == 0:
         notes.append("No flat field was taken: light counts as even.")
-    if known.reference is not None and known.reference.patch_px is None:
+    if calibration.reference is not None and calibration.reference.patch_px is None:
         notes.append("No reference patch: the lamps' drift is not corrected but counted as 1 % of every force.")
     return tuple(notes)
 
 
-def calibration_report(known: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> bytes:
+def calibration_report(
+    calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
+) -> bytes:
     """One HTML page of a calibration."""
-    return html(calibration_page(known, findings, provenance=provenance))
+    return html(calibration_page(calibration, findings, provenance=provenance))
 
 
-def calibration_page(known: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> Page:
+def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> Page:
     """What that page holds: numbers, notes, figures of what the fits left, tables."""
-    line, scale = known.force_line, known.scale
+    line, scale = calibration.force_line, calibration.scale
     assert line is not None  # a session measures both
     assert scale is not None
 
@@ -154,7 +160,10 @@ def calibration_page(known: ProbeCalibration, findings: SessionResult, *, proven
     cards = (
         Card(title="Scale", value=f"{x:.5f} x {y:.5f} mm", detail=f"a pixel, from {scale.count} dots"),
         Card(title="Force", value=f"{force.value:.4g} grey/N", detail=f"sd {force.sd / force.value:.2%}"),
-        Card(title="Good until", value="does not age" if known.expires is None else f"{known.expires:%Y-%m-%d}"),
+        Card(
+            title="Good until",
+            value="does not age" if calibration.expires is None else f"{calibration.expires:%Y-%m-%d}",
+        ),
     )
     pictures = (
         Picture(
@@ -178,43 +187,43 @@ def calibration_page(known: ProbeCalibration, findings: SessionResult, *, proven
         ),
     )
     return Page(
-        title=f"Calibration {known.name}",
-        subtitle=f"probe {known.probe}, camera {known.camera}",
+        title=f"Calibration {calibration.name}",
+        subtitle=f"probe {calibration.probe}, camera {calibration.camera}",
         cards=cards,
-        notes=(*calibration_notes(known, findings), *specification_notes(known)),
+        notes=(*calibration_notes(calibration, findings), *specification_notes(calibration)),
         pictures=pictures,
         tables=(
             Table(
                 title="Measured",
                 headings=("quantity", "value", "95 % interval"),
-                rows=calibration_rows(known, findings),
+                rows=calibration_rows(calibration, findings),
             ),
             Table(
                 title="Specification sheet (table 4.1)",
                 headings=("quantity", "measured", "fingertip", "printed in the source"),
-                rows=specification_rows(known),
+                rows=specification_rows(calibration),
             ),
         ),
         provenance={**provenance, "line": to_plain(findings.line)},
     )
 
 
-def _measured(known: ProbeCalibration) -> dict[str, MeasuredValue]:
-    found: dict[str, MeasuredValue] = {}
-    if known.scale is not None:
-        found |= {"scale x": known.scale.mm_per_pixel_x, "scale y": known.scale.mm_per_pixel_y}
-    if known.reference is not None:
-        found |= {
-            "read noise": known.reference.read_noise_grey,
-            "shot noise": known.reference.shot_noise_grey,
-            "stray light": known.reference.stray_grey,
+def _measured(calibration: ProbeCalibration) -> dict[str, MeasuredValue]:
+    document: dict[str, MeasuredValue] = {}
+    if calibration.scale is not None:
+        document |= {"scale x": calibration.scale.mm_per_pixel_x, "scale y": calibration.scale.mm_per_pixel_y}
+    if calibration.reference is not None:
+        document |= {
+            "read noise": calibration.reference.read_noise_grey,
+            "shot noise": calibration.reference.shot_noise_grey,
+            "stray light": calibration.reference.stray_grey,
         }
-    if known.force_line is not None:
-        found |= {
-            "force line, intercept": known.force_line.intercept_grey,
-            "force line, slope": known.force_line.slope_grey_per_n,
+    if calibration.force_line is not None:
+        document |= {
+            "force line, intercept": calibration.force_line.intercept_grey,
+            "force line, slope": calibration.force_line.slope_grey_per_n,
         }
-    return found
+    return document
 
 
 def _row(name: str, value: MeasuredValue) -> Row:

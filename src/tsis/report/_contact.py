@@ -36,10 +36,10 @@ class ImageFinding:
 
 def analyse_image(image: TactileImage, reference: TactileImage | None, *, invert: bool) -> ImageFinding:
     """Read everything that one image says without a calibration."""
-    found = features(image, reference, invert=invert)
+    result = features(image, reference, invert=invert)
     change = signal(image, reference, invert=invert)
-    contact = find_contact(change, patch=found.patch) if found.contact else None
-    return ImageFinding(image=image, change=change, features=found, contact=contact)
+    contact = find_contact(change, patch=result.patch) if result.contact else None
+    return ImageFinding(image=image, change=change, features=result, contact=contact)
 
 
 def contact_report(
@@ -82,24 +82,24 @@ def contact_report(
 
 def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
     """Names and values of the features, for people."""
-    found, circle = finding.features, finding.contact
-    if not found.contact:
+    result, circle = finding.features, finding.contact
+    if not result.contact:
         return (("contact", "none found: nothing stands out of the noise"),)
     rows = [
-        ("centroid", _pair(found.centroid_px, "px") + _also(_pair(found.centroid_mm, "mm from the axis"))),
-        ("area", f"{found.area_px:.0f} px" + _also(_one(found.area_mm2, "mm²"))),
+        ("centroid", _pair(result.centroid_px, "px") + _also(_pair(result.centroid_mm, "mm from the axis"))),
+        ("area", f"{result.area_px:.0f} px" + _also(_one(result.area_mm2, "mm²"))),
         (
             "equivalent diameter",
-            f"{found.equivalent_diameter_px:.1f} px" + _also(_one(found.equivalent_diameter_mm, "mm")),
+            f"{result.equivalent_diameter_px:.1f} px" + _also(_one(result.equivalent_diameter_mm, "mm")),
         ),
-        ("ellipse semi-axes", _pair(found.semi_axes_px, "px") + _also(_pair(found.semi_axes_mm, "mm"))),
-        ("direction of the long axis", _one(found.angle_deg, "degrees")),
-        ("eccentricity", _one(found.eccentricity, "")),
-        ("circularity", _one(found.circularity, "")),
-        ("peak", f"{found.peak:.1f} grey levels"),
-        ("sum of grey levels", f"{found.total:.0f}"),
-        ("saturated share", f"{100 * found.saturated_share:.1f} %"),
-        ("touches the border", "yes" if found.cropped else "no"),
+        ("ellipse semi-axes", _pair(result.semi_axes_px, "px") + _also(_pair(result.semi_axes_mm, "mm"))),
+        ("direction of the long axis", _one(result.angle_deg, "degrees")),
+        ("eccentricity", _one(result.eccentricity, "")),
+        ("circularity", _one(result.circularity, "")),
+        ("peak", f"{result.peak:.1f} grey levels"),
+        ("sum of grey levels", f"{result.total:.0f}"),
+        ("saturated share", f"{100 * result.saturated_share:.1f} %"),
+        ("touches the border", "yes" if result.cropped else "no"),
     ]
     if circle is not None:
         rows[1:1] = [
@@ -111,26 +111,26 @@ def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
 
 def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
     """One sentence for each thing that limits what the image says."""
-    image, found, notes = finding.image, finding.features, []
-    if not found.contact:
+    image, result, notes = finding.image, finding.features, []
+    if not result.contact:
         notes.append(
             f"{image.name}: no contact stands out of the noise (is --invert right, and the reference untouched?)."
         )
-    if found.cropped:
+    if result.cropped:
         notes.append(f"{image.name}: the contact touches the picture's border, so area and diameter are too small.")
     fall, rise = _extremes(finding.change)
-    if found.contact and fall > rise:
+    if result.contact and fall > rise:
         notes.append(
             f"{image.name}: the light changes more the other way, by {fall:.0f} against {rise:.0f} grey levels: is "
             "--invert right, which says that light falls where this probe is pressed?"
         )
     clipped = float(np.mean(image.grey >= image.full_scale))
-    if not found.contact and clipped > 0:
+    if not result.contact and clipped > 0:
         notes.append(
             f"{image.name}: {100 * clipped:.1f} % of the picture is clipped by the camera (shorten the exposure)."
         )
-    if found.saturated_share > 0:
-        notes.append(f"{image.name}: {100 * found.saturated_share:.1f} % of the contact is clipped by the camera.")
+    if result.saturated_share > 0:
+        notes.append(f"{image.name}: {100 * result.saturated_share:.1f} % of the contact is clipped by the camera.")
     if image.mm_per_pixel is None:
         notes.append(f"{image.name}: no scale was given, so lengths are in pixels (give --scale-mm).")
     return tuple(notes)
@@ -142,26 +142,28 @@ def _extremes(change: TactileImage) -> tuple[float, float]:
     return -float(low), float(high)
 
 
-def _cards(found: Features) -> tuple[Card, ...]:
-    if not found.contact:
+def _cards(features: Features) -> tuple[Card, ...]:
+    if not features.contact:
         return (Card(title="Contact", value="none", detail="nothing stands out of the noise", doubtful=True),)
-    in_mm = found.equivalent_diameter_mm is not None
-    diameter = _one(found.equivalent_diameter_mm, "mm") if in_mm else f"{found.equivalent_diameter_px:.1f} px"
-    area = _one(found.area_mm2, "mm²") if in_mm else f"{found.area_px:.0f} px"
+    in_mm = features.equivalent_diameter_mm is not None
+    diameter = _one(features.equivalent_diameter_mm, "mm") if in_mm else f"{features.equivalent_diameter_px:.1f} px"
+    area = _one(features.area_mm2, "mm²") if in_mm else f"{features.area_px:.0f} px"
     return (
         Card(
-            title="Centroid", value=_pair(found.centroid_px, "px"), detail=_pair(found.centroid_mm, "mm from the axis")
+            title="Centroid",
+            value=_pair(features.centroid_px, "px"),
+            detail=_pair(features.centroid_mm, "mm from the axis"),
         ),
         Card(title="Equivalent diameter", value=diameter, detail="of the disc of the same area"),
-        Card(title="Area", value=area, detail="cropped by the picture" if found.cropped else "inside the outline"),
+        Card(title="Area", value=area, detail="cropped by the picture" if features.cropped else "inside the outline"),
     )
 
 
 def _pictures(finding: ImageFinding) -> tuple[Picture, ...]:
-    image, change, found = finding.image, finding.change, finding.features
+    image, change, result = finding.image, finding.change, finding.features
 
     def outline(figure: Figure) -> None:
-        tactile_image(change, figure.subplots(), found=found, low=0.0)
+        tactile_image(change, figure.subplots(), features=result, low=0.0)
 
     pictures = [
         Picture(
@@ -187,7 +189,7 @@ def _pictures(finding: ImageFinding) -> tuple[Picture, ...]:
                 caption="Heights are grey levels, not millimetres.",
             )
         )
-    profile = found.profile
+    profile = result.profile
     if profile is not None:
         pictures.append(
             Picture(
@@ -222,12 +224,12 @@ DIVERGING = "RdBu_r"  # blue to red through white, which those see apart who do 
 NO_VALUE = "none"
 
 
-def comparison(one: TactileImage, other: TactileImage, *, same_light: bool = False) -> Page:
+def comparison(image: TactileImage, other: TactileImage, *, same_light: bool = False) -> Page:
     """Two frames, what differs between them, and what each says of its contact.
 
     Parameters
     ----------
-    one, other
+    image, other
         Frames as the camera gave them, each with a name.
     same_light
         Whether to bring the second to the brightness of the first before it is taken away
@@ -239,22 +241,22 @@ def comparison(one: TactileImage, other: TactileImage, *, same_light: bool = Fal
         Both in one colour map, the first minus the second where they can be subtracted (a sentence says why where they
         cannot), and a table of features.
     """
-    top = float(max(one.grey.max(), other.grey.max()))
-    pictures = [_frame(one, top), _frame(other, top)]
+    top = float(max(image.grey.max(), other.grey.max()))
+    pictures = [_frame(image, top), _frame(other, top)]
     notes: list[str] = []
     try:
-        change = subtract_background(one, match_light(other, one) if same_light else other)
+        change = subtract_background(image, match_light(other, image) if same_light else other)
     except TsisError as error:
         notes.append(f"These two cannot be subtracted: {error}.")
     else:
-        pictures.append(_difference(change, one, other))
+        pictures.append(_difference(change, image, other))
         notes.append(_said(change, same_light=same_light))
     return Page(
-        title=f"{one.name} compared with {other.name}",
+        title=f"{image.name} compared with {other.name}",
         subtitle="",
         pictures=tuple(pictures),
         notes=tuple(notes),
-        tables=(_features(one, other),),
+        tables=(_features(image, other),),
     )
 
 
@@ -273,18 +275,20 @@ def _frame(image: TactileImage, top: float) -> Picture:
     )
 
 
-def _difference(change: TactileImage, one: TactileImage, other: TactileImage) -> Picture:
-    reach = float(np.abs(change.grey).max()) or 1.0
+def _difference(change: TactileImage, image: TactileImage, other: TactileImage) -> Picture:
+    detection_range = float(np.abs(change.grey).max()) or 1.0
 
     def draw(figure: Figure) -> None:
         ax = figure.subplots()
-        tactile_image(change, ax, low=-reach, high=reach, label="grey levels", colours=DIVERGING, ink="black")
+        tactile_image(
+            change, ax, low=-detection_range, high=detection_range, label="grey levels", colours=DIVERGING, ink="black"
+        )
 
     return Picture(
         title="Difference",
         draw=draw,
         size=SIZE,
-        alt=f"{one.name} minus {other.name}: red where the first is brighter, blue where the second is",
+        alt=f"{image.name} minus {other.name}: red where the first is brighter, blue where the second is",
         caption="The first minus the second: red where the first is brighter, blue where the second is.",
         vector=False,
     )
@@ -299,9 +303,9 @@ def _said(change: TactileImage, *, same_light: bool) -> str:
     )
 
 
-def _features(one: TactileImage, other: TactileImage) -> Table:
+def _features(item: TactileImage, other: TactileImage) -> Table:
     """Names of the features of either, and the value of each."""
-    found = [dict(finding_rows(analyse_image(image, None, invert=False))) for image in (one, other)]
-    names = list(dict.fromkeys([*found[0], *found[1]]))
-    rows = tuple((name, *(each.get(name, NO_VALUE) for each in found)) for name in names)
-    return Table(title="Features", headings=("quantity", one.name, other.name), rows=rows)
+    results = [dict(finding_rows(analyse_image(image, None, invert=False))) for image in (item, other)]
+    names = list(dict.fromkeys([*results[0], *results[1]]))
+    rows = tuple((name, *(item.get(name, NO_VALUE) for item in results)) for name in names)
+    return Table(title="Features", headings=("quantity", item.name, other.name), rows=rows)

@@ -123,7 +123,7 @@ class DesignAnswer:
     @property
     def planned(self) -> Design:
         """The design that was asked for."""
-        return next(one for one in self.designs if one.protocol.name == PLANNED)
+        return next(design for design in self.designs if design.protocol.name == PLANNED)
 
     @property
     def best(self) -> Design:
@@ -180,9 +180,11 @@ def searched_design(
     )
 
 
-def answered(question: DesignQuestion, found: tuple[Design, ...], optimum: DesignOptimum | None = None) -> DesignAnswer:
+def answered(
+    question: DesignQuestion, result: tuple[Design, ...], optimum: DesignOptimum | None = None
+) -> DesignAnswer:
     """Put what was found in order."""
-    designs = [*found, *([] if optimum is None else [optimum.best])]
+    designs = [*result, *([] if optimum is None else [optimum.best])]
     return DesignAnswer(question=question, designs=rank_designs(designs, question.criterion), optimum=optimum)
 
 
@@ -191,14 +193,14 @@ SHORT = {"diameter_mm": ("Diameter", "mm", 2), "depth_mm": ("Depth", "mm", 2), "
 CROSSES = "Nearer to the corner is better; crosses break a limit."
 
 
-def design_document(answer: DesignAnswer) -> dict[str, Any]:
+def design_document(design: DesignAnswer) -> dict[str, Any]:
     """All of it, as plain values with the names of Python."""
-    question, best = answer.question, answer.optimum
+    question, best = design.question, design.optimum
     return envelope(
         "design",
         planned=asdict(question.planned),
         criterion=question.criterion,
-        designs=[_document(one) for one in answer.designs],
+        designs=[_document(design) for design in design.designs],
         optimum=None if best is None else _optimum_document(best),
         prior=asdict(PRIOR),
         calibration=asdict(design_calibration()),
@@ -209,7 +211,7 @@ def design_document(answer: DesignAnswer) -> dict[str, Any]:
 
 def design_rows(designs: Sequence[Design]) -> tuple[tuple[str, ...], ...]:
     """The designs under `HEADINGS`, in their order."""
-    return tuple(_row(one) for one in designs)
+    return tuple(_row(design) for design in designs)
 
 
 def design_caption(designs: Sequence[Design]) -> str:
@@ -220,17 +222,19 @@ def design_caption(designs: Sequence[Design]) -> str:
     )
 
 
-def design_notes(answer: DesignAnswer) -> tuple[str, ...]:
+def design_notes(design: DesignAnswer) -> tuple[str, ...]:
     """What to know besides the table: before any press, what the columns mean, limits broken, what binds the best."""
     before = PRIOR.sd
-    broken = {f"{one.protocol.name}: {said}" for one in answer.designs for said in one.limits.broken.values()}
+    broken = {
+        f"{design.protocol.name}: {message}" for design in design.designs for message in design.limits.broken.values()
+    }
     return (
         f"Before any press: d {before['diameter_mm']:.2f} mm, h {before['depth_mm']:.2f} mm, "
         f"E {before['young_kpa']:.1f} kPa.",
         "known: share of the inclusions whose modulus would be known to 20 kPa; whole: share on which the whole face "
         "touches in the weakest press; grey: the brightest place.",
         *sorted(broken),
-        *(() if answer.optimum is None else _optimum_notes(answer.optimum)),
+        *(() if design.optimum is None else _optimum_notes(design.optimum)),
     )
 
 
@@ -242,20 +246,20 @@ def draw_errors(designs: Sequence[Design], figure: Figure) -> None:
     figure.legend(*left.get_legend_handles_labels(), loc="outside right upper", fontsize=8, markerscale=0.8)
 
 
-def design_page(answer: DesignAnswer) -> Page:
+def design_page(design: DesignAnswer) -> Page:
     """The planned design's errors as cards with the prior beside them, the information plot, and all designs."""
-    designs = answer.designs
+    designs = design.designs
     return Page(
         title="What it would tell",
-        subtitle=answer.planned.protocol.described,
-        cards=(*(_card(answer.planned, name) for name in SHORT), _best_card(answer)),
-        notes=design_notes(answer),
+        subtitle=design.planned.protocol.described,
+        cards=(*(_card(design.planned, name) for name in SHORT), _best_card(design)),
+        notes=design_notes(design),
         pictures=(
             Picture(
                 title="Expected errors",
                 draw=partial(draw_errors, designs),
                 size=(11.0, 4.0),
-                alt=f"Expected errors of {len(designs)} designs; the best is {answer.best.protocol.name}. The table "
+                alt=f"Expected errors of {len(designs)} designs; the best is {design.best.protocol.name}. The table "
                 "below holds the numbers.",
                 caption=CROSSES,
                 wide=True,
@@ -276,8 +280,8 @@ def _card(design: Design, name: str) -> Card:
     )
 
 
-def _best_card(answer: DesignAnswer) -> Card:
-    best, criterion = answer.best, answer.question.criterion
+def _best_card(design: DesignAnswer) -> Card:
+    best, criterion = design.best, design.question.criterion
     by = "all three together" if criterion == "all" else LABELS[criterion]
     return Card(
         title="Best of all",
@@ -287,14 +291,14 @@ def _best_card(answer: DesignAnswer) -> Card:
     )
 
 
-def _row(one: Design) -> tuple[str, ...]:
-    errors, limits = one.information.rmse, one.limits
+def _row(design: Design) -> tuple[str, ...]:
+    errors, limits = design.information.rmse, design.limits
     return (
-        one.protocol.name,
+        design.protocol.name,
         f"{errors['diameter_mm']:.2f}",
         f"{errors['depth_mm']:.2f}",
         f"{errors['young_kpa']:.1f}",
-        f"{one.information.identified_share:.0%}",
+        f"{design.information.identified_share:.0%}",
         f"{limits.strain:.2f}",
         f"{limits.whole_share:.0%}",
         f"{limits.brightest_grey:.0f}",
@@ -302,23 +306,23 @@ def _row(one: Design) -> tuple[str, ...]:
     )
 
 
-def _document(one: Design) -> dict[str, Any]:
-    told = one.information
-    bound = told.cramer_rao_sd
+def _document(design: Design) -> dict[str, Any]:
+    reported = design.information
+    bound = reported.cramer_rao_sd
     return {
-        "name": one.protocol.name,
-        "presses": one.protocol.described,
-        "layers_young_kpa": [layer.young_kpa for layer in one.protocol.probe.layers],
-        "face_curvature_mm": one.protocol.probe.face_curvature_mm,
-        "expected_rmse": told.rmse,
-        "modulus_identified_share": told.identified_share,
-        "mean_log_narrowing": told.log_sd,
-        "limits": asdict(one.limits),
-        "broken": one.limits.broken,
+        "name": design.protocol.name,
+        "presses": design.protocol.described,
+        "layers_young_kpa": [layer.young_kpa for layer in design.protocol.probe.layers],
+        "face_curvature_mm": design.protocol.probe.face_curvature_mm,
+        "expected_rmse": reported.rmse,
+        "modulus_identified_share": reported.identified_share,
+        "mean_log_narrowing": reported.log_sd,
+        "limits": asdict(design.limits),
+        "broken": design.limits.broken,
         "inclusions": [
             {"inclusion": inclusion, "expected_sd": sd, "cramer_rao_sd": least if np.isfinite(least).all() else None}
             for inclusion, sd, least in zip(
-                told.inclusions.tolist(), told.expected_sd.tolist(), bound.tolist(), strict=True
+                reported.inclusions.tolist(), reported.expected_sd.tolist(), bound.tolist(), strict=True
             )
         ],
     }
@@ -337,9 +341,9 @@ def _optimum_document(best: DesignOptimum) -> dict[str, Any]:
 def _optimum_notes(best: DesignOptimum) -> tuple[str, ...]:
     layers = ", ".join(f"{layer.young_kpa:.3g}" for layer in best.best.protocol.probe.layers)
     forces = " and ".join(f"{force:.2g}" for force in best.best.protocol.forces_n)
-    held = ", ".join(best.binding) or "nothing; it lies inside the search"
+    stored = ", ".join(best.binding) or "nothing; it lies inside the search"
     return (
         f"Best found after {best.evaluations} stacks: layers of {layers} kPa from the tissue up, pressed at "
         f"{forces} N.",
-        f"What binds it: {held}.",
+        f"What binds it: {stored}.",
     )

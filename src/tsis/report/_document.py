@@ -70,13 +70,13 @@ def withheld_reason(estimate: Estimate, name: str) -> str:
 
 def estimate_messages(estimate: Estimate) -> tuple[str, ...]:
     """What a reader must know besides the numbers, the most important first."""
-    said = (
+    message = (
         "" if estimate.presence is None else f"Probability of an inclusion: {probability_text(estimate.presence)}.",
         estimate.identifiability if estimate.trusted else NOT_TRUSTED,
         *estimate.notes,
         f"Prior: {estimate.prior}." if estimate.prior else "",
     )
-    return tuple(sentence for sentence in said if sentence)
+    return tuple(message for message in message if message)
 
 
 def probability_text(value: float) -> str:
@@ -91,11 +91,11 @@ def sd_text(value: float) -> str:
     return f"{value:.0f}" if 99.5 <= value < 99_999 else f"{value:.2g}"
 
 
-def features_document(found: Features, contact: Contact | None) -> dict[str, Any]:
+def features_document(features: Features, contact: Contact | None) -> dict[str, Any]:
     """Features of one image, and its round contact."""
-    document = {item.name: getattr(found, item.name) for item in fields(found) if item.name not in NOT_SCALAR}
+    document = {item.name: getattr(features, item.name) for item in fields(features) if item.name not in NOT_SCALAR}
     document["round_contact"] = None if contact is None else asdict(contact)
-    document["profile"] = None if found.profile is None else profile_document(found.profile)
+    document["profile"] = None if features.profile is None else profile_document(features.profile)
     return document
 
 

@@ -18,21 +18,23 @@ if TYPE_CHECKING:
 ROOM = 2**22  # bytes: more than a report takes
 
 
-def free_folder(wanted: Path) -> Path:
-    """``wanted``, or the first of ``wanted-2``, ``wanted-3``, ... that does not exist: nothing is overwritten.
+def free_folder(requested: Path) -> Path:
+    """``requested``, or the first of ``wanted-2``, ``wanted-3``, ... that does not exist: nothing is overwritten.
 
     Raises
     ------
     FileInputError
-        When ``wanted`` does not name a new folder.
+        When ``requested`` does not name a new folder.
     """
-    if wanted.name in ("", ".."):
-        raise FileInputError(f"{str(wanted)!r} must name a new folder; got none to make (give it a name)")
-    names = itertools.chain([wanted], (wanted.with_name(f"{wanted.name}-{number}") for number in itertools.count(2)))
+    if requested.name in ("", ".."):
+        raise FileInputError(f"{str(requested)!r} must name a new folder; got none to make (give it a name)")
+    names = itertools.chain(
+        [requested], (requested.with_name(f"{requested.name}-{number}") for number in itertools.count(2))
+    )
     try:
         return next(name for name in names if not name.exists())
     except OSError as error:
-        raise _refused(wanted, error) from error
+        raise _refused(requested, error) from error
 
 
 def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:

@@ -39,7 +39,7 @@ PAGE_FORMS = ("html", "pdf")  # forms that say what of a target is damaged; the 
 MASKED = ("fhir", "dicom")  # forms that leave out labels and times unless they are asked for
 
 
-def write_form(form: str, dossier: TargetRecord, path: Path, *, identified: bool) -> str:
+def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool) -> str:
     """Write one form of a dossier; of a bundle return the SHA-256 by which its receiver knows it, else nothing.
 
     Raises
@@ -52,29 +52,29 @@ def write_form(form: str, dossier: TargetRecord, path: Path, *, identified: bool
         When a stored file is damaged.
     """
     if form in PAGE_FORMS:
-        _write_file(path, page_bytes(form, dossier))
+        _write_file(path, page_bytes(form, record))
     elif form == "fhir":
         from tsis.records.export import fhir_observations
 
-        _write_file(path, fhir_observations(dossier, identified=identified))
+        _write_file(path, fhir_observations(record, identified=identified))
     elif form == "dicom":
         from tsis.records.dicom import write_dicom
 
-        write_dicom(dossier, path, identified=identified)
+        write_dicom(record, path, identified=identified)
     elif form == "bundle":
         from tsis.records.export.bundle import write_bundle
 
-        return write_bundle(dossier, path)
+        return write_bundle(record, path)
     else:
-        _writer(form)(dossier, path)
+        _writer(form)(record, path)
     return ""
 
 
-def page_bytes(form: str, dossier: TargetRecord) -> bytes:
+def page_bytes(form: str, record: TargetRecord) -> bytes:
     """The report of a target in one of `PAGE_FORMS`, drawn and laid out."""
     from tsis.report.target import target_page
 
-    page = target_page(dossier)
+    page = target_page(record)
     if form == "html":
         from tsis.report._page import html
 
@@ -131,7 +131,7 @@ class StoreAddress:
     identity: str
 
 
-def report_of_stored_target(place: StoreAddress, number: int, form: str) -> bytes:
+def report_of_stored_target(store_address: StoreAddress, number: int, form: str) -> bytes:
     """The report of a target in a form of `tsis.report.PAGE_FORMS`, as the store holds it at this moment.
 
     Raises
@@ -141,7 +141,11 @@ def report_of_stored_target(place: StoreAddress, number: int, form: str) -> byte
     InputError
         When there is no target of that number.
     """
-    with open_store(place.folder, kind=place.kind, database=place.database, create=False) as store:
-        if store.identity != place.identity:
-            raise RecordsError(f"the store must be {place.identity[:12]}, which was opened; got {store.identity[:12]}")
+    with open_store(
+        store_address.folder, kind=store_address.kind, database=store_address.database, create=False
+    ) as store:
+        if store.identity != store_address.identity:
+            raise RecordsError(
+                f"the store must be {store_address.identity[:12]}, which was opened; got {store.identity[:12]}"
+            )
         return page_bytes(form, store.dossier(store.target(number)))

@@ -51,10 +51,10 @@ def change_picture(
     caption: str = "Target minus reference press on plain tissue; outline and centroid in white.",
 ) -> Picture:
     """What a frame differs in from another, with the outline of the bright patch."""
-    found = features(signal)
+    result = features(signal)
 
     def change(figure: Figure) -> None:
-        tactile_image(signal, figure.subplots(), found=found, low=0.0)
+        tactile_image(signal, figure.subplots(), features=result, low=0.0)
 
     return Picture(title=title, draw=change, size=(6.0, 4.0), alt=alt, caption=caption)
 
@@ -122,13 +122,13 @@ def sheet_picture(frames: Sequence[tuple[str, TactileImage]]) -> Picture:
     frames
         Role and frame, at least one.
     """
-    rows, across = -(-len(frames) // ACROSS), min(ACROSS, len(frames))
+    rows, span = -(-len(frames) // ACROSS), min(ACROSS, len(frames))
     tall = max(_aspect(frame) * frame.grey.shape[0] / frame.grey.shape[1] for _, frame in frames)
-    height = min(max(SHEET_WIDTH / across * tall, 0.5), 4.0) + 0.25
+    height = min(max(SHEET_WIDTH / span * tall, 0.5), 4.0) + 0.25
 
     def sheet(figure: Figure) -> None:
         high = max(float(frame.grey.max()) for _, frame in frames)
-        axes = figure.subplots(rows, across, squeeze=False).ravel()
+        axes = figure.subplots(rows, span, squeeze=False).ravel()
         for ax in axes:
             ax.set_axis_off()
         for (role, frame), ax in zip(frames, axes, strict=False):

@@ -86,15 +86,15 @@ def hardness_page(
 
 def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
     """The modulus, if it is to be trusted, with the truth where it is known."""
-    doubt = withheld_reason(estimate, "young_kpa")
+    uncertainty = withheld_reason(estimate, "young_kpa")
     low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
-    said = [f"90 % interval {low:.3g} to {high:.3g} kPa"] if estimate.trusted else []
-    known = [] if truth_kpa is None else [f"truth {truth_kpa:.3g} kPa"]
+    message = [f"90 % interval {low:.3g} to {high:.3g} kPa"] if estimate.trusted else []
+    given = [] if truth_kpa is None else [f"truth {truth_kpa:.3g} kPa"]
     return Card(
         title="Young's modulus",
-        value=doubt or f"{estimate.mean['young_kpa']:.3g} kPa",
-        detail="; ".join(said + known),
-        doubtful=bool(doubt),
+        value=uncertainty or f"{estimate.mean['young_kpa']:.3g} kPa",
+        detail="; ".join(message + given),
+        doubtful=bool(uncertainty),
     )
 
 
@@ -110,33 +110,33 @@ def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Pictu
 def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
     """Names and values for people; of an estimate that is not to be trusted no modulus."""
     rows = []
-    doubt = withheld_reason(estimate, "young_kpa")
+    uncertainty = withheld_reason(estimate, "young_kpa")
     low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
-    rows.append(("Young's modulus", doubt or f"{estimate.mean['young_kpa']:.3g} kPa"))
+    rows.append(("Young's modulus", uncertainty or f"{estimate.mean['young_kpa']:.3g} kPa"))
     if estimate.trusted:
         rows.append(("90 % interval", f"{low:.3g} to {high:.3g} kPa"))
-    if not doubt:
+    if not uncertainty:
         readings = shore(estimate.mean["young_kpa"])
         for name, value in (("Shore 00", readings.shore_00), ("Shore A", readings.shore_a)):
             rows.append((f"{name} (converted)", "outside the scale" if value is None else f"{value:.0f}"))
     for press in estimate.provenance.get("presses", ()):
-        seen = press["seen"]
+        observed = press["seen"]
         rows.append(
             (
                 f"contact radius, {press['name'] or 'image'}",
-                f"{seen['radius_mm']:.3f} mm ± {100 * seen['radius_sd']:.2f} %",
+                f"{observed['radius_mm']:.3f} mm ± {100 * observed['radius_sd']:.2f} %",
             )
         )
-        rows.append((f"force by light, {press['name'] or 'image'}", f"{seen['light_force_n']:.3g} N"))
+        rows.append((f"force by light, {press['name'] or 'image'}", f"{observed['light_force_n']:.3g} N"))
     return tuple(rows)
 
 
 def hardness_notes(estimate: Estimate) -> tuple[str, ...]:
     """What a reader must know besides the numbers, the most important first."""
-    said = [estimate.identifiability if estimate.trusted else NOT_TRUSTED, *estimate.notes]
+    messages = [estimate.identifiability if estimate.trusted else NOT_TRUSTED, *estimate.notes]
     if not withheld_reason(estimate, "young_kpa"):
-        said.append(f"Shore readings are converted, not measured. {shore(estimate.mean['young_kpa']).source}.")
-    return (*said, f"Prior: {estimate.prior}.")
+        messages.append(f"Shore readings are converted, not measured. {shore(estimate.mean['young_kpa']).source}.")
+    return (*messages, f"Prior: {estimate.prior}.")
 
 
 def _picture(title: str, draw: Any, alt: str) -> Picture:

@@ -94,15 +94,15 @@ def inclusion_cards(estimate: Estimate, truth: Mapping[str, float] | None = None
 
 def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
     heading, unit = TITLES.get(name, (name, ""))
-    known = [f"truth {truth[name]:.3g} {unit}"] if name in truth else []
-    doubt = withheld_reason(estimate, name)
+    given = [f"truth {truth[name]:.3g} {unit}"] if name in truth else []
+    uncertainty = withheld_reason(estimate, name)
     if not estimate.trusted:
-        return Card(title=heading, value=doubt, detail="; ".join(known), doubtful=True)
+        return Card(title=heading, value=uncertainty, detail="; ".join(given), doubtful=True)
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
     interval = f"{low:.3g} to {high:.3g} {unit}"
-    value = interval if doubt else f"{estimate.mean[name]:.3g} {unit}"
-    detail = [doubt or f"90 % interval {interval}", _spreads(estimate, name, unit), *known]
-    return Card(title=heading, value=value, detail="; ".join(detail), doubtful=bool(doubt))
+    value = interval if uncertainty else f"{estimate.mean[name]:.3g} {unit}"
+    detail = [uncertainty or f"90 % interval {interval}", _spreads(estimate, name, unit), *given]
+    return Card(title=heading, value=value, detail="; ".join(detail), doubtful=bool(uncertainty))
 
 
 def _spreads(estimate: Estimate, name: str, unit: str) -> str:
@@ -131,20 +131,20 @@ def marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[
     def marginals(figure: Figure) -> None:
         axes = figure.subplots(1, len(estimate.samples), squeeze=False)[0]
         for name, ax in zip(estimate.samples, axes, strict=True):
-            known = (truth or {}).get(name)
-            marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=known)
+            given = (truth or {}).get(name)
+            marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=given)
         axes[0].legend(frameon=False, fontsize=8)
 
     intervals = estimate.interval(INTERVAL_LEVEL) if estimate.trusted else {}
-    words = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
-    doubt = "" if estimate.trusted else "Not to be trusted. "
+    text = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
+    uncertainty = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if not truth else " The dashed line is the truth."
     return Picture(
         title="What the presses told",
         draw=marginals,
         size=(9.5, 2.8),
-        alt=f"Posterior of each parameter, 90 % intervals: {words or 'not to be trusted'}",
-        caption=f"{doubt}Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
+        alt=f"Posterior of each parameter, 90 % intervals: {text or 'not to be trusted'}",
+        caption=f"{uncertainty}Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
         wide=True,
     )
 
@@ -154,18 +154,18 @@ def trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) -> 
 
     def pairs(figure: Figure) -> None:
         names = list(itertools.combinations(estimate.samples, 2))
-        for (one, other), ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
-            known = (truth[one], truth[other]) if truth and one in truth and other in truth else None
-            trade_off(estimate, (one, other), ax, truth=known)
+        for (item, other), ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
+            given = (truth[item], truth[other]) if truth and item in truth and other in truth else None
+            trade_off(estimate, (item, other), ax, truth=given)
 
-    doubt = "" if estimate.trusted else "Not to be trusted. "
+    uncertainty = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if not truth else " The cross is the truth."
     return Picture(
         title="Which parameters trade off",
         draw=pairs,
         size=(9.5, 3.0),
         alt="Joint posterior of each pair of parameters",
-        caption=f"{doubt}Joint posteriors: a slanted band is a combination known better than its parts.{marked}",
+        caption=f"{uncertainty}Joint posteriors: a slanted band is a combination known better than its parts.{marked}",
         wide=True,
     )
 

@@ -16,89 +16,100 @@ if TYPE_CHECKING:
 SHORT = 8  # letters of an identity that tell it from others
 
 
-def recomputation_notes(found: Recomputation) -> tuple[str, ...]:
+def recomputation_notes(recomputation: Recomputation) -> tuple[str, ...]:
     """What to know besides the sentence that says whether it came out the same."""
-    said = [f"Note: {note}." for note in found.notes]
-    for what, flags in (("gained", found.flags_gained), ("lost", found.flags_lost)):
+    messages = [f"Note: {note}." for note in recomputation.notes]
+    for what, flags in (("gained", recomputation.flags_gained), ("lost", recomputation.flags_lost)):
         if flags:
-            said.append(f"Flags {what}: {', '.join(flags)}.")
-    if found.before.estimate.trusted != found.after.estimate.trusted:
-        said.append(f"It is {'now' if found.after.estimate.trusted else 'no longer'} to be trusted.")
-    return tuple(said)
+            messages.append(f"Flags {what}: {', '.join(flags)}.")
+    if recomputation.before.estimate.trusted != recomputation.after.estimate.trusted:
+        messages.append(f"It is {'now' if recomputation.after.estimate.trusted else 'no longer'} to be trusted.")
+    return tuple(messages)
 
 
-def stored_sentence(found: Recomputation) -> str:
+def stored_sentence(recomputation: Recomputation) -> str:
     """Where the new estimate is; empty where it is the old one."""
-    if found.same:
+    if recomputation.same:
         return ""
-    return f"Stored as {found.after.id[:SHORT]}." if found.stored else "Nothing was stored: this was a dry run."
+    return (
+        f"Stored as {recomputation.after.id[:SHORT]}."
+        if recomputation.stored
+        else "Nothing was stored: this was a dry run."
+    )
 
 
-def shift_table(found: Recomputation) -> Table:
+def shift_table(recomputation: Recomputation) -> Table:
     """How far each parameter moved."""
     headings = ("", "before", "after", "moved (old sd)", "90 % interval before", "90 % interval after")
-    return Table(title="What moved", headings=headings, rows=tuple(_shift_rows(found)))
+    return Table(title="What moved", headings=headings, rows=tuple(_shift_rows(recomputation)))
 
 
-def _shift_rows(found: Recomputation) -> list[tuple[str, ...]]:
+def _shift_rows(recomputation: Recomputation) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
-    for shift in found.shifts:
+    for shift in recomputation.shifts:
         (low, high), (now_low, now_high) = shift.interval_before, shift.interval_after
         means = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.moved:+.2g}")
         rows.append((shift.name, *means, f"{low:.3g} to {high:.3g}", f"{now_low:.3g} to {now_high:.3g}"))
     return rows
 
 
-def recomputation_document(target: Target, found: Recomputation) -> dict[str, Any]:
+def recomputation_document(target: Target, recomputation: Recomputation) -> dict[str, Any]:
     """The same as plain values for JSON."""
     from tsis.records import free_to_plain  # loads the libraries of records, which have loaded by then
 
     return {
         "target": target.number,
-        "kind": found.before.kind,
-        "same": found.same,
-        "sentence": found.sentence,
-        "causes": list(found.causes),
-        "notes": list(found.notes),
-        "shifts": [free_to_plain(asdict(shift), "shift") for shift in found.shifts],  # moved by so many old sd
-        "flags_gained": list(found.flags_gained),
-        "flags_lost": list(found.flags_lost),
-        "trusted": {"before": found.before.estimate.trusted, "after": found.after.estimate.trusted},
-        "before": found.before.id,
-        "stored_as": found.after.id if found.stored else None,
+        "kind": recomputation.before.kind,
+        "same": recomputation.same,
+        "sentence": recomputation.sentence,
+        "causes": list(recomputation.causes),
+        "notes": list(recomputation.notes),
+        "shifts": [free_to_plain(asdict(shift), "shift") for shift in recomputation.shifts],  # moved by so many old sd
+        "flags_gained": list(recomputation.flags_gained),
+        "flags_lost": list(recomputation.flags_lost),
+        "trusted": {"before": recomputation.before.estimate.trusted, "after": recomputation.after.estimate.trusted},
+        "before": recomputation.before.id,
+        "stored_as": recomputation.after.id if recomputation.stored else None,
     }
 
 
-def verdict(found: StoreVerification) -> str:
+def verdict(store_verification: StoreVerification) -> str:
     """Whether the store can be believed."""
-    state = "as it was stored" if found.sound else f"NOT as it was stored: {count_of(len(found.faults), 'fault')}"
-    return f"The store is {state}: {found.rows} rows and {found.files} files were read."
+    state = (
+        "as it was stored"
+        if store_verification.sound
+        else f"NOT as it was stored: {count_of(len(store_verification.faults), 'fault')}"
+    )
+    return f"The store is {state}: {store_verification.rows} rows and {store_verification.files} files were read."
 
 
-def verification_notes(found: StoreVerification) -> tuple[str, ...]:
+def verification_notes(store_verification: StoreVerification) -> tuple[str, ...]:
     """What to know of a store besides its faults."""
-    said = [f"Note: {note}." for note in found.notes]
-    if found.unnamed:
-        said.append(f"{found.unnamed} files belong to saves that were cut short; nobody was told they were kept.")
-    if found.unanchored:
-        said.append(
-            f"The anchor does not vouch for the last {found.unanchored} entries of the audit; the next record brings "
+    messages = [f"Note: {note}." for note in store_verification.notes]
+    if store_verification.unnamed:
+        messages.append(
+            f"{store_verification.unnamed} files belong to saves that were cut short; nobody was told they were kept."
+        )
+    if store_verification.unanchored:
+        messages.append(
+            f"The anchor does not vouch for the last {store_verification.unanchored} entries of the audit; "
+            f"the next record brings "
             "it up to date."
         )
-    return (*said, f"Audit: entry {found.head.number}, {found.head.hash}")
+    return (*messages, f"Audit: entry {store_verification.head.number}, {store_verification.head.hash}")
 
 
-def store_verification_document(found: StoreVerification) -> dict[str, Any]:
+def store_verification_document(store_verification: StoreVerification) -> dict[str, Any]:
     """The same as plain values for JSON."""
     return {
-        "sound": found.sound,
-        "faults": list(found.faults),
-        "notes": list(found.notes),
-        "audit": {"number": found.head.number, "hash": found.head.hash},
-        "rows": found.rows,
-        "files": found.files,
-        "unnamed": found.unnamed,
-        "unanchored": found.unanchored,
+        "sound": store_verification.sound,
+        "faults": list(store_verification.faults),
+        "notes": list(store_verification.notes),
+        "audit": {"number": store_verification.head.number, "hash": store_verification.head.hash},
+        "rows": store_verification.rows,
+        "files": store_verification.files,
+        "unnamed": store_verification.unnamed,
+        "unanchored": store_verification.unanchored,
     }
 
 
@@ -112,8 +123,8 @@ def entered_text(target: Target, *, new: bool, added: int, present: int, estimat
 
 def import_message(taken: ImportedTarget) -> str:
     """What became of a bundle."""
-    words = entered_text(
+    text = entered_text(
         taken.target, new=taken.new, added=taken.presses, present=taken.present, estimates=taken.estimates
     )
     differing = f"; {count_of(taken.differing, 'press')} here differ from it and stay" if taken.differing else ""
-    return f"Taken in as {words}{differing}."
+    return f"Taken in as {text}{differing}."

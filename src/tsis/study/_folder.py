@@ -71,7 +71,9 @@ class Study:
         if operator is None:
             by = Counter(reading.operator for reading in self.readings if reading.device == device)
             operator = by.most_common(1)[0][0] if by else ""
-        done.update(each.code for each in self.readings if (each.device, each.operator) == (device, operator))
+        done.update(
+            reading.code for reading in self.readings if (reading.device, reading.operator) == (device, operator)
+        )
         return tuple(
             (code, repeat)
             for repeat in range(1, self.plan.repeats + 1)
@@ -88,16 +90,16 @@ def open_study(folder: str | os.PathLike[str]) -> Study:
     RecordsError
         When it holds no study that can be read.
     """
-    place = as_path(folder)
-    if not os.path.isfile(place / PLAN):  # noqa: PTH113 - Path.is_file raises for names that no file can have
-        raise RecordsError(no_study(place))
-    plan, chain = parse_study_plan(read_bytes(place / PLAN), PLAN), read_log(place)
-    return Study(folder=place, plan=plan, chain=chain, readings=_readings(chain, plan))
+    position = as_path(folder)
+    if not os.path.isfile(position / PLAN):  # noqa: PTH113 - Path.is_file raises for names that no file can have
+        raise RecordsError(no_study(position))
+    plan, chain = parse_study_plan(read_bytes(position / PLAN), PLAN), read_log(position)
+    return Study(folder=position, plan=plan, chain=chain, readings=_readings(chain, plan))
 
 
-def no_study(place: Path) -> str:
+def no_study(path: Path) -> str:
     """What to say of a folder that holds none."""
-    return f"{printable_path(place)} must be the folder of a study; it holds no {PLAN} (tsis study new makes one)"
+    return f"{printable_path(path)} must be the folder of a study; it holds no {PLAN} (tsis study new makes one)"
 
 
 def read_seal(study: Study) -> tuple[SealedTruth, bool]:
@@ -119,8 +121,8 @@ def read_seal(study: Study) -> tuple[SealedTruth, bool]:
 def committed(chain: Chain, plan: StudyPlan) -> str:
     """SHA-256 of the truth as the log's first line has it, where it can be read; else as the plan has it."""
     first = chain.entries[0] if chain.entries else None
-    told = first.content.get("truth_sha256") if first is not None and first.action == CREATED else None
-    return told if isinstance(told, str) else plan.commitment
+    reported = first.content.get("truth_sha256") if first is not None and first.action == CREATED else None
+    return reported if isinstance(reported, str) else plan.commitment
 
 
 def enter_readings(
@@ -153,16 +155,16 @@ def enter_readings(
             raise RecordsError("readings must come before a study is unblinded; this one is, so nothing was entered")
         require_plan_unchanged(study.folder, chain)
         codes = frozenset(study.plan.codes)
-        known = {reading.key for reading in _readings(chain, study.plan)}
+        given = {reading.key for reading in _readings(chain, study.plan)}
         for reading in readings:
             if reading.code not in codes:
                 raise InputError(f"code must be one of this study's; got {reading.code!r:.40}")
-            if reading.key in known:
+            if reading.key in given:
                 raise InputError(
                     f"a reading must be entered once; {reading.code} was read by {reading.operator!r:.60} with "
                     f"{reading.device!r:.60}, repeat {reading.repeat}, already"
                 )
-            known.add(reading.key)
+            given.add(reading.key)
         head = [] if imported is None else [Draft(actor=actor, action=IMPORTED, content=imported)]
         return [*head, *(Draft(actor=actor, action=READING, content=reading.plain()) for reading in readings)]
 
@@ -182,7 +184,7 @@ def require_plan_unchanged(folder: Path, chain: Chain) -> None:
 def before_unblinding(chain: Chain) -> tuple[Entry, ...]:
     """The lines up to the first that unblinds."""
     lines = chain.entries
-    end = next((place for place, entry in enumerate(lines) if entry.action == UNBLINDED), len(lines))
+    end = next((index for index, entry in enumerate(lines) if entry.action == UNBLINDED), len(lines))
     return lines[:end]
 
 
@@ -198,7 +200,7 @@ def _threshold(entry: Entry, device: str) -> float:
 
 
 def _readings(chain: Chain, plan: StudyPlan) -> tuple[DeviceReading, ...]:
-    found: dict[tuple[str, str, str, int], DeviceReading] = {}
+    document: dict[tuple[str, str, str, int], DeviceReading] = {}
     codes = set(plan.codes)
     for entry in before_unblinding(chain):
         if entry.action == READING:
@@ -207,8 +209,8 @@ def _readings(chain: Chain, plan: StudyPlan) -> tuple[DeviceReading, ...]:
             except InputError:  # which `verify` tells
                 continue
             if reading.code in codes:
-                found.setdefault(reading.key, reading)
-    return tuple(found.values())
+                document.setdefault(reading.key, reading)
+    return tuple(document.values())
 
 
 def user() -> str:

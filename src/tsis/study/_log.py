@@ -96,7 +96,7 @@ def link_entries(chain: Chain, drafts: Iterable[Draft], moment: datetime) -> tup
     number, previous, entries = chain.lines, chain.head, list[Entry]()
     for draft in drafts:
         number += 1
-        plain = {
+        reference = {
             "number": number,
             "moment": moment.isoformat(),
             "actor": draft.actor,
@@ -104,8 +104,8 @@ def link_entries(chain: Chain, drafts: Iterable[Draft], moment: datetime) -> tup
             "content": json.loads(canonical(dict(draft.content))),  # as whoever reads the file gets it
             "previous": previous,
         }
-        previous = digest(plain)
-        entries.append(Entry(**plain, hash=previous))
+        previous = digest(reference)
+        entries.append(Entry(**reference, hash=previous))
     return tuple(entries)
 
 
@@ -151,8 +151,8 @@ def read_chain(content: bytes) -> Chain:
 
 def _entry(line: bytes) -> Entry | None:
     try:
-        plain = json.loads(line.decode())
-        entry = Entry(**plain)
+        reference = json.loads(line.decode())
+        entry = Entry(**reference)
     except (ValueError, TypeError, RecursionError):
         return None
     texts = all(isinstance(getattr(entry, name), str) for name in TEXTS)
@@ -160,9 +160,9 @@ def _entry(line: bytes) -> Entry | None:
 
 
 def _wrong(entry: Entry, line: bytes, number: int, previous: str) -> str:
-    plain = {name: getattr(entry, name) for name in ("number", "content", *TEXTS) if name != "hash"}
+    reference = {name: getattr(entry, name) for name in ("number", "content", *TEXTS) if name != "hash"}
     try:
-        same = digest(plain) == entry.hash and entry.line().encode() == line
+        same = digest(reference) == entry.hash and entry.line().encode() == line
     except (TypeError, ValueError, RecursionError):  # numbers that no log holds, as NaN
         same = False
     if not same:

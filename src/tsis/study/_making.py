@@ -79,7 +79,7 @@ def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tup
     _check_numbers(present, blank)
     require_type("rng", rng, np.random.Generator)
     prior = InclusionPrior()
-    with_one = [
+    with_inclusion = [
         TargetTruth(label=f"random-{number + 1}", phantom=_drawn_with_inclusion(prior, rng))
         for number in range(present)
     ]
@@ -87,7 +87,7 @@ def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tup
         TargetTruth(label=f"blank-{number + 1}", phantom=_drawn_tissue(prior, rng, at_least_mm=0.0))
         for number in range(blank)
     ]
-    return (*with_one, *without)
+    return (*with_inclusion, *without)
 
 
 def _drawn_with_inclusion(prior: InclusionPrior, rng: np.random.Generator) -> Phantom:
@@ -164,20 +164,20 @@ def new_study(
     RecordsError
         When the folder exists or cannot be made.
     """
-    place = as_path(folder)
+    position = as_path(folder)
     given = seed
     seed = secrets.randbelow(LARGEST_SEED) if seed is None else require_integer("seed", seed, 0, LARGEST_SEED)
     listed = tuple(targets(seed) if callable(targets) else targets)
     if not listed:
         raise InputError("targets must be at least one; got none")
-    for each in listed:
-        require_type("targets", each, TargetTruth)
+    for item in listed:
+        require_type("targets", item, TargetTruth)
     truths = coded(listed, seed)
     sealed = SealedTruth(salt=secrets.token_hex(32), seed=seed, truths=truths).content()
     if forces_n is None:
         forces_n = (1.0,) if load_probe(probe).face_curvature_mm is None else (0.5, 1.0)
     plan = StudyPlan(
-        name=name or place.resolve().name,
+        name=name or position.resolve().name,
         seed=given,
         probe=probe,
         forces_n=tuple(forces_n),
@@ -196,7 +196,7 @@ def new_study(
         nothing, [Draft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)], plan.made
     )
     try:
-        with atomic_folder(place) as draft:
+        with atomic_folder(position) as draft:
             (draft / PLAN).write_bytes(planned)
             handle = os.open(draft / SEAL, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(handle, "wb") as file:
@@ -204,10 +204,10 @@ def new_study(
             (draft / LOG_FILE).write_bytes(f"{first[0].line()}\n".encode())
     except FileExistsError as error:
         raise RecordsError(
-            f"{printable_path(place)} must be a new name; there is such a file or folder (choose another)"
+            f"{printable_path(position)} must be a new name; there is such a file or folder (choose another)"
         ) from error
     except (OSError, ValueError) as error:
         raise RecordsError(
-            f"{printable_path(place)} must be a place that can be written; got: {one_line(error)}"
+            f"{printable_path(position)} must be a place that can be written; got: {one_line(error)}"
         ) from error
-    return open_study(place)
+    return open_study(position)

@@ -56,14 +56,14 @@ def coded(targets: Sequence[Target], seed: int) -> dict[str, Target]:
     """
     require_integer("seed", seed, 0, LARGEST_SEED)
     order = np.random.default_rng([seed, ORDER]).permutation(len(targets))
-    return {code: targets[place] for code, place in zip(_codes(len(targets), seed), order.tolist(), strict=True)}
+    return {code: targets[position] for code, position in zip(_codes(len(targets), seed), order.tolist(), strict=True)}
 
 
 def _codes(count: int, seed: int) -> list[str]:
-    rng, found = np.random.default_rng([seed, CODES]), dict[str, None]()
-    while len(found) < count:
-        found["T-" + "".join(LETTERS[place] for place in rng.integers(len(LETTERS), size=LENGTH))] = None
-    return list(found)
+    rng, result = np.random.default_rng([seed, CODES]), dict[str, None]()
+    while len(result) < count:
+        result["T-" + "".join(LETTERS[position] for position in rng.integers(len(LETTERS), size=LENGTH))] = None
+    return list(result)
 
 
 FORMAT, VERSION = "tsis-study", 1
@@ -190,9 +190,9 @@ def parse_study_plan(content: bytes, name: str) -> StudyPlan:
         When it holds no plan that this version reads.
     """
     try:
-        plain = parse_object(content, name, values=2_000_000)
-        require_study_format(plain, FORMAT, VERSION)
-        return _plan(plain)
+        reference = parse_object(content, name, values=2_000_000)
+        require_study_format(reference, FORMAT, VERSION)
+        return _plan(reference)
     except FileInputError as error:  # which names the file
         raise RecordsError(str(error)) from error
     except InputError as error:
@@ -201,25 +201,25 @@ def parse_study_plan(content: bytes, name: str) -> StudyPlan:
         raise RecordsError(f"{name} must hold every part of a study's plan; wrong or missing: {error!s:.80}") from error
 
 
-def require_study_format(plain: Mapping[str, Any], form: str, version: int) -> None:
+def require_study_format(reference: Mapping[str, Any], form: str, version: int) -> None:
     """Refuse a file of another kind or version."""
-    if plain.get("format") != form:
-        raise InputError(f"format must be {form!r}; got {plain.get('format')!r:.60}")
-    if plain.get("version") != version:
-        raise InputError(f"version must be {version}; got {plain.get('version')!r:.60} (use the tsis that made it)")
+    if reference.get("format") != form:
+        raise InputError(f"format must be {form!r}; got {reference.get('format')!r:.60}")
+    if reference.get("version") != version:
+        raise InputError(f"version must be {version}; got {reference.get('version')!r:.60} (use the tsis that made it)")
 
 
-def _plan(plain: Mapping[str, Any]) -> StudyPlan:
+def _plan(reference: Mapping[str, Any]) -> StudyPlan:
     return StudyPlan(
-        name=plain["name"],
-        seed=plain["seed"],
-        probe=plain["probe"],
-        forces_n=tuple(plain["forces_n"]),
-        with_reference=plain["with_reference"],
-        repeats=plain["repeats"],
-        threshold=plain["threshold"],
-        codes=tuple(plain["codes"]),
-        commitment=plain["truth_sha256"],
-        made=datetime.fromisoformat(plain["made"]),
-        tsis=plain["tsis"],
+        name=reference["name"],
+        seed=reference["seed"],
+        probe=reference["probe"],
+        forces_n=tuple(reference["forces_n"]),
+        with_reference=reference["with_reference"],
+        repeats=reference["repeats"],
+        threshold=reference["threshold"],
+        codes=tuple(reference["codes"]),
+        commitment=reference["truth_sha256"],
+        made=datetime.fromisoformat(reference["made"]),
+        tsis=reference["tsis"],
     )

@@ -64,7 +64,7 @@ def press_study(
     *,
     operator: str = "",
     seed: int = 0,
-    keep: Store | None = None,
+    save: Store | None = None,
     progress: Callable[[int, int], None] | None = None,
     preparing: Callable[[int, int], None] | None = None,
     ended: Callable[[], bool] | None = None,
@@ -83,7 +83,7 @@ def press_study(
         Who holds the probe; the user of this machine by default. Another one reads every target anew.
     seed
         Of the probe's errors.
-    keep
+    save
         Store of phantoms that gets frames, calibration and estimate under each code.
     progress
         Called with (done, total) readings.
@@ -111,16 +111,18 @@ def press_study(
     with run_lock(study.folder / PLAN):
         study = open_study(study.folder)  # another run may just have ended
         left = study.missing(study.plan.device, operator)
-        bench = None if not left else _Bench.of(study, preparing)
+        instrument = None if not left else _Bench.of(study, preparing)
         entered = undecided = 0
         for done, (code, repeat) in enumerate(left):
             if progress is not None:
                 progress(done, len(left))
             if ended is not None and ended():
                 break
-            assert bench is not None
+            assert instrument is not None
             rng = _rng(seed, code, operator, repeat)
-            reading = bench.read(seal.truths[code], rng, keep, code=code, operator=operator, repeat=repeat, seed=seed)
+            reading = instrument.read(
+                seal.truths[code], rng, save, code=code, operator=operator, repeat=repeat, seed=seed
+            )
             study = enter_readings(study, [reading], actor=operator)
             entered, undecided = entered + 1, undecided + reading.undecided
     if progress is not None and left:
@@ -165,8 +167,8 @@ class _Bench:
         blank = DeviceReading(code=code, device=plan.device, operator=operator, repeat=repeat, score=None)
         virtual = VirtualProbe(load_probe(plan.probe), rng=rng, light=self.light)
         calibration = virtual.calibration
-        known = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
-        evidence: dict[str, Any] = {"tsis": __version__, "seed": seed, "calibration_sha256": calibration_sha256(known)}
+        given = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
+        evidence: dict[str, Any] = {"tsis": __version__, "seed": seed, "calibration_sha256": calibration_sha256(given)}
         try:
             targets, references = self._frames(virtual, truth.phantom, rng, code)
         except (InputError, MechanicsError):
@@ -174,26 +176,26 @@ class _Bench:
         evidence["frames_sha256"] = _digest(targets + references)
         evidence["prior"] = str(self.prior)
         try:
-            found = estimate(
+            result = estimate(
                 targets, probe=virtual.probe, calibration=calibration, reference=references, prior=self.prior
             )
         except (InputError, MechanicsError) as error:
             return replace(blank, reason=one_line(error), evidence=evidence)
         if store is not None:
-            evidence["kept_as"] = _kept(store, found, known, targets, references, code, self.prior)
-        doubts = UNTRUSTED_FLAGS.intersection(found.flags) - {NO_INCLUSION}
-        if doubts or found.presence is None:
-            reason = f"{NOT_TRUSTED}: {', '.join(sorted(doubts))}"
-            return replace(blank, reason=reason, flags=found.flags, evidence=evidence)
-        score = float(found.presence)
-        reading = replace(blank, score=score, rank=found.log_bayes_factor, flags=found.flags, evidence=evidence)
-        if not found.trusted:  # there is nothing to measure
+            evidence["kept_as"] = _kept(store, result, given, targets, references, code, self.prior)
+        uncertainties = UNTRUSTED_FLAGS.intersection(result.flags) - {NO_INCLUSION}
+        if uncertainties or result.presence is None:
+            reason = f"{NOT_TRUSTED}: {', '.join(sorted(uncertainties))}"
+            return replace(blank, reason=reason, flags=result.flags, evidence=evidence)
+        score = float(result.presence)
+        reading = replace(blank, score=score, rank=result.log_bayes_factor, flags=result.flags, evidence=evidence)
+        if not result.trusted:  # there is nothing to measure
             return reading
         return replace(
             reading,
-            values={name: found.mean[name] for name in QUANTITIES},
-            sd={name: found.sd[name] for name in QUANTITIES},
-            interval_90=found.interval(INTERVAL_LEVEL),
+            values={name: result.mean[name] for name in QUANTITIES},
+            sd={name: result.sd[name] for name in QUANTITIES},
+            interval_90=result.interval(INTERVAL_LEVEL),
         )
 
     def _frames(
@@ -216,16 +218,16 @@ class _Bench:
 
 def _digest(frames: list[TactileImage]) -> str:
     """SHA-256 of the grey levels of all frames, in single precision, which holds 16 bits exactly."""
-    found = hashlib.sha256()
+    result = hashlib.sha256()
     for frame in frames:
-        found.update(frame.grey.astype(np.float32).tobytes())
-    return found.hexdigest()
+        result.update(frame.grey.astype(np.float32).tobytes())
+    return result.hexdigest()
 
 
 def _kept(
     store: Store,
-    found: Estimate,
-    known: ProbeCalibration,
+    estimate: Estimate,
+    calibration: ProbeCalibration,
     targets: list[TactileImage],
     references: list[TactileImage],
     code: str,
@@ -236,9 +238,9 @@ def _kept(
 
     keepable = SavableResult(
         kind="inclusion",
-        estimate=found,
-        probe=known.probe,
-        known=known,
+        estimate=estimate,
+        probe=calibration.probe,
+        known=calibration,
         frames={"target": targets, "plain": references},
         options={"prior": asdict(prior)},
         name=code,

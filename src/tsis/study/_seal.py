@@ -75,10 +75,10 @@ def parse_seal(content: bytes, name: str) -> SealedTruth:
         When it holds none that this version reads.
     """
     try:
-        plain = parse_object(content, name, values=8_000_000)
-        require_study_format(plain, FORMAT, VERSION)
-        truths = {str(code): parse_target_truth(each) for code, each in plain["targets"].items()}
-        return SealedTruth(salt=plain["salt"], seed=plain["seed"], truths=truths)
+        reference = parse_object(content, name, values=8_000_000)
+        require_study_format(reference, FORMAT, VERSION)
+        truths = {str(code): parse_target_truth(item) for code, item in reference["targets"].items()}
+        return SealedTruth(salt=reference["salt"], seed=reference["seed"], truths=truths)
     except FileInputError as error:  # which names the file
         raise RecordsError(str(error)) from error
     except InputError as error:

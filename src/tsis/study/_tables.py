@@ -61,9 +61,9 @@ class CsvRow:
             raise self.refused(name, "a finite number with a decimal point, or empty", text)
         return value
 
-    def refused(self, name: str, wanted: str, got: str) -> FileInputError:
+    def refused(self, name: str, requested: str, got: str) -> FileInputError:
         """What to raise where a cell will not do."""
-        return FileInputError(f"{name} must be {wanted}; got {got!r:.60} ({self.where})")
+        return FileInputError(f"{name} must be {requested}; got {got!r:.60} ({self.where})")
 
 
 def read_csv_rows(path: Path, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[CsvRow]:
@@ -151,16 +151,16 @@ def read_truth_table(path: str | os.PathLike[str]) -> tuple[TargetTruth, ...]:
     FileInputError
         When a row is no target, in one sentence with its line.
     """
-    place = as_path(path)
-    found: dict[str, TargetTruth] = {}
-    for row in read_csv_rows(place, COLUMNS, MORE_COLUMNS):
+    position = as_path(path)
+    document: dict[str, TargetTruth] = {}
+    for row in read_csv_rows(position, COLUMNS, MORE_COLUMNS):
         target = _target(row)
-        if target.label in found:
+        if target.label in document:
             raise row.refused("label", "different in every row", target.label)
-        found[target.label] = target
-    if not found:
-        raise FileInputError(f"{printable_path(place)} must hold at least one target; it has headings alone")
-    return tuple(found.values())
+        document[target.label] = target
+    if not document:
+        raise FileInputError(f"{printable_path(position)} must hold at least one target; it has headings alone")
+    return tuple(document.values())
 
 
 def _target(row: CsvRow) -> TargetTruth:
@@ -232,11 +232,11 @@ def import_readings(
     RecordsError
         When the study is unblinded.
     """
-    place = as_path(path)
+    position = as_path(path)
     return import_table(
         study,
-        read_bytes(place, most=LARGEST_BYTES),
-        printable_name(place),
+        read_bytes(position, most=LARGEST_BYTES),
+        printable_name(position),
         device=device,
         threshold=threshold,
         actor=actor,
@@ -252,10 +252,10 @@ def import_table(
         raise InputError(f"device must not be {device!r:.60}, which tsis study run reads with (choose another name)")
     limit = _threshold(study, device, threshold)
     readings: dict[tuple[str, str, str, int], DeviceReading] = {}
-    known, codes = {reading.key for reading in study.readings}, frozenset(study.plan.codes)
+    given, codes = {reading.key for reading in study.readings}, frozenset(study.plan.codes)
     for row in parse_csv_rows(content, name, READING_COLUMNS):
         reading = _reading(row, codes, device)
-        if reading.key in readings or reading.key in known:
+        if reading.key in readings or reading.key in given:
             raise FileInputError(
                 f"code, operator and repeat must be together but once for a device; {reading.code}, "
                 f"{reading.operator!r:.60} and {reading.repeat} are there already ({row.where})"
@@ -263,7 +263,7 @@ def import_table(
         readings[reading.key] = reading
     if not readings:
         raise FileInputError(f"{name} must hold at least one reading; it has headings alone")
-    told: dict[str, Any] = {
+    document: dict[str, Any] = {
         "device": device,
         "threshold": limit,
         "file": name,
@@ -271,7 +271,7 @@ def import_table(
         "readings": len(readings),
         "tsis": __version__,
     }
-    return enter_readings(study, list(readings.values()), actor=actor or user(), imported=told)
+    return enter_readings(study, list(readings.values()), actor=actor or user(), imported=document)
 
 
 def _threshold(study: Study, device: str, threshold: float | None) -> float:
@@ -331,11 +331,11 @@ def export_readings(study: Study, device: str | None = None) -> bytes:
                 f"{', '.join(study.devices) or 'none'}"
             )
         device = study.devices[0]
-    held = [reading for reading in study.readings if reading.device == device]
-    if not held:
+    stored = [reading for reading in study.readings if reading.device == device]
+    if not stored:
         raise InputError(f"device must be one that has readings, {', '.join(study.devices)}; got {device!r:.60}")
     rows: list[list[Any]] = [list(READING_COLUMNS)]
-    for each in held:
-        values = [each.values.get(name) for name in QUANTITIES]
-        rows.append([each.code, each.score, each.operator, each.repeat, *values])
+    for item in stored:
+        values = [item.values.get(name) for name in QUANTITIES]
+        rows.append([item.code, item.score, item.operator, item.repeat, *values])
     return table_bytes(rows)

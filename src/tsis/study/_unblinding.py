@@ -46,12 +46,12 @@ def unblind(study: Study, *, by: str) -> Study:
     read_seal(study)
     if not open_study(study.folder).readings:
         raise RecordsError("a study must have a reading before it is unblinded; this one has none (tsis study run)")
-    found = verify_study(study.folder)
+    result = verify_study(study.folder)
 
     def drafts(chain: Chain) -> list[Draft]:
         if any(entry.action == UNBLINDED for entry in chain.entries):
             return []
-        faults = [fault.key for fault in found.faults]
+        faults = [fault.key for fault in result.faults]
         return [Draft(actor=by, action=UNBLINDED, content={"faults": faults, "tsis": __version__})]
 
     append_log(study.folder, drafts, damaged=True)
@@ -79,10 +79,10 @@ def enter_analysis(study: Study, *, by: str, folder: str, files: Mapping[str, st
     """
     if study.unblinded is None:
         raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
-    told = {"folder": folder, "files": dict(files), "tsis": __version__}
+    entries = {"folder": folder, "files": dict(files), "tsis": __version__}
     append_log(
         study.folder,
-        lambda _chain: [Draft(actor=require_short_name("by", by), action=ANALYSED, content=told)],
+        lambda _chain: [Draft(actor=require_short_name("by", by), action=ANALYSED, content=entries)],
         damaged=True,
     )
     return open_study(study.folder)

@@ -77,14 +77,14 @@ class DeviceReading:
         if self.rank is not None:
             object.__setattr__(self, "rank", require_number("rank", self.rank, -LARGEST_SCORE, LARGEST_SCORE))
         for name in ("values", "sd"):
-            held = {
-                require_one_of("quantity", each, QUANTITIES): require_number(each, value, 0.0, LARGEST_VALUE)
-                for each, value in getattr(self, name).items()
+            by_name = {
+                require_one_of("quantity", name, QUANTITIES): require_number(name, value, 0.0, LARGEST_VALUE)
+                for name, value in getattr(self, name).items()
             }
-            object.__setattr__(self, name, MappingProxyType(held))
+            object.__setattr__(self, name, MappingProxyType(by_name))
         ends = {
-            require_one_of("quantity", each, QUANTITIES): require_pair(each, tuple(float(end) for end in pair))
-            for each, pair in self.interval_90.items()
+            require_one_of("quantity", name, QUANTITIES): require_pair(name, tuple(float(end) for end in pair))
+            for name, pair in self.interval_90.items()
         }
         object.__setattr__(self, "interval_90", MappingProxyType(ends))
         object.__setattr__(self, "flags", tuple(self.flags))
@@ -121,7 +121,7 @@ class DeviceReading:
         }
 
 
-def parse_reading(plain: Mapping[str, Any]) -> DeviceReading:
+def parse_reading(reference: Mapping[str, Any]) -> DeviceReading:
     """The reading that `DeviceReading.plain` wrote.
 
     Raises
@@ -130,7 +130,7 @@ def parse_reading(plain: Mapping[str, Any]) -> DeviceReading:
         When it holds something else.
     """
     try:
-        return DeviceReading(**plain)
+        return DeviceReading(**reference)
     except (TypeError, AttributeError, ValueError, OverflowError) as error:
         if isinstance(error, InputError):
             raise
@@ -196,17 +196,17 @@ class TargetTruth:
     def plain(self) -> dict[str, Any]:
         """As plain values, for a file."""
         lump = self.phantom.inclusion
-        held = None
+        stored = None
         if lump is not None:
-            held = {**{name: getattr(lump, name) for name in LUMP}, "offset_mm": list(lump.offset_mm)}
+            stored = {**{name: getattr(lump, name) for name in LUMP}, "offset_mm": list(lump.offset_mm)}
         return {
             "label": self.label,
             "tissue": {name: getattr(self.phantom, name) for name in TISSUE},
-            "inclusion": held,
+            "inclusion": stored,
         }
 
 
-def parse_target_truth(plain: Mapping[str, Any]) -> TargetTruth:
+def parse_target_truth(reference: Mapping[str, Any]) -> TargetTruth:
     """The target that `TargetTruth.plain` wrote.
 
     Raises
@@ -221,13 +221,13 @@ def parse_target_truth(plain: Mapping[str, Any]) -> TargetTruth:
     True
     """
     try:
-        tissue, lump = plain["tissue"], plain["inclusion"]
+        tissue, lump = reference["tissue"], reference["inclusion"]
         inclusion = None
         if lump is not None:
             inclusion = Inclusion(**{name: lump[name] for name in LUMP}, offset_mm=tuple(lump["offset_mm"]))
         phantom = Phantom(**{name: tissue[name] for name in TISSUE}, inclusion=inclusion)
-        return TargetTruth(label=plain["label"], phantom=phantom)
+        return TargetTruth(label=reference["label"], phantom=phantom)
     except (KeyError, TypeError, IndexError) as error:
         raise InputError(
-            f"a target must hold label, tissue and inclusion as a study writes them; got {plain!r:.120}"
+            f"a target must hold label, tissue and inclusion as a study writes them; got {reference!r:.120}"
         ) from error

@@ -54,8 +54,8 @@ class StudyFault:
         return f"{self.file}:{self.line}"
 
     def __str__(self) -> str:
-        place = f"{self.file}, line {self.line}" if self.line else self.file
-        return f"{place} {self.what}" + (f" ({self.when})" if self.when else "") + "."
+        position = f"{self.file}, line {self.line}" if self.line else self.file
+        return f"{position} {self.what}" + (f" ({self.when})" if self.when else "") + "."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,13 +103,13 @@ def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> 
     RecordsError
         When the folder holds no study.
     """
-    place = as_path(folder)
-    if not any(os.path.lexists(place / name) for name in (PLAN, LOG_FILE)):
-        raise RecordsError(no_study(place))
-    chain = read_log(place)
+    position = as_path(folder)
+    if not any(os.path.lexists(position / name) for name in (PLAN, LOG_FILE)):
+        raise RecordsError(no_study(position))
+    chain = read_log(position)
     faults = [StudyFault(file=LOG_FILE, line=line, what=what) for line, what in sorted(chain.breaks.items())]
-    faults += _file_faults(place, chain)
-    faults += _order_faults(chain, _plan(place))
+    faults += _file_faults(position, chain)
+    faults += _order_faults(chain, _plan(position))
     if head is not None and not _holds(chain, head):
         cut = f"lacks the line with the hash {head[:16]}...: it was cut short or written anew"
         faults.append(StudyFault(file=LOG_FILE, line=0, what=cut))
@@ -126,32 +126,32 @@ def _when(fault: StudyFault, unblinded: Entry | None) -> str:
     """The line of the unblinding says what did not fit at that moment."""
     if unblinded is None:
         return ""
-    known = unblinded.content.get("faults")
-    return BEFORE if isinstance(known, list) and fault.key in known else AFTER
+    given = unblinded.content.get("faults")
+    return BEFORE if isinstance(given, list) and fault.key in given else AFTER
 
 
-def _plan(place: Path) -> StudyPlan | None:
+def _plan(path: Path) -> StudyPlan | None:
     try:
-        return parse_study_plan(read_bytes(place / PLAN), PLAN)
+        return parse_study_plan(read_bytes(path / PLAN), PLAN)
     except (InputError, RecordsError):  # its hash tells that it was changed
         return None
 
 
-def _file_faults(place: Path, chain: Chain) -> list[StudyFault]:
+def _file_faults(path: Path, chain: Chain) -> list[StudyFault]:
     first = chain.entries[0] if chain.entries and chain.entries[0].action == CREATED else None
     faults = [] if first is not None else [StudyFault(file=LOG_FILE, line=1, what="does not tell how the study began")]
     begun = {} if first is None else first.content
-    faults += _changed(place / PLAN, begun.get("study_sha256"))
-    plan = _plan(place)
-    told = begun.get("truth_sha256") or (plan.commitment if plan else None)
-    faults += _changed(place / SEAL, told)
+    faults += _changed(path / PLAN, begun.get("study_sha256"))
+    plan = _plan(path)
+    reported = begun.get("truth_sha256") or (plan.commitment if plan else None)
+    faults += _changed(path / SEAL, reported)
     for entry in chain.entries:
         folder, files = entry.content.get("folder"), entry.content.get("files")
         if entry.action != ANALYSED or not folder or not isinstance(files, dict):
             continue
         for name, digest in files.items():
             if is_one_name(folder) and is_one_name(name):
-                faults += _changed(place / folder / name, digest, shown_as=f"{one_line(folder)}/{one_line(name)}")
+                faults += _changed(path / folder / name, digest, shown_as=f"{one_line(folder)}/{one_line(name)}")
     return faults
 
 
@@ -174,7 +174,7 @@ def _changed(path: Path, digest: object, *, shown_as: str = "") -> list[StudyFau
 def _order_faults(chain: Chain, plan: StudyPlan | None) -> list[StudyFault]:
     """Lines whose hashes fit, and which no study writes."""
     faults: list[StudyFault] = []
-    seen: Counter[tuple[str, str, str, int]] = Counter()
+    observed: Counter[tuple[str, str, str, int]] = Counter()
     blind = True
     for entry in chain.entries:
         what = ""
@@ -185,26 +185,26 @@ def _order_faults(chain: Chain, plan: StudyPlan | None) -> list[StudyFault]:
         elif entry.action == UNBLINDED and not blind:
             what = "unblinds a second time"
         elif entry.action == READING:
-            what = _reading_fault(entry, plan, seen)
+            what = _reading_fault(entry, plan, observed)
         blind = blind and entry.action != UNBLINDED
         if what and entry.number not in chain.breaks:
             faults.append(StudyFault(file=LOG_FILE, line=entry.number, what=what))
     return faults
 
 
-def _reading_fault(entry: Entry, plan: StudyPlan | None, seen: Counter[tuple[str, str, str, int]]) -> str:
+def _reading_fault(entry: Entry, plan: StudyPlan | None, observed: Counter[tuple[str, str, str, int]]) -> str:
     try:
         reading = parse_reading(entry.content)
     except InputError:
         return "holds no reading that a study writes"
-    seen[reading.key] += 1
+    observed[reading.key] += 1
     if plan is not None and reading.code not in plan.codes:
         return "is a reading of a code that is not in the plan"
-    return "is a reading that is there already" if seen[reading.key] > 1 else ""
+    return "is a reading that is there already" if observed[reading.key] > 1 else ""
 
 
 def _holds(chain: Chain, head: str) -> bool:
-    wanted = head.strip().lower()
-    if len(wanted) < LEAST_HEAD or set(wanted) - set("0123456789abcdef"):
+    requested = head.strip().lower()
+    if len(requested) < LEAST_HEAD or set(requested) - set("0123456789abcdef"):
         raise InputError(f"head must be a hash that a report printed, {LEAST_HEAD} digits or more; got {head!r:.80}")
-    return any(entry.hash.startswith(wanted) for entry in chain.entries)
+    return any(entry.hash.startswith(requested) for entry in chain.entries)

@@ -90,19 +90,19 @@ class DaskPool:
         future = next(self._answers)
         batch = self._batches.pop(future.key)
         try:
-            answer: Answer = future.result(timeout=WORKERS_S)
+            response: Answer = future.result(timeout=WORKERS_S)
         except (OSError, CancelledError, self._distributed.KilledWorker) as error:
             # A worker died more often than the scheduler allows, or an answer was lost on the way: once more.
             if self._client.status not in ("running", "connecting"):
                 raise SweepError(f"the scheduler at {self._address} is gone; {CURE}") from error
-            answer = Lost(batch=batch)
+            response = Lost(batch=batch)
         except Exception as error:
             # Faults of a batch are answers, so this one is the cluster's: workers without tsis, say.
             reason = f"{type(error).__name__}: {error!s:.200}"
             raise SweepError(f"the workers at {self._address} must have this version of tsis; got {reason}") from error
         finally:
             future.release()  # a scheduler that remembers every batch grows with the sweep
-        return answer
+        return response
 
     def __enter__(self) -> Self:
         for logger in self._loggers:  # they would print tracebacks of connections that the sweep deals with

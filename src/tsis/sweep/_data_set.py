@@ -73,9 +73,9 @@ def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Re
         **start,
         "data_set": data_set_key(start),
         "complete": files is not None,
-        "presses": sum(one.rows for one in files or ()),
-        "refused": sum(one.refused for one in files or ()),
-        "shards": [{"file": shard_name(one.shard), **asdict(one)} for one in files or ()],
+        "presses": sum(file.rows for file in files or ()),
+        "refused": sum(file.refused for file in files or ()),
+        "shards": [{"file": shard_name(file.shard), **asdict(file)} for file in files or ()],
     }
     write_durably(folder / MANIFEST_FILE, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
 
@@ -91,7 +91,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST_FILE
     document = read_object(path, most=LARGEST_BYTES, values=MOST_VALUES)
     try:
-        found = (document["format"], document["version"])
+        result = (document["format"], document["version"])
         entries = [(str(entry["file"]), int(entry["shard"]), str(entry["sha256"])) for entry in document["shards"]]
         whole = all(NAME.fullmatch(name) and name == shard_name(shard) for name, shard, _ in entries)
         plan_from_document(document["plan"])
@@ -101,7 +101,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise FileInputError(
             f"{printable_path(path)} must be the manifest of a sweep; got: {one_line(error)}"
         ) from error
-    if found != (FORMAT, VERSION):
+    if result != (FORMAT, VERSION):
         raise FileInputError(f"{printable_path(path)} must be of {FORMAT}, version {VERSION}; got another format")
     if not whole:
         raise FileInputError(
@@ -133,14 +133,14 @@ def verify_data_set(folder: str | os.PathLike[str]) -> dict[str, Any]:
     FileInputError
         When the data set is not complete, or a file is missing, damaged or foreign; the message names them.
     """
-    place, manifest = _complete(folder)
+    position, manifest = _complete(folder)
     wrong = [
-        *(f"{entry['file']} ({fault})" for entry in manifest["shards"] if (fault := _fault(place, entry))),
-        *(f"{name} (not in the manifest)" for name in _extra(place, manifest)),
+        *(f"{entry['file']} ({fault})" for entry in manifest["shards"] if (fault := _fault(position, entry))),
+        *(f"{name} (not in the manifest)" for name in _extra(position, manifest)),
     ]
     if wrong:
         raise FileInputError(
-            f"{printable_path(place)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
+            f"{printable_path(position)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
             " (tsis sweep run with its plan computes damaged and missing files again)"
         )
     return manifest
@@ -167,14 +167,14 @@ def read_data_set(folder: str | os.PathLike[str], columns: Sequence[str] | None 
     FileInputError
         When the data set is not complete or a file is not as it was written.
     """
-    place, manifest = _complete(folder)
+    position, manifest = _complete(folder)
     outputs = plan_document(plan_from_document(manifest["plan"]))["outputs"]
     parts: dict[str, list[NDArray[Any]]] = {}
     for entry in manifest["shards"]:
-        content = read_bytes(place / entry["file"], most=LARGEST_SHARD_BYTES)
+        content = read_bytes(position / entry["file"], most=LARGEST_SHARD_BYTES)
         if sha256(content) != entry["sha256"]:
             raise FileInputError(
-                f"{printable_path(place / entry['file'])} must be as it was written; its SHA-256 differs"
+                f"{printable_path(position / entry['file'])} must be as it was written; its SHA-256 differs"
             )
         table = decode_shard(content)
         for name in table.column_names if columns is None else columns:
@@ -183,13 +183,13 @@ def read_data_set(folder: str | os.PathLike[str], columns: Sequence[str] | None 
                 parts.setdefault(name, []).append(_array(table.column(name), name))
             except (ValueError, AttributeError, TypeError, NotImplementedError) as error:
                 raise FileInputError(
-                    f"{printable_path(place / entry['file'])} must hold numbers by column; got others"
+                    f"{printable_path(position / entry['file'])} must hold numbers by column; got others"
                 ) from error
     radius = np.array(outputs["radii_mm"], dtype=float)
     try:
         return {"radius_mm": radius} | {name: np.concatenate(values) for name, values in parts.items()}
     except (ValueError, TypeError) as error:
-        raise FileInputError(f"{printable_path(place)} must hold files with alike columns; got others") from error
+        raise FileInputError(f"{printable_path(position)} must hold files with alike columns; got others") from error
 
 
 def _array(column: Any, name: str) -> NDArray[Any]:
@@ -203,26 +203,26 @@ def _array(column: Any, name: str) -> NDArray[Any]:
 
 
 def _complete(folder: str | os.PathLike[str]) -> tuple[Path, dict[str, Any]]:
-    place = Path(folder)
-    manifest = read_manifest(place)
+    path = Path(folder)
+    manifest = read_manifest(path)
     if not manifest.get("complete"):
         raise FileInputError(
-            f"{printable_path(place)} must hold a complete data set; tsis sweep run with its plan finishes it"
+            f"{printable_path(path)} must hold a complete data set; tsis sweep run with its plan finishes it"
         )
-    return place, manifest
+    return path, manifest
 
 
-def _fault(place: Path, entry: dict[str, Any]) -> str:
+def _fault(path: Path, entry: dict[str, Any]) -> str:
     try:
-        content = read_bytes(place / entry["file"], most=LARGEST_SHARD_BYTES)
+        content = read_bytes(path / entry["file"], most=LARGEST_SHARD_BYTES)
     except FileInputError as error:
-        return "missing" if not (place / entry["file"]).exists() else str(error)
+        return "missing" if not (path / entry["file"]).exists() else str(error)
     return "" if sha256(content) == entry["sha256"] else "damaged"
 
 
-def _extra(place: Path, manifest: dict[str, Any]) -> list[str]:
+def _extra(destination: Path, manifest: dict[str, Any]) -> list[str]:
     expected = {MANIFEST_FILE, *(entry["file"] for entry in manifest["shards"])}
-    return sorted(path.name for path in place.iterdir() if path.name not in expected)
+    return sorted(path.name for path in destination.iterdir() if path.name not in expected)
 
 
 def as_folder(folder: str | os.PathLike[str]) -> Path:
@@ -263,13 +263,13 @@ def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
-    found = read_manifest(folder)
-    if found["plan_sha256"] != start["plan_sha256"]:
+    manifest = read_manifest(folder)
+    if manifest["plan_sha256"] != start["plan_sha256"]:
         raise FileInputError(
             f"{printable_path(folder)} must hold no other data set; got one of another plan, which differs in "
-            f"{', '.join(_differences(found['plan'], start['plan']))} (choose another folder)"
+            f"{', '.join(_differences(manifest['plan'], start['plan']))} (choose another folder)"
         )
-    versions = {"tsis": found["tsis"], **found["libraries"]}
+    versions = {"tsis": manifest["tsis"], **manifest["libraries"]}
     here = {"tsis": start["tsis"], **start["libraries"]}
     other = [
         f"{name} {versions.get(name)} and not {here[name]}"
@@ -282,13 +282,13 @@ def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
             f"another folder, "
             "so that all of its files are computed alike"
         )
-    if found["data_set"] != data_set_key(start):
+    if manifest["data_set"] != data_set_key(start):
         raise FileInputError(f"{printable_path(folder)} must hold no other data set; got one of another kind")
 
 
-def _differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
-    keys = dict.fromkeys((*wanted, *found))
-    return [key for key in keys if found.get(key) != wanted.get(key)]
+def _differences(document: Mapping[str, Any], requested: Mapping[str, Any]) -> list[str]:
+    keys = dict.fromkeys((*requested, *document))
+    return [key for key in keys if document.get(key) != requested.get(key)]
 
 
 def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:

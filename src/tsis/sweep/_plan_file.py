@@ -173,12 +173,12 @@ def _quantities(document: Mapping[str, Any]) -> dict[str, Quantity]:
     for name in logarithmic:
         if name not in sampled:
             raise InputError(f"logarithmic must name ranges [low, high] of this plan; got {name!r:.80}")
-    found = {name: _ranged(name, value, logarithmic=name in logarithmic) for name, value in ranges.items()}
+    results = {name: _ranged(name, value, logarithmic=name in logarithmic) for name, value in ranges.items()}
     for name, value in grid.items():
         if not isinstance(value, list):
             raise InputError(f"{name} under [grid] must be a list of values; got {value!r:.80} (see [ranges])")
-        found[name] = tuple(value)
-    return found
+        results[name] = tuple(value)
+    return results
 
 
 def _ranged(name: str, value: Any, *, logarithmic: bool) -> Quantity:
@@ -207,9 +207,9 @@ def _probe(value: Any) -> Probe:
 
 def _layer(value: Any) -> Layer:
     table = _table("layers", value)
-    known = [item.name for item in fields(Layer)]
+    existing = [item.name for item in fields(Layer)]
     for key in table:
-        require_one_of("key of a layer", key, known)
+        require_one_of("key of a layer", key, existing)
     if not {"thickness_mm", "young_kpa"} <= set(table):
         raise InputError(f"a layer must give thickness_mm and young_kpa; got {', '.join(table) or 'nothing'}")
     return Layer(**table)

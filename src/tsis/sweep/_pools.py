@@ -118,9 +118,9 @@ class LocalPool:
                     if len(given) < HELD:
                         continue
                 if process is not None and given:
-                    answer = _answer_of(process)
+                    response = _answer_of(process)
                     given.popleft()
-                    self._answers.put(answer)
+                    self._answers.put(response)
             except Exception:  # whatever half an answer looks like, its worker is gone
                 self._end(process)
                 process, self._has_lost = None, True
@@ -184,5 +184,5 @@ def _hand_over(process: subprocess.Popen[bytes], batch: SweepBatch) -> None:
 
 def _answer_of(process: subprocess.Popen[bytes]) -> Answer:
     assert process.stdout is not None
-    answer: Answer = pickle.load(process.stdout)
-    return answer
+    response: Answer = pickle.load(process.stdout)
+    return response

@@ -110,17 +110,17 @@ def run_sweep(
     count = worker_count(workers)
     start = head(plan)
     require_working_model(plan, press)
-    place = as_folder(folder)
-    job = SweepJob(folder=str(place), plan=plan, data_set=data_set_key(start), press=press)
+    position = as_folder(folder)
+    job = SweepJob(folder=str(position), plan=plan, data_set=data_set_key(start), press=press)
     crew: WorkerPool = LocalPool(job, count) if scheduler is None else DaskPool(job, scheduler)
-    with begun(place, start):
+    with begun(position, start):
         with crew:
             done, lost = _finish_all(plan, crew, progress or (lambda *_: None))
-        write_manifest(place, start, [receipt for receipt, _ in done.values()])
-        remove_unfinished(place)
+        write_manifest(position, start, [receipt for receipt, _ in done.values()])
+        remove_unfinished(position)
     states = Counter(state for _, state in done.values())
     return SweepSummary(
-        folder=str(place),
+        folder=str(position),
         presses=sum(receipt.rows for receipt, _ in done.values()),
         refused=sum(receipt.refused for receipt, _ in done.values()),
         shards=len(done),
@@ -173,8 +173,10 @@ def seconds_per_press(plan: Plan, press: PressFunction = press_by_elements) -> f
     batch = next(sweep_batches(plan))
     started, done = time.perf_counter(), 0
     for k in range(min(TRIED, batch.samples)):
-        one = SweepBatch(shard=0, first=k, values={name: values[k : k + 1] for name, values in batch.values.items()})
-        press_all(plan, one, press)
+        sweep_batch = SweepBatch(
+            shard=0, first=k, values={name: values[k : k + 1] for name, values in batch.values.items()}
+        )
+        press_all(plan, sweep_batch, press)
         done += len(plan.forces_n)
         if k == 0 and batch.samples > 1:
             started, done = time.perf_counter(), 0
@@ -184,7 +186,7 @@ def seconds_per_press(plan: Plan, press: PressFunction = press_by_elements) -> f
 
 
 def _finish_all(
-    plan: Plan, crew: WorkerPool, progress: Callable[[int, int], None]
+    plan: Plan, workers: WorkerPool, progress: Callable[[int, int], None]
 ) -> tuple[dict[int, tuple[Receipt, str]], int]:
     """Keep the crew busy until every file is there; receipts and states by file, and how many batches were lost."""
     left, again = sweep_batches(plan), deque[SweepBatch]()
@@ -192,20 +194,20 @@ def _finish_all(
     under_way = lost = in_a_row = 0
     progress(0, plan.shards)
     while len(done) < plan.shards:
-        while under_way < crew.window and (batch := _next(left, again, crew.window)) is not None:
-            crew.submit(batch)
+        while under_way < workers.window and (batch := _next(left, again, workers.window)) is not None:
+            workers.submit(batch)
             under_way += 1
-        answer = crew.collect()
+        response = workers.collect()
         under_way -= 1
-        if isinstance(answer, Lost):
-            again.append(answer.batch)
+        if isinstance(response, Lost):
+            again.append(response.batch)
             lost, in_a_row = lost + 1, in_a_row + 1
-            if in_a_row >= MOST_LOST * crew.window:
-                raise SweepError(_hopeless(in_a_row, answer.batch))
-        elif isinstance(answer, Failed):
-            raise SweepError(f"{answer.reason} (the files that are done are kept)")
+            if in_a_row >= MOST_LOST * workers.window:
+                raise SweepError(_hopeless(in_a_row, response.batch))
+        elif isinstance(response, Failed):
+            raise SweepError(f"{response.reason} (the files that are done are kept)")
         else:
-            done[answer.receipt.shard] = (answer.receipt, answer.state)
+            done[response.receipt.shard] = (response.receipt, response.state)
             in_a_row = 0
             progress(len(done), plan.shards)
     return done, lost

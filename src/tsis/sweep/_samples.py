@@ -97,8 +97,8 @@ def _grid(plan: Plan) -> Callable[[int, int], dict[str, NDArray[np.float64]]]:
     shape = tuple(len(values) for values in lists.values())
 
     def values(first: int, size: int) -> dict[str, NDArray[np.float64]]:
-        places = np.unravel_index(np.arange(first, first + size), shape)  # the last quantity runs fastest
-        return {name: lists[name][place] for name, place in zip(lists, places, strict=True)}
+        positions = np.unravel_index(np.arange(first, first + size), shape)  # the last quantity runs fastest
+        return {name: lists[name][position] for name, position in zip(lists, positions, strict=True)}
 
     return values
 
@@ -154,11 +154,11 @@ def press_all(plan: Plan, batch: SweepBatch, press: PressFunction) -> Rows:
         for row in range(count):
             values = {name: float(column[row]) for name, column in numbers.items()}
             try:
-                found = _kept(plan, values, press)
+                result = _kept(plan, values, press)
             except REFUSALS as reason:
                 error[row] = f"{type(reason).__name__}: {reason}"[:LONGEST_ERROR]
                 continue
-            for name, value in found.items():
+            for name, value in result.items():
                 results[name][row] = value
     sample = np.repeat(np.arange(batch.first, batch.first + batch.samples), forces)
     return Rows(sample=sample, numbers=numbers | results, error=error)
@@ -167,16 +167,16 @@ def press_all(plan: Plan, batch: SweepBatch, press: PressFunction) -> Rows:
 def _kept(plan: Plan, values: Mapping[str, float], press: PressFunction) -> dict[str, float | NDArray[np.float64]]:
     phantom, force = plan.phantom(values), values["force_n"]
     field = press(plan.probe, phantom, force_n=force, strain=plan.strain)
-    found: dict[str, float | NDArray[np.float64]] = {
+    document: dict[str, float | NDArray[np.float64]] = {
         name: getattr(field, name) for name in plan.columns if name in SCALARS
     }
     for name in plan.columns:
         if name == "change_by_inclusion_mm":
-            plain = press(plan.probe, phantom.without_inclusion(), force_n=force, strain=plan.strain)
-            profile = field.face_displacement_mm - plain.face_displacement_mm
+            reference = press(plan.probe, phantom.without_inclusion(), force_n=force, strain=plan.strain)
+            profile = field.face_displacement_mm - reference.face_displacement_mm
         elif name in PROFILES:
             profile = getattr(field, name)
         else:
             continue
-        found[name] = np.interp(plan.radii_mm, field.radius_mm, profile)
-    return found
+        document[name] = np.interp(plan.radii_mm, field.radius_mm, profile)
+    return document

@@ -97,10 +97,10 @@ def receipt_of(content: bytes, *, shard: int, data_set: str) -> Receipt | None:
         return None
     try:
         footer = _footer(content)
-        found = footer.metadata or {}
-        if (found[DATA_SET.encode()].decode(), int(found[SHARD.encode()])) != (data_set, shard):
+        result = footer.metadata or {}
+        if (result[DATA_SET.encode()].decode(), int(result[SHARD.encode()])) != (data_set, shard):
             return None
-        return Receipt(shard=shard, sha256=sha256(content), rows=footer.num_rows, refused=int(found[REFUSED.encode()]))
+        return Receipt(shard=shard, sha256=sha256(content), rows=footer.num_rows, refused=int(result[REFUSED.encode()]))
     except (KeyError, ValueError):
         return None
 
@@ -119,10 +119,10 @@ def data_set_of(path: Path) -> str | None:
 
 def is_whole(content: bytes) -> bool:
     """True when the SHA-256 inside the file is that of its bytes."""
-    place = digest_position(content)
-    if place is None:
+    position = digest_position(content)
+    if position is None:
         return False
-    return content[place : place + len(_ZEROS)] == rows_sha256(content, place)
+    return content[position : position + len(_ZEROS)] == rows_sha256(content, position)
 
 
 def decode_shard(content: bytes) -> Any:
@@ -166,20 +166,20 @@ def _footer(content: bytes) -> Any:
 
 
 def sign_shard(content: bytes) -> bytes:
-    place = digest_position(content)
-    if place is None or content[place : place + len(_ZEROS)] != _ZEROS:
+    position = digest_position(content)
+    if position is None or content[position : position + len(_ZEROS)] != _ZEROS:
         raise SweepError("this version of pyarrow writes Parquet footers in an unknown form; install an older one")
-    return content[:place] + rows_sha256(content, place) + content[place + len(_ZEROS) :]
+    return content[:position] + rows_sha256(content, position) + content[position + len(_ZEROS) :]
 
 
 def digest_position(content: bytes) -> int | None:
-    found = content.rfind(_BEFORE_DIGEST)
-    place = found + len(_BEFORE_DIGEST)
-    return None if found < 0 or place + len(_ZEROS) > len(content) else place
+    result = content.rfind(_BEFORE_DIGEST)
+    position = result + len(_BEFORE_DIGEST)
+    return None if result < 0 or position + len(_ZEROS) > len(content) else position
 
 
-def rows_sha256(content: bytes, place: int) -> bytes:
-    digest = hashlib.sha256(content[:place])
+def rows_sha256(content: bytes, index: int) -> bytes:
+    digest = hashlib.sha256(content[:index])
     digest.update(_ZEROS)
-    digest.update(content[place + len(_ZEROS) :])
+    digest.update(content[index + len(_ZEROS) :])
     return digest.hexdigest().encode()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tsis.sweep._work import SweepJob
 
 
-def serve(questions: BinaryIO, answers: BinaryIO) -> None:
+def serve(questions: BinaryIO, responses: BinaryIO) -> None:
     """Answer every batch until there are no more."""
     job: SweepJob = pickle.load(questions)
     while True:
@@ -27,18 +27,18 @@ def serve(questions: BinaryIO, answers: BinaryIO) -> None:
             batch = pickle.load(questions)
         except EOFError:
             return
-        pickle.dump(finish_batch(job, batch), answers)
-        answers.flush()
+        pickle.dump(finish_batch(job, batch), responses)
+        responses.flush()
 
 
 def main() -> None:
     """Serve on the standard streams."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the sweep decides when its workers stop
     # What a library prints must not reach the pipe that carries answers.
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    responses = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     try:
-        serve(sys.stdin.buffer, answers)
+        serve(sys.stdin.buffer, responses)
     except (BrokenPipeError, EOFError, pickle.UnpicklingError):
         os._exit(1)  # the sweep has gone; flushing the pipe would only complain
 

@@ -105,8 +105,8 @@ class VirtualCamera:
         rate = require_number("frames_per_s", frames_per_s, 0.1, 1000.0)
         self._paced, self._clock = paced, clock
         self._settings = {
-            one.name: one
-            for one in (
+            item.name: item
+            for item in (
                 Setting(name="exposure_ms", value=min(USUAL_MS, 1000 / rate), low=0.01, high=1000 / rate, unit="ms"),
                 Setting(name="gain", value=0.0, low=0.0, high=24.0, unit="dB"),
                 Setting(
@@ -167,12 +167,12 @@ class VirtualCamera:
             self._settings[name] = replace(setting, value=setting.checked(value))
             return
         with self._pressing:
-            held = self._held
-            force = replace(held.force, value=held.force.checked(value))
-            light = held.light
-            if light is not None and force.value != held.force.value:
-                light = self._probe.light(held.lies, force_n=force.value)
-            self._held = _Held(lies=held.lies, force=force, light=light)
+            stored = self._held
+            force = replace(stored.force, value=stored.force.checked(value))
+            light = stored.light
+            if light is not None and force.value != stored.force.value:
+                light = self._probe.light(stored.lies, force_n=force.value)
+            self._held = _Held(lies=stored.lies, force=force, light=light)
 
     def hold_on(
         self, phantom: Phantom | SoftSphere, *, force_n: float, light: NDArray[np.float64] | None = None
@@ -183,8 +183,8 @@ class VirtualCamera:
         """
         with self._pressing:
             force = replace(self._held.force, value=self._held.force.checked(force_n))
-            seen = self._probe.light(phantom, force_n=force.value) if light is None else light
-            self._held = _Held(lies=phantom, force=force, light=seen)
+            observed = self._probe.light(phantom, force_n=force.value) if light is None else light
+            self._held = _Held(lies=phantom, force=force, light=observed)
 
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames."""
@@ -207,8 +207,8 @@ class VirtualCamera:
                 due_s = max(due_s, self._clock())  # a frame that took long to make delays those after it
                 if self._stopped.wait(due_s - self._clock()):
                     return
-            held, light = self._lit()
-            values = {FORCE_SETTING: held.force.value} | {
+            stored, light = self._lit()
+            values = {FORCE_SETTING: stored.force.value} | {
                 name: setting.value for name, setting in self._settings.items()
             }
             begun_s = due_s if sequence == 0 else begun_s
@@ -217,7 +217,7 @@ class VirtualCamera:
                 sequence=sequence,
                 time_s=due_s - begun_s,
                 full_scale=self._mode.full_scale,
-                name=f"{_called(held)}#{sequence}",
+                name=f"{_called(stored)}#{sequence}",
                 settings={"source": "virtual", **values},
             )
             sequence += 1
@@ -225,26 +225,26 @@ class VirtualCamera:
 
     def _lit(self) -> tuple[_Held, NDArray[np.float64]]:
         """The press and its light, which is computed where nobody has yet."""
-        held = self._held
-        if held.light is None:
+        stored = self._held
+        if stored.light is None:
             with self._pressing:
-                held = self._held
-                if held.light is None:
-                    light = self._probe.light(held.lies, force_n=held.force.value)
-                    self._held = held = replace(held, light=light)
-        assert held.light is not None
-        return held, held.light
+                stored = self._held
+                if stored.light is None:
+                    light = self._probe.light(stored.lies, force_n=stored.force.value)
+                    self._held = stored = replace(stored, light=light)
+        assert stored.light is not None
+        return stored, stored.light
 
     def _exposed(self, light: NDArray[np.float64], values: dict[str, float]) -> NDArray[Any]:
         sensor = self._probe.sensor
         amplified = 10 ** (values["gain"] / 20)
-        seen = replace(
+        observed = replace(
             sensor,
             background_grey=values["brightness"],
             read_noise_grey=min(amplified * sensor.read_noise_grey, sensor.full_scale),
             shot_noise_grey=min(amplified * sensor.shot_noise_grey, sensor.full_scale),
         )
-        grey = expose(light * (amplified * values["exposure_ms"] / USUAL_MS), seen, self._rng)
+        grey = expose(light * (amplified * values["exposure_ms"] / USUAL_MS), observed, self._rng)
         return grey.astype(np.uint8 if sensor.full_scale <= 255 else np.uint16)
 
     def stop(self) -> None:
@@ -259,5 +259,5 @@ def virtual_mode(sensor: Sensor, frames_per_s: float = USUAL_PER_S) -> Mode:
     return Mode(width_px=sensor.columns, height_px=sensor.rows, full_scale=sensor.full_scale, frames_per_s=frames_per_s)
 
 
-def _called(held: _Held) -> str:
-    return f"virtual probe on {held.lies.name or 'a phantom'}"
+def _called(stored: _Held) -> str:
+    return f"virtual probe on {stored.lies.name or 'a phantom'}"

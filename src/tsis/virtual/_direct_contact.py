@@ -166,20 +166,20 @@ class DirectContactRig:
         # A probe stiffer by a factor presses as the nominal one does a sphere softer by it with less force.
         stiffer = self.stiffness
         softer = replace(sphere, young_kpa=sphere.young_kpa / stiffer)
-        ascending, place = np.unique(forces_n, return_inverse=True)
-        found = self._solve(self.probe, softer, forces_n=(ascending / stiffer).tolist(), resolution=self._resolution)
+        ascending, position = np.unique(forces_n, return_inverse=True)
+        result = self._solve(self.probe, softer, forces_n=(ascending / stiffer).tolist(), resolution=self._resolution)
         return [
-            replace(found[i], pressure_kpa=stiffer * found[i].pressure_kpa, force_n=stiffer * found[i].force_n)
-            for i in place
+            replace(result[i], pressure_kpa=stiffer * result[i].pressure_kpa, force_n=stiffer * result[i].force_n)
+            for i in position
         ]
 
     def _lit(self, field: PressField) -> NDArray[np.float64]:
-        bench, known = self._bench, self.calibration
-        seen = self._beside(render(field, self.sensor, known)) * self._light.at(*self.sensor.axes_mm())
+        rig, given = self._bench, self.calibration
+        observed = self._beside(render(field, self.sensor, given)) * self._light.at(*self.sensor.axes_mm())
         drift = 1 + self._drift_sd * self._rng.standard_normal()
-        seen *= bench._gain * drift * bench._pattern * bench._ring_pattern(known.repeatability_sd)
-        lit = float(seen[seen > LIT * seen.max()].mean())
-        return seen + known.offset_sd * self._rng.standard_normal() * lit
+        observed *= rig._gain * drift * rig._pattern * rig._ring_pattern(given.repeatability_sd)
+        lit = float(observed[observed > LIT * observed.max()].mean())
+        return observed + given.offset_sd * self._rng.standard_normal() * lit
 
     def _frame(self, field: PressField, sphere: SoftSphere, force_n: float) -> TactileImage:
         return TactileImage(
@@ -199,8 +199,10 @@ class DirectContactRig:
     def _beside(self, picture: NDArray[np.float64]) -> NDArray[np.float64]:
         """The picture of a sphere that lies a little beside the axis, where the probe is as soft as on it."""
         shift = self._offset_sd_mm * self._rng.standard_normal(2) / self.sensor.mm_per_pixel
-        moved = cv2.warpAffine(picture, np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]]), picture.shape[::-1])
-        return np.asarray(moved, dtype=float)
+        transformed = cv2.warpAffine(
+            picture, np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]]), picture.shape[::-1]
+        )
+        return np.asarray(transformed, dtype=float)
 
     def written_radius_mm(self, sphere: SoftSphere) -> float:
         """What the laboratory measured, once for each sphere, mm."""

@@ -136,11 +136,11 @@ class GigEServer:
 
     def _prepare(self, fake: int) -> None:
         (mode,) = self._camera.modes()
-        for place, text in ((MAKER_AT, MAKER), (MODEL_AT, MODEL)):
+        for position, text in ((MAKER_AT, MAKER), (MODEL_AT, MODEL)):
             self._aravis.call(
-                "fake_camera_write_memory", fake, place, NAME_BYTES, text.encode().ljust(NAME_BYTES, b"\0")
+                "fake_camera_write_memory", fake, position, NAME_BYTES, text.encode().ljust(NAME_BYTES, b"\0")
             )
-        for place, value in {
+        for position, value in {
             SENSOR_WIDTH: mode.width_px,
             SENSOR_HEIGHT: mode.height_px,
             WIDTH: mode.width_px,
@@ -148,7 +148,7 @@ class GigEServer:
             EXPOSURE_US: round(1000 * USUAL_MS),
             PERIOD_US: self._period_us,
         }.items():
-            self._aravis.call("fake_camera_write_register", fake, place, value)
+            self._aravis.call("fake_camera_write_register", fake, position, value)
         self._callback = _FILL(self._fill)
         self._aravis.call("fake_camera_set_fill_pattern", fake, self._callback, None)
 
@@ -166,12 +166,12 @@ class GigEServer:
             self.failure = error
 
     def _region(self) -> tuple[slice, slice]:
-        fake, place = self._fake, ctypes.c_uint32()
-        found = []
+        fake, position = self._fake, ctypes.c_uint32()
+        results = []
         for register in (FIRST_ROW, HEIGHT, FIRST_COLUMN, WIDTH):
-            self._aravis.call("fake_camera_read_register", fake, register, ctypes.byref(place))
-            found.append(place.value)
-        first_row, rows, first_column, columns = found
+            self._aravis.call("fake_camera_read_register", fake, register, ctypes.byref(position))
+            results.append(position.value)
+        first_row, rows, first_column, columns = results
         return slice(first_row, first_row + rows), slice(first_column, first_column + columns)
 
 
@@ -214,10 +214,10 @@ def region_bytes(pixels: NDArray[Any], region: tuple[slice, slice], pixel_format
     b'\x02\x02\x00\x00'
     """
     rows, columns = (part.stop - part.start for part in region)
-    seen = np.zeros((rows, columns), dtype=np.uint8)
+    observed = np.zeros((rows, columns), dtype=np.uint8)
     cut = pixels[region]
-    seen[: cut.shape[0], : cut.shape[1]] = cut
+    observed[: cut.shape[0], : cut.shape[1]] = cut
     bits = pixel_format >> 16 & 0xFF
     if bits == 16:
-        return (seen.astype("<u2") * SIXTEEN_BITS).tobytes()
-    return np.repeat(seen, bits // 8, axis=1).tobytes()
+        return (observed.astype("<u2") * SIXTEEN_BITS).tobytes()
+    return np.repeat(observed, bits // 8, axis=1).tobytes()

@@ -97,10 +97,10 @@ class LoadingCamera:
 
     def lit(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
         """Grey levels of light that lamps of brightness 1 would make, shape (rows, columns) both."""
-        seen = np.array(light)
+        observed = np.array(light)
         if self.patch is not None:
-            self.patch.cut(seen)[:] = PATCH_LEVEL * self.range_grey
-        return self._exposed(seen * self._next_lamp())
+            self.patch.cut(observed)[:] = PATCH_LEVEL * self.range_grey
+        return self._exposed(observed * self._next_lamp())
 
     def _next_lamp(self) -> float:
         if self._taken == LONGEST:
@@ -163,8 +163,8 @@ class MachineErrors:
     gauge_resolution_n: float = 0.001
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            require_number(one.name, getattr(self, one.name), 0.0, 100.0)
+        for field in fields(self):
+            require_number(field.name, getattr(self, field.name), 0.0, 100.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

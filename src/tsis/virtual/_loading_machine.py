@@ -131,9 +131,9 @@ class VirtualLoadingMachine:
         """A frame of a block pressed evenly on one half of the face, its straight edge tilted to the columns."""
         require_number("angle_deg", angle_deg, -45.0, 45.0, hint="degrees")
         x, y = self.sensor.axes_mm()
-        across = x[None, :] * np.cos(np.radians(angle_deg)) + y[:, None] * np.sin(np.radians(angle_deg))
+        span = x[None, :] * np.cos(np.radians(angle_deg)) + y[:, None] * np.sin(np.radians(angle_deg))
         # Covered shares of pixels, as the edge runs through them.
-        block = EDGE_LEVEL * self.camera.range_grey * np.clip(0.5 + across / self.sensor.mm_per_pixel[0], 0.0, 1.0)
+        block = EDGE_LEVEL * self.camera.range_grey * np.clip(0.5 + span / self.sensor.mm_per_pixel[0], 0.0, 1.0)
         return self._lit(self._blurred(block) * self.truth.relative_light, "edge")
 
     def press(self, tip_radius_mm: float, force_n: float) -> tuple[TactileImage, float]:
@@ -186,27 +186,27 @@ class VirtualLoadingMachine:
     def _once(self, force: float) -> float:
         """What this press does to the light: its own scatter, and what it remembers of the largest force."""
         self._largest_n = max(self._largest_n, force)
-        share = force / self._largest_n
-        memory = self.truth.hysteresis_share * 4 * share * (1 - share)
+        fraction = force / self._largest_n
+        memory = self.truth.hysteresis_share * 4 * fraction * (1 - fraction)
         return (1 + memory) * (1 + self.errors.repeatability_sd * self._rng.standard_normal())
 
     def _light(
-        self, tip: float, force: float, brighter: float, place: NDArray[np.float64], *, patterned: bool = True
+        self, tip: float, force: float, brighter: float, position: NDArray[np.float64], *, patterned: bool = True
     ) -> NDArray[np.float64]:
         """Light of a contact under even light, shape (rows, columns)."""
         contact = self.contact(tip, force)
         x, y = self.sensor.axes_mm()
-        reach = contact.contact_radius_mm + 4 * self._blur_mm + 2 * max(self.sensor.mm_per_pixel)
-        columns, rows = np.abs(x - place[0]) <= reach, np.abs(y - place[1]) <= reach
+        extent = contact.contact_radius_mm + 4 * self._blur_mm + 2 * max(self.sensor.mm_per_pixel)
+        columns, rows = np.abs(x - position[0]) <= extent, np.abs(y - position[1]) <= extent
         if columns[[0, -1]].any() or rows[[0, -1]].any():
             raise InputError(
                 f"the contact must lie in the frame; a {tip:g} mm tip at {force:.2g} N touches "
                 f"{contact.contact_radius_mm:.2g} mm around its middle (press less, or see a wider field)"
             )
-        radius = np.hypot(x[columns][None, :] - place[0], y[rows][:, None] - place[1])
+        radius = np.hypot(x[columns][None, :] - position[0], y[rows][:, None] - position[1])
         light = rough_contact(contact.pressure_kpa(radius), self.truth.answer) * (1 + brighter)
         if patterned:
-            knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * reach) + 3)
+            knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * extent) + 3)
             light *= 1 + np.interp(2 * radius, np.arange(len(knots)), knots)
         picture = np.zeros((self.sensor.rows, self.sensor.columns))
         picture[np.ix_(rows, columns)] = self._blurred(light)

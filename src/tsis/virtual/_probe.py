@@ -136,10 +136,10 @@ class VirtualProbe:
         """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
         require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         force = force_n * max(0.0, 1 + self.calibration.force_sd * self._rng.standard_normal())
-        seen = self._seen(phantom, force)
-        seen *= self._gain * self._pattern * self._ring_pattern(self.calibration.repeatability_sd)
-        stray = self.calibration.offset_sd * self._rng.standard_normal() * float(np.median(seen))
-        return seen + stray
+        observed = self._seen(phantom, force)
+        observed *= self._gain * self._pattern * self._ring_pattern(self.calibration.repeatability_sd)
+        stray = self.calibration.offset_sd * self._rng.standard_normal() * float(np.median(observed))
+        return observed + stray
 
     def _seen(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
         """Light of the press by the model that can describe it; three dimensions only where they are needed."""
@@ -165,12 +165,12 @@ class VirtualProbe:
                 "inclusion must be a sphere or spheroid on the probe's axis, and the only one, for strain='finite'; "
                 f"got {phantom.inclusions!r:.200} (strain='small' takes any)"
             )
-        found = press_solid(self.probe, tissue, force_n=force_n, plain_resolution=self._resolution)
-        found = replace(found, pressure_kpa=stiffer * found.pressure_kpa, force_n=stiffer * force_n)
+        result = press_solid(self.probe, tissue, force_n=force_n, plain_resolution=self._resolution)
+        result = replace(result, pressure_kpa=stiffer * result.pressure_kpa, force_n=stiffer * force_n)
         # The grid blurs the rim, of which the axisymmetric press of plain tissue knows all; so only a change is taken.
-        plain = field_of(tissue.without_inclusion())
-        change = seen(found) - seen(plain.on_grid(found.x_mm, found.y_mm))
-        return np.maximum(seen(plain) + change, 0.0)
+        reference = field_of(tissue.without_inclusion())
+        change = seen(result) - seen(reference.on_grid(result.x_mm, result.y_mm))
+        return np.maximum(seen(reference) + change, 0.0)
 
     def _falling(self, field: PressField | PressMap) -> LightMap:
         """Light on the face of a press; the lamps of this probe make a little more or less of a dent than is known."""
@@ -206,7 +206,7 @@ class VirtualProbe:
 
 def _stiffened(phantom: Phantom, factor: float) -> Phantom:
     """The phantom with every modulus times ``factor``."""
-    lumps = [replace(one, young_kpa=factor * one.young_kpa) for one in phantom.inclusions]
+    lumps = [replace(inclusion, young_kpa=factor * inclusion.young_kpa) for inclusion in phantom.inclusions]
     return replace(
         phantom,
         young_kpa=factor * phantom.young_kpa,
@@ -231,14 +231,14 @@ def nominal_calibration(sensor: Sensor, light: Irradiance | LightMap | None = No
 
     The laboratory knows the light, but of traced light only what holds to first order in the slope of the face.
     """
-    known = light.near_undented() if isinstance(light, Irradiance) else light
-    brightest = 1.0 if known is None else float(known.relative.max())
+    given = light.near_undented() if isinstance(light, Irradiance) else light
+    brightest = 1.0 if given is None else float(given.relative.max())
     return Calibration(
         name="virtual probe, nominal",
         gain_grey_per_kpa=60.0 / brightest * sensor.full_scale / 255.0,
         saturation_kpa=20.0,
         background_grey=sensor.background_grey,
-        light=known,
+        light=given,
         read_noise_grey=sensor.read_noise_grey,
         shot_noise_grey=sensor.shot_noise_grey,
     )

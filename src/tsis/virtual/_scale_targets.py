@@ -107,14 +107,14 @@ def dot_board_frame(
     require_number("contrast", contrast, 0.0, 0.45, hint="a share of one")
     x, y = _face_mm(sensor, distortion)
     turn = np.exp(-1j * np.radians(require_number("angle_deg", angle_deg, -360.0, 360.0, hint="degrees")))
-    place = ((x - offset_mm[0]) + 1j * (y - offset_mm[1])) * turn / pitch_mm
-    column, row = np.rint(place.real).astype(int), np.rint(place.imag).astype(int)
+    position = ((x - offset_mm[0]) + 1j * (y - offset_mm[1])) * turn / pitch_mm
+    column, row = np.rint(position.real).astype(int), np.rint(position.imag).astype(int)
     first = column.min(), row.min()
     board = int(np.ptp(column)) + 1, int(np.ptp(row)) + 1
     wrong = scatter_mm / pitch_mm * (rng.standard_normal(board) + 1j * rng.standard_normal(board))
     there = (rng.random(board) >= missing).astype(float)
     cell = column - first[0], row - first[1]
-    distance = pitch_mm * np.abs(place - (column + 1j * row) - wrong[cell])
+    distance = pitch_mm * np.abs(position - (column + 1j * row) - wrong[cell])
     mark = there[cell] * _soft_disc(distance, dot_diameter_mm)
     for _ in range(require_integer("strays", strays, 0, 1000)):
         speck = rng.uniform(x.min(), x.max()), rng.uniform(y.min(), y.max())
@@ -200,15 +200,15 @@ def _pixels(fine: NDArray[np.float64], sensor: Sensor) -> NDArray[np.float64]:
 
 
 def _exposed(
-    share: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator, blur_px: float, name: str
+    fraction: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator, blur_px: float, name: str
 ) -> TactileImage:
     """The frame of a share of the probe's uneven light."""
     require_number("blur_px", blur_px, 0.0, 50.0, hint="pixels")
     if blur_px > 0.0:
-        share = np.asarray(cv2.GaussianBlur(share, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE))
-    across, down = (np.linspace(-1.0, 1.0, sides) for sides in (sensor.columns, sensor.rows))
-    light = 1 - SHADE * (across[None, :] ** 2 + down[:, None] ** 2) / 2 + SHADE * across[None, :] / 2
-    grey = LEVEL * (sensor.full_scale - sensor.background_grey) * light * share
+        fraction = np.asarray(cv2.GaussianBlur(fraction, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE))
+    span, down = (np.linspace(-1.0, 1.0, sides) for sides in (sensor.columns, sensor.rows))
+    light = 1 - SHADE * (span[None, :] ** 2 + down[:, None] ** 2) / 2 + SHADE * span[None, :] / 2
+    grey = LEVEL * (sensor.full_scale - sensor.background_grey) * light * fraction
     return TactileImage(
         grey=expose(grey, sensor, rng), full_scale=sensor.full_scale, name=name, settings={"source": "virtual"}
     )

@@ -78,7 +78,7 @@ def test_forces_of_the_procedure() -> None:
 
 def test_an_exact_line_is_found_exactly() -> None:
     sums = np.where(FORCES > 0, 900.0 + SLOPE * FORCES, 0.0)
-    line, found = fit_force_line([loading(tip, total=sums) for tip in TIPS], reference=reference(), gauge_share=0.0)
+    line, found = fit_force_line([loading(tip, total=sums) for tip in TIPS], reference=reference(), gauge_fraction=0.0)
     assert line.intercept_grey.value == pytest.approx(900.0, rel=1e-6)
     assert line.slope_grey_per_n.value == pytest.approx(SLOPE, rel=1e-9)
     assert line.slope_grey_per_n.sd < 1e-6 * SLOPE
@@ -247,7 +247,7 @@ def test_intervals_hold_although_errors_of_a_run_go_together() -> None:
     for seed in range(count):
         rng = np.random.default_rng(seed)
         runs = _machine(rng)
-        line, _ = fit_force_line(runs, reference=reference(), gauge_share=0.0)
+        line, _ = fit_force_line(runs, reference=reference(), gauge_fraction=0.0)
         held["intercept"] += _holds(line.intercept_grey, 0.0)
         held["slope"] += _holds(line.slope_grey_per_n, SLOPE)
         new = (1 + 0.01 * rng.standard_normal()) * (1 + 0.002 * rng.standard_normal())

@@ -124,11 +124,11 @@ def test_blur_is_not_taken_for_saturation() -> None:
 def test_tips_that_differ_widen_the_gain() -> None:
     gains = (0.49, 0.5, 0.51)
     runs = [loading(tip, 1000.0, gain=gain) for tip, gain in zip((2.0, 10.0, 14.0), gains, strict=True)]
-    found = fit_response(runs, reference=reference(), gauge_share=0.0).gain_grey_per_kpa
+    found = fit_response(runs, reference=reference(), gauge_fraction=0.0).gain_grey_per_kpa
     assert found.value == pytest.approx(0.5, rel=0.005)
     assert found.sd == pytest.approx(0.01 / np.sqrt(3), rel=0.1)
     assert found.degrees_of_freedom < 3
-    rough = fit_response(runs, reference=reference(), gauge_share=0.0, area_share=0.02).gain_grey_per_kpa
+    rough = fit_response(runs, reference=reference(), gauge_fraction=0.0, area_fraction=0.02).gain_grey_per_kpa
     assert rough.sd == pytest.approx(np.hypot(found.sd, 0.02 * 0.5), rel=0.01)
 
 

@@ -40,7 +40,7 @@ class Lasting:
 
 @pytest.fixture
 def hurried(control: ControlLock) -> Commands:
-    return Commands(control, patience_s=0.01)
+    return Commands(control, timeout_s=0.01)
 
 
 def test_who_comes_meanwhile_is_told_what_is_being_done(hurried: Commands) -> None:
@@ -56,7 +56,7 @@ def test_who_comes_meanwhile_is_told_what_is_being_done(hurried: Commands) -> No
 
 def test_of_an_act_that_lasts_is_told_for_how_long(control: ControlLock) -> None:
     now_s = [5.0]
-    acts = Commands(control, patience_s=0.01, clock=lambda: now_s[0])
+    acts = Commands(control, timeout_s=0.01, clock=lambda: now_s[0])
     lasting = Lasting(acts)
     assert acts.busy == "moving the probe"
     now_s[0] += 75.0
@@ -68,7 +68,7 @@ def test_of_an_act_that_lasts_is_told_for_how_long(control: ControlLock) -> None
 
 
 def test_who_lost_the_camera_while_he_waited_does_not_act(control: ControlLock) -> None:
-    acts, refused = Commands(control, patience_s=10.0), []
+    acts, refused = Commands(control, timeout_s=10.0), []
     lasting = Lasting(acts)
 
     def wait() -> None:

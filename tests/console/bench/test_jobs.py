@@ -230,7 +230,7 @@ def test_closing_ends_all_and_takes_no_more() -> None:
     begun = [jobs.begin("long", each) for each in held]
     deaf = threading.Event()
     stuck = jobs.begin("deaf", lambda job: deaf.wait(HANGS_S), at_once=True)
-    jobs.close(patience_s=0.5)
+    jobs.close(timeout_s=0.5)
     assert [job.state().status for job in begun] == ["ended"] * len(begun)
     assert stuck.state().status == "running"  # it asks nothing, and nobody waits for it
     with pytest.raises(ControlError, match="being ended"):

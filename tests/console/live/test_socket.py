@@ -58,7 +58,7 @@ class Served:
 
         @made.websocket("/live")
         async def live(asked: WebSocket) -> None:
-            await live_view(asked, bench=self.bench, hub=self.hub, patience_s=patience_s)  # type: ignore[arg-type]
+            await live_view(asked, instrument=self.bench, hub=self.hub, timeout_s=patience_s)  # type: ignore[arg-type]
 
         listener = socket.create_server(("127.0.0.1", 0))
         self.port = listener.getsockname()[1]

@@ -65,7 +65,7 @@ def client(gate: AuthMiddleware, **options: Any) -> httpx.AsyncClient:
 def gate(*, logins: Logins | None = None, clock: Clock | None = None, secure: bool = False) -> AuthMiddleware:
     access = Access(TOKEN, logins=logins, port=8642, secure=secure)
     attempts = LoginRateLimiter(clock=clock or Clock())
-    return AuthMiddleware(Starlette(routes=ROUTES), access=access, hosts=("127.0.0.1", "localhost"), attempts=attempts)
+    return AuthMiddleware(Starlette(routes=ROUTES), access=access, hosts=("127.0.0.1", "localhost"), tries=attempts)
 
 
 def answered(method: str, path: str, *, around: AuthMiddleware | None = None, **options: Any) -> httpx.Response:

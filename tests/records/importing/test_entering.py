@@ -55,7 +55,7 @@ def test_two_phantoms_of_one_seed_are_two_targets_with_their_own_truth(
     store: Store, two: list[Path], *, together: bool, apart: bool
 ) -> None:
     for paths in [two] if together else [[two[0]], [two[1]]]:
-        assert all(each.new for each in enter(store, find_import_batches(paths, ImportOptions()), apart=apart))
+        assert all(each.new for each in enter(store, find_import_batches(paths, ImportOptions()), difference=apart))
     first, second = (store.target(number) for number in (1, 2))
     assert (first.name, dict(first.truth)) == ("hardness-100", HARD)
     assert (second.name, dict(second.truth)) == ("size-8", SIZE_8)
@@ -79,7 +79,7 @@ def test_the_same_folders_again_add_nothing(store: Store, two: list[Path]) -> No
 
 def test_a_new_target_is_new_though_every_frame_is_known(store: Store, two: list[Path]) -> None:
     for number in (1, 2):
-        (entered,) = enter(store, find_import_batches([two[0]], ImportOptions()), apart=True)
+        (entered,) = enter(store, find_import_batches([two[0]], ImportOptions()), difference=True)
         assert (entered.target.number, entered.new, entered.added, entered.present) == (number, True, 4, 0)
 
 
@@ -122,7 +122,7 @@ def test_a_new_target_that_was_cut_short_says_how_to_go_on(
 
     monkeypatch.setattr(store, "add_press", pulled_out)
     with pytest.raises(RecordsError, match=r"the last in target 1 \(go on with --target 1 for its files\)"):
-        enter(store, find_import_batches([two[0]], ImportOptions()), apart=True, tally=Entering())
+        enter(store, find_import_batches([two[0]], ImportOptions()), difference=True, tally=Entering())
 
 
 def test_no_empty_target_is_left_where_nothing_could_be_stored(

@@ -75,9 +75,9 @@ def test_again_it_is_there_already_whichever_of_its_files_is_named(tmp_path: Pat
 
 def test_apart_means_a_new_target_whatever_the_files_say(tmp_path: Path, store: Store) -> None:
     save(tmp_path, 1)
-    (entered,) = enter(store, find_import_batches([tmp_path], ImportOptions()), apart=True)
+    (entered,) = enter(store, find_import_batches([tmp_path], ImportOptions()), difference=True)
     assert (entered.target.number, entered.new) == (1, True)
-    (again,) = enter(store, find_import_batches([tmp_path], ImportOptions()), apart=True)
+    (again,) = enter(store, find_import_batches([tmp_path], ImportOptions()), difference=True)
     assert (again.target.number, again.new, again.present) == (2, True, 0)
 
 

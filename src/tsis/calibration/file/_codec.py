@@ -56,22 +56,22 @@ def to_plain(value: Any, *, pack: bool = True) -> Any:
     if isinstance(value, (float, np.floating)):
         return _number_to_plain(float(value))
     if isinstance(value, Mapping):
-        return {str(name): to_plain(each, pack=pack) for name, each in value.items()}
+        return {str(name): to_plain(item, pack=pack) for name, item in value.items()}
     if isinstance(value, (tuple, list)):
-        return [to_plain(each, pack=pack) for each in value]
+        return [to_plain(item, pack=pack) for item in value]
     assert is_dataclass(value), value
     return {field.name: to_plain(getattr(value, field.name), pack=pack) for field in fields(value)}
 
 
-def without_maps(plain: Any) -> Any:
+def without_maps(reference: Any) -> Any:
     """The same with every packed map's content left out: its hash tells it."""
-    if isinstance(plain, dict):
-        held = {name: without_maps(each) for name, each in plain.items()}
-        return {name: held[name] for name in held if name != "zlib"} if set(held) == _MAP_KEYS else held
-    return [without_maps(each) for each in plain] if isinstance(plain, list) else plain
+    if isinstance(reference, dict):
+        by_name = {name: without_maps(item) for name, item in reference.items()}
+        return {name: by_name[name] for name in by_name if name != "zlib"} if set(by_name) == _MAP_KEYS else by_name
+    return [without_maps(item) for item in reference] if isinstance(reference, list) else reference
 
 
-def require_bounded_maps(plain: Any, where: str) -> None:
+def require_bounded_maps(reference: Any, where: str) -> None:
     """Refuse maps that together unpack to more than any calibration needs, before one of them is unpacked.
 
     How far they pack tells nothing: a dark camera sees zeros almost everywhere.
@@ -81,66 +81,66 @@ def require_bounded_maps(plain: Any, where: str) -> None:
     InputError
         When they say more than 256 MiB, or one has no sensible size.
     """
-    declared, left = 0, [plain]
+    declared, left = 0, [reference]
     while left:
-        each = left.pop()
-        if isinstance(each, dict) and set(each) == _MAP_KEYS:
-            size = _declared_bytes(each["shape"], each["kind"])
-            _require(size > 0, where, f"of maps of at most {LARGEST_ARRAY} numbers, a sensible size", each["shape"])
+        item = left.pop()
+        if isinstance(item, dict) and set(item) == _MAP_KEYS:
+            size = _declared_bytes(item["shape"], item["kind"])
+            _require(size > 0, where, f"of maps of at most {LARGEST_ARRAY} numbers, a sensible size", item["shape"])
             declared += size
-        elif isinstance(each, (dict, list)):
-            left.extend(each.values() if isinstance(each, dict) else each)
+        elif isinstance(item, (dict, list)):
+            left.extend(item.values() if isinstance(item, dict) else item)
     if declared > MOST_UNPACKED:
         raise InputError(f"{where} must hold maps that unpack to at most {MOST_UNPACKED} bytes; got {declared}")
 
 
-def from_plain(wanted: Any, plain: Any, where: str) -> Any:
-    """The value of the declared type ``wanted`` that `to_plain` made ``plain`` of; ``where`` names it in errors.
+def from_plain(requested: Any, reference: Any, where: str) -> Any:
+    """The value of the declared type ``requested`` that `to_plain` made ``reference`` of; ``where`` names it in errors.
 
     Raises
     ------
     InputError
         When it is no such value; whatever the value itself refuses is refused here too.
     """
-    origin = get_origin(wanted)
+    origin = get_origin(requested)
     if origin in (types.UnionType, typing.Union):
-        if plain is None and type(None) in get_args(wanted):
+        if reference is None and type(None) in get_args(requested):
             return None
-        (only,) = (each for each in get_args(wanted) if each is not type(None))
-        return from_plain(only, plain, where)
+        (only,) = (item for item in get_args(requested) if item is not type(None))
+        return from_plain(only, reference, where)
     if origin is np.ndarray:
-        return _array_from_plain(plain, where)
+        return _array_from_plain(reference, where)
     if origin is tuple:
-        return _tuple_from_plain(get_args(wanted), plain, where)
+        return _tuple_from_plain(get_args(requested), reference, where)
     if origin is not None and issubclass(origin, Mapping):
-        _require(isinstance(plain, dict), where, "a mapping", plain)
-        return {name: from_plain(get_args(wanted)[1], each, f"{where}.{name}") for name, each in plain.items()}
-    if wanted is float:
-        return _number_from_plain(plain, where)
-    if wanted is datetime:
-        return _time_from_plain(plain, where)
-    if wanted in (int, str, bool):
-        _require(type(plain) is wanted, where, f"of type {wanted.__name__}", plain)
-        return plain
-    return _dataclass_from_plain(wanted, plain, where)
+        _require(isinstance(reference, dict), where, "a mapping", reference)
+        return {name: from_plain(get_args(requested)[1], item, f"{where}.{name}") for name, item in reference.items()}
+    if requested is float:
+        return _number_from_plain(reference, where)
+    if requested is datetime:
+        return _time_from_plain(reference, where)
+    if requested in (int, str, bool):
+        _require(type(reference) is requested, where, f"of type {requested.__name__}", reference)
+        return reference
+    return _dataclass_from_plain(requested, reference, where)
 
 
-def _dataclass_from_plain(wanted: Any, plain: Any, where: str) -> Any:
-    _require(isinstance(plain, dict), where, "an object with named values", plain)
-    hints = _declared(wanted)
-    if unknown := sorted(set(plain) - set(hints)):
+def _dataclass_from_plain(requested: Any, reference: Any, where: str) -> Any:
+    _require(isinstance(reference, dict), where, "an object with named values", reference)
+    hints = _declared(requested)
+    if unknown := sorted(set(reference) - set(hints)):
         raise InputError(f"{where} must hold only known values; got {unknown!r:.200}")
-    values = {name: from_plain(hints[name], each, f"{where}.{name}") for name, each in plain.items()}
+    values = {name: from_plain(hints[name], item, f"{where}.{name}") for name, item in reference.items()}
     try:
-        return wanted(**values)
+        return requested(**values)
     except TypeError as error:
-        raise InputError(f"{where} must hold all of {', '.join(hints)}; got {sorted(plain)!r:.200}") from error
+        raise InputError(f"{where} must hold all of {', '.join(hints)}; got {sorted(reference)!r:.200}") from error
 
 
-def _declared(wanted: Any) -> dict[str, Any]:
+def _declared(requested: Any) -> dict[str, Any]:
     """Types of a class's fields; names that are imported for type checkers alone are arrays and mappings here."""
-    hints = get_type_hints(wanted, localns={"NDArray": NDArray, "Mapping": Mapping})
-    return {field.name: hints[field.name] for field in fields(wanted)}
+    hints = get_type_hints(requested, localns={"NDArray": NDArray, "Mapping": Mapping})
+    return {field.name: hints[field.name] for field in fields(requested)}
 
 
 def _number_to_plain(value: float) -> float | str:
@@ -151,30 +151,32 @@ def _number_to_plain(value: float) -> float | str:
     return "infinity" if value > 0 else "-infinity"
 
 
-def _number_from_plain(plain: Any, where: str) -> float:
-    words = {"infinity": math.inf, "-infinity": -math.inf}
-    if isinstance(plain, str) and plain in words:
-        return words[plain]
-    _require(isinstance(plain, (int, float)) and not isinstance(plain, bool), where, "a number", plain)
+def _number_from_plain(reference: Any, where: str) -> float:
+    text = {"infinity": math.inf, "-infinity": -math.inf}
+    if isinstance(reference, str) and reference in text:
+        return text[reference]
+    _require(isinstance(reference, (int, float)) and not isinstance(reference, bool), where, "a number", reference)
     try:
-        return float(plain)
+        return float(reference)
     except OverflowError as error:
-        raise InputError(f"{where} must be a number; got one of {len(str(plain))} digits") from error
+        raise InputError(f"{where} must be a number; got one of {len(str(reference))} digits") from error
 
 
-def _time_from_plain(plain: Any, where: str) -> datetime:
-    _require(isinstance(plain, str), where, "a date and time", plain)
+def _time_from_plain(reference: Any, where: str) -> datetime:
+    _require(isinstance(reference, str), where, "a date and time", reference)
     try:
-        return datetime.fromisoformat(plain)
+        return datetime.fromisoformat(reference)
     except ValueError as error:
-        raise InputError(f"{where} must be a date and time as 2026-11-22T10:00:00+00:00; got {plain!r:.60}") from error
+        raise InputError(
+            f"{where} must be a date and time as 2026-11-22T10:00:00+00:00; got {reference!r:.60}"
+        ) from error
 
 
-def _tuple_from_plain(kinds: tuple[Any, ...], plain: Any, where: str) -> tuple[Any, ...]:
-    _require(isinstance(plain, list), where, "a list", plain)
-    each = kinds[:1] * len(plain) if len(kinds) == 2 and kinds[1] is Ellipsis else kinds
-    _require(len(each) == len(plain), where, f"a list of {len(each)}", plain)
-    return tuple(from_plain(kind, plain[at], f"{where}[{at}]") for at, kind in enumerate(each))
+def _tuple_from_plain(kinds: tuple[Any, ...], reference: Any, where: str) -> tuple[Any, ...]:
+    _require(isinstance(reference, list), where, "a list", reference)
+    item = kinds[:1] * len(reference) if len(kinds) == 2 and kinds[1] is Ellipsis else kinds
+    _require(len(item) == len(reference), where, f"a list of {len(item)}", reference)
+    return tuple(from_plain(kind, reference[at], f"{where}[{at}]") for at, kind in enumerate(item))
 
 
 def _array_to_plain(values: np.ndarray[Any, Any], *, pack: bool) -> Any:
@@ -182,24 +184,24 @@ def _array_to_plain(values: np.ndarray[Any, Any], *, pack: bool) -> Any:
         return to_plain(values.tolist())
     kind = "bool" if values.dtype == bool else "single" if np.array_equal(values.astype("<f4"), values) else "double"
     content = np.ascontiguousarray(values, dtype=_KINDS[kind]).tobytes()
-    plain = {"shape": list(values.shape), "kind": kind, "sha256": hashlib.sha256(content).hexdigest()}
-    return plain | {"zlib": base64.b64encode(zlib.compress(content, 6)).decode()} if pack else plain
+    reference = {"shape": list(values.shape), "kind": kind, "sha256": hashlib.sha256(content).hexdigest()}
+    return reference | {"zlib": base64.b64encode(zlib.compress(content, 6)).decode()} if pack else reference
 
 
-def _array_from_plain(plain: Any, where: str) -> np.ndarray[Any, Any]:
-    if isinstance(plain, list):
+def _array_from_plain(reference: Any, where: str) -> np.ndarray[Any, Any]:
+    if isinstance(reference, list):
         try:
-            values = np.array(plain)
+            values = np.array(reference)
         except (ValueError, OverflowError, RecursionError) as error:
             raise InputError(f"{where} must be an array of numbers; its rows differ in length") from error
-        _require(values.dtype.kind in "biuf", where, "an array of numbers", plain)
+        _require(values.dtype.kind in "biuf", where, "an array of numbers", reference)
         return values
-    _require(isinstance(plain, dict) and set(plain) == _MAP_KEYS, where, "an array", plain)
-    shape, kind = plain["shape"], plain["kind"]
+    _require(isinstance(reference, dict) and set(reference) == _MAP_KEYS, where, "an array", reference)
+    shape, kind = reference["shape"], reference["kind"]
     size = _declared_bytes(shape, kind)
     _require(size > 0, where, "a map of sensible size", shape)
-    content = _unpacked(plain["zlib"], size, where)
-    if hashlib.sha256(content).hexdigest() != plain["sha256"]:
+    content = _unpacked(reference["zlib"], size, where)
+    if hashlib.sha256(content).hexdigest() != reference["sha256"]:
         raise CalibrationError(f"{where} must be as it was written; it does not match its hash, so it was changed")
     values = np.frombuffer(content, dtype=_KINDS[kind]).reshape(shape)
     return values.astype(bool if kind == "bool" else float)
@@ -215,18 +217,18 @@ def _declared_bytes(shape: Any, kind: Any) -> int:
 
 def _unpacked(packed: Any, size: int, where: str) -> bytearray:
     """Exactly ``size`` bytes, in pieces: more is never unpacked, and nothing is held twice."""
-    unpacker, content, place = zlib.decompressobj(), bytearray(size), 0
+    unpacker, content, position = zlib.decompressobj(), bytearray(size), 0
     try:
         data = memoryview(base64.b64decode(packed, validate=True))
         for start in range(0, len(data), PIECE):
             piece = unpacker.decompress(data[start : start + PIECE])
-            content[place : place + len(piece)] = piece[: size - place]
-            place += len(piece)
-            if place > size or unpacker.eof:
+            content[position : position + len(piece)] = piece[: size - position]
+            position += len(piece)
+            if position > size or unpacker.eof:
                 break
     except (TypeError, ValueError, binascii.Error, zlib.error) as error:
         raise InputError(f"{where} must be a whole map; it is damaged: {error!s:.80}") from error
-    if place != size or not unpacker.eof:
+    if position != size or not unpacker.eof:
         raise InputError(f"{where} must be a whole map of {size} bytes; got another number")
     return content
 

@@ -21,14 +21,14 @@ CALIBRATION_FILE = "calibration.json"  # where nobody chooses another, and in ev
 LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
 
 
-def calibration_sha256(known: ProbeCalibration) -> str:
+def calibration_sha256(calibration: ProbeCalibration) -> str:
     """SHA-256 of the content: the name under which results cite the calibration."""
-    found = document_sha256(to_plain(known, pack=False))
-    assert found is not None  # values hold neither NaN nor endless nesting
-    return found
+    result = document_sha256(to_plain(calibration, pack=False))
+    assert result is not None  # values hold neither NaN nor endless nesting
+    return result
 
 
-def calibration_bytes(known: ProbeCalibration) -> bytes:
+def calibration_bytes(calibration: ProbeCalibration) -> bytes:
     """Content of the calibration file.
 
     Raises
@@ -36,15 +36,15 @@ def calibration_bytes(known: ProbeCalibration) -> bytes:
     InputError
         When it would be too large to be read back.
     """
-    plain = to_plain(known)
-    require_bounded_maps(plain, "calibration")
+    reference = to_plain(calibration)
+    require_bounded_maps(reference, "calibration")
     document = {
         "format": CALIBRATION_FORMAT,
         "version": CALIBRATION_VERSION,
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
-        "sha256": calibration_sha256(known),
-        "calibration": plain,
+        "sha256": calibration_sha256(calibration),
+        "calibration": reference,
     }
     content = (json.dumps(document, indent=2, allow_nan=False) + "\n").encode()
     if len(content) > LARGEST_BYTES:
@@ -54,7 +54,7 @@ def calibration_bytes(known: ProbeCalibration) -> bytes:
     return content
 
 
-def write_calibration(known: ProbeCalibration, path: str | os.PathLike[str]) -> str:
+def write_calibration(calibration: ProbeCalibration, path: str | os.PathLike[str]) -> str:
     """Write the file so that it is whole or absent, over nothing that exists; return its identity.
 
     Raises
@@ -65,7 +65,7 @@ def write_calibration(known: ProbeCalibration, path: str | os.PathLike[str]) -> 
         As `calibration_bytes`.
     """
     target = as_path(path)
-    content = calibration_bytes(known)
+    content = calibration_bytes(calibration)
     try:
         if target.exists():
             raise FileInputError(
@@ -76,7 +76,7 @@ def write_calibration(known: ProbeCalibration, path: str | os.PathLike[str]) -> 
     except OSError as error:
         reason = error.strerror or error
         raise FileInputError(f"{printable_path(target)} must be a file that can be written; got: {reason}") from error
-    return calibration_sha256(known)
+    return calibration_sha256(calibration)
 
 
 def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
@@ -125,12 +125,12 @@ def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
         )
     try:
         require_bounded_maps(content, "calibration")
-        known: ProbeCalibration = from_plain(ProbeCalibration, content, "calibration")
+        calibration: ProbeCalibration = from_plain(ProbeCalibration, content, "calibration")
     except InputError as error:
         raise FileInputError(f"{name}: {error}") from error
     except CalibrationError as error:
         raise CalibrationError(f"{name}: {error}") from error
-    return known
+    return calibration
 
 
 def document_sha256(content: Any) -> str | None:
@@ -146,7 +146,7 @@ def document_sha256(content: Any) -> str | None:
 def _as_floats(content: Any) -> Any:
     """The content with 60 and 60.0 made alike, which mean the same to every value."""
     if isinstance(content, dict):
-        return {name: _as_floats(each) for name, each in content.items()}
+        return {name: _as_floats(item) for name, item in content.items()}
     if isinstance(content, list):
-        return [_as_floats(each) for each in content]
+        return [_as_floats(item) for item in content]
     return float(content) if type(content) is int else content

@@ -44,9 +44,9 @@ def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:
     now = datetime.now(UTC).replace(microsecond=0)
     dated: dict[str, Any] = {**content, "made": now.isoformat(), "expires": (now + timedelta(days=days)).isoformat()}
     try:
-        known: ProbeCalibration = from_plain(ProbeCalibration, dated, "calibration")
+        calibration: ProbeCalibration = from_plain(ProbeCalibration, dated, "calibration")
     except InputError as error:
         raise FileInputError(f"{printable_path(path)}: {error}") from error
-    if all(getattr(known, part) is None for part in BY_HAND):
+    if all(getattr(calibration, part) is None for part in BY_HAND):
         raise FileInputError(f"{printable_path(path)} must hold at least one of {', '.join(BY_HAND)}; got none")
-    return known
+    return calibration

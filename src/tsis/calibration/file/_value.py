@@ -241,13 +241,13 @@ new one: tsis calibrate)
         CalibrationError
             When it was not measured.
         """
-        name = next(name for name, each in PARTS.items() if each is kind)
-        found = getattr(self, name)
-        if not isinstance(found, kind):
+        name = next(name for name, part in PARTS.items() if part is kind)
+        result = getattr(self, name)
+        if not isinstance(result, kind):
             raise CalibrationError(
                 f"{purpose} needs the part {name!r}, which calibration {self.name!r} does not hold (tsis calibrate)"
             )
-        return found
+        return result
 
     def known_response(self, identity: str) -> Calibration:
         """The response, under a name that tells which file it came from, and of the calibration's probe."""

@@ -142,8 +142,8 @@ def loading_linearity(runs: Sequence[LoadingRun]) -> MeasuredValue:
         branches = [run.at(force, rising=way) for way in ((True, False) if run.has_both_branches else (True,))]
         line = run.intercept + run.slope * force
         curves.append((np.mean(branches, axis=0) - line) / line[-1])
-    found = np.array(curves)
-    return mean_of(found[:, int(np.abs(found.mean(axis=0)).argmax())])
+    result = np.array(curves)
+    return mean_of(result[:, int(np.abs(result.mean(axis=0)).argmax())])
 
 
 def loading_hysteresis(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
@@ -159,17 +159,17 @@ def loading_hysteresis(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
     return mean_of(np.array([float((_basis(np.array([HYSTERESIS_POINT])) @ _loop(run))[0]) for run in loops]))
 
 
-def _basis(share: NDArray[np.float64]) -> NDArray[np.float64]:
-    closed = share * (1 - share)
-    return np.stack([closed, closed * share], axis=1)
+def _basis(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    closed = fraction * (1 - fraction)
+    return np.stack([closed, closed * fraction], axis=1)
 
 
 def _loop(run: LoadingRun) -> NDArray[np.float64]:
     largest = float(run.force_n.max())
     force = np.unique(np.round(run.force_n[~run.rising], 12))
     width = (run.at(force, rising=True) - run.at(force, rising=False)) / (run.intercept + run.slope * largest)
-    found, *_ = np.linalg.lstsq(_basis(force / largest), width, rcond=None)
-    return np.asarray(found)
+    result, *_ = np.linalg.lstsq(_basis(force / largest), width, rcond=None)
+    return np.asarray(result)
 
 
 def loading_repeatability(runs: Sequence[LoadingRun]) -> MeasuredValue | None:

@@ -46,8 +46,8 @@ def fit_force_line(
     loadings: Sequence[Loading],
     *,
     reference: CameraReference,
-    gauge_share: float = GAUGE_SHARE,
-    drift_share: float | None = None,
+    gauge_fraction: float = GAUGE_SHARE,
+    drift_fraction: float | None = None,
     method: str = "threshold",
 ) -> tuple[ForceLine, ForceLineDiagnostics]:
     """Fit ``sum = a + b F`` to loadings and unloadings of one or more tips.
@@ -58,9 +58,9 @@ def fit_force_line(
         At least two: of different tips, best of 2, 10 and 14 mm radius, or repeats of one.
     reference
         What corrected the frames.
-    gauge_share
+    gauge_fraction
         Relative standard deviation of the force gauge's calibration, from its certificate.
-    drift_share
+    drift_fraction
         Relative standard deviation of the lamps between the reference and a later frame, after correction; that of
         ``reference`` when None.
     method
@@ -84,12 +84,12 @@ def fit_force_line(
             f"a force line needs at least 2 loadings, of two tips or repeats of one, for the lamps' drift hides in the "
             f"slope of a single one; got {len(loadings)}"
         )
-    gauge = require_number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
+    gauge = require_number("gauge_share", gauge_fraction, 0.0, 0.5, hint="a share of one")
     runs = [run_of(loading) for loading in loadings]
     tips = tuple(sorted({run.tip_mm for run in runs}))
     units = _units(runs)
     intercept, slope, covariance = _mean_line(units, gauge)
-    residual_grey, residual_share = _residuals(runs, slope.value)
+    residual_grey, residual_fraction = _residuals(runs, slope.value)
     detectable = detectable_n(loadings, slope.value)
     least, most, saturated = _range(loadings, detectable)
     line = ForceLine(
@@ -99,8 +99,8 @@ def fit_force_line(
         units=len(units),
         assumed_tip_share=PRINTED_TIP_SHARE if len(tips) == 1 else 0.0,
         residual_grey=residual_grey,
-        residual_share=residual_share,
-        drift_share=reference.drift_share if drift_share is None else drift_share,
+        residual_share=residual_fraction,
+        drift_share=reference.drift_share if drift_fraction is None else drift_fraction,
         gauge_share=gauge,
         least_n=least,
         most_n=most,
@@ -153,13 +153,13 @@ def _residuals(runs: Sequence[LoadingRun], slope: float) -> tuple[MeasuredValue,
 
 def _range(loadings: Sequence[Loading], detectable: MeasuredValue | None) -> tuple[float, float, bool]:
     """Smallest and largest force that the line holds for, and whether clipping ends it."""
-    touched = np.concatenate([one.load_n[one.touched] for one in loadings])
-    seen = np.concatenate([one.total_grey[one.touched] > 0 for one in loadings])
-    clipped = np.concatenate([one.clipped[one.touched] > CLIPPED_SHARE for one in loadings])
+    touched = np.concatenate([loading.load_n[loading.touched] for loading in loadings])
+    observed = np.concatenate([loading.total_grey[loading.touched] > 0 for loading in loadings])
+    clipped = np.concatenate([loading.clipped[loading.touched] > CLIPPED_SHARE for loading in loadings])
     whole = touched[~clipped & (touched < touched[clipped].min())] if clipped.any() else touched
-    unseen = touched[~seen]
+    unseen = touched[~observed]
     dark_end = float(unseen.max()) if unseen.size else 0.0
-    visible = touched[seen & (touched > dark_end)]
+    visible = touched[observed & (touched > dark_end)]
     least = max(float(visible.min()), 0.0 if detectable is None else detectable.value)
     most = float(whole.max()) if whole.size else 0.0
     if most <= least:

@@ -146,9 +146,9 @@ def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool], threshold: 
     """What Canny's edges enclose of the patch."""
     smooth = smoothed(grey)
     top = float(smooth[mask].max())
-    seen = np.clip(255 * smooth / top, 0, 255).astype(np.uint8)
+    observed = np.clip(255 * smooth / top, 0, 255).astype(np.uint8)
     low = float(np.clip(255 * threshold / top, 5, 100))
-    edges = cv2.Canny(seen, low, 2 * low, L2gradient=True)
+    edges = cv2.Canny(observed, low, 2 * low, L2gradient=True)
     closed = cv2.morphologyEx(edges, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)) > 0
     filled = ndimage.binary_fill_holes(closed)
     labels, count = ndimage.label(filled)

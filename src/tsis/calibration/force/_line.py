@@ -178,10 +178,10 @@ def joined(parts: tuple[tuple[float, float], ...]) -> tuple[float, float]:
     if total <= 0:
         return 0.0, np.inf
     half = sum(variance * float(scipy.stats.t.ppf(UPPER, freedom)) ** 2 for variance, freedom in parts)
-    wanted = float(np.sqrt(half / total))
+    requested = float(np.sqrt(half / total))
 
     def excess(logarithm: float) -> float:
-        return float(scipy.stats.t.ppf(UPPER, np.exp(logarithm))) - wanted
+        return float(scipy.stats.t.ppf(UPPER, np.exp(logarithm))) - requested
 
     if excess(LARGEST_LOG) >= 0:
         return total, np.inf

@@ -115,13 +115,13 @@ class Loading:
         return cls(
             tip_radius_mm=tip_radius_mm,
             run=run,
-            force_n=np.array([one.force_n for one in readings]),
-            total_grey=np.array([one.total_grey for one in readings]),
-            touched=np.array([one.touched for one in readings]),
-            field_grey=np.array([one.field_grey for one in readings]),
-            peak_grey=np.array([one.peak_grey for one in readings]),
-            mean_square_mm2=np.array([one.mean_square_mm2 for one in readings]),
-            clipped=np.array([one.clipped for one in readings]),
+            force_n=np.array([reading.force_n for reading in readings]),
+            total_grey=np.array([reading.total_grey for reading in readings]),
+            touched=np.array([reading.touched for reading in readings]),
+            field_grey=np.array([reading.field_grey for reading in readings]),
+            peak_grey=np.array([reading.peak_grey for reading in readings]),
+            mean_square_mm2=np.array([reading.mean_square_mm2 for reading in readings]),
+            clipped=np.array([reading.clipped for reading in readings]),
         )
 
     @property

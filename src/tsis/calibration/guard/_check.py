@@ -74,7 +74,7 @@ def check_press(
     require_type("limits", limits, GuardLimits)
     force = image.force_n if force_n is None else require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
     reading = read_guard_frame(image.grey, prepared(reference, FrameShape.of(image)), force_n=force)
-    return tuple(one.flag for one in findings(reading, limits, settling=settling) if one.excess > 1.0)
+    return tuple(finding.flag for finding in findings(reading, limits, settling=settling) if finding.excess > 1.0)
 
 
 def guard_reference(calibration: UsableCalibration | None) -> GuardReference:

@@ -262,17 +262,17 @@ def findings(
     # The light that stray light is held against: what the contact gives, or what a contact would give at the least.
     light = max(reading.light, limits.dark * reading.full_scale) if touched else limits.dark * reading.full_scale
     if reading.ambient_grey is not None:
-        share = reading.ambient_grey / light
+        fraction = reading.ambient_grey / light
         yield _above(
-            "ambient-light", share, limits.ambient, f"keep light out: {share:.1%} of the light is not the lamps'"
+            "ambient-light", fraction, limits.ambient, f"keep light out: {fraction:.1%} of the light is not the lamps'"
         )
     if flicker_grey is not None:
-        share = flicker_grey / light
+        fraction = flicker_grey / light
         yield _above(
             "flicker",
-            share,
+            fraction,
             limits.flicker,
-            f"switch lamps in the room off: light swings by {share:.1%} with the mains",
+            f"switch lamps in the room off: light swings by {fraction:.1%} with the mains",
         )
     if reading.led_drift is not None:
         drift = reading.led_drift
@@ -301,9 +301,9 @@ def _contact_findings(reading: GuardReading, limits: GuardLimits) -> Iterator[Li
         yield _above("tilted", size, limits.tilt, advice)
 
 
-def _clipping(share: float, limits: GuardLimits) -> LimitExcess:
-    advice = f"press less or expose shorter: {share:.2%} of the contact clips"
-    return _above("saturated", share, limits.saturated, advice)
+def _clipping(fraction: float, limits: GuardLimits) -> LimitExcess:
+    advice = f"press less or expose shorter: {fraction:.2%} of the contact clips"
+    return _above("saturated", fraction, limits.saturated, advice)
 
 
 def _side(x: float, y: float) -> str:
@@ -316,8 +316,8 @@ def _side(x: float, y: float) -> str:
 def _hold(settling: Settling) -> str:
     if settling.wait_s is None:
         return "hold still: whether the press has settled cannot be told yet"
-    share = abs(settling.remaining.value)
-    return f"hold still for {_duration(settling.wait_s)}: {share:.1%} of the light is still to come or go"
+    fraction = abs(settling.remaining.value)
+    return f"hold still for {_duration(settling.wait_s)}: {fraction:.1%} of the light is still to come or go"
 
 
 def _duration(seconds: float) -> str:

@@ -49,8 +49,8 @@ def flicker_amplitude(time_s: Sequence[float], level: Sequence[float]) -> float 
         return None
     time = np.asarray(time_s) - time_s[0]
     values = np.asarray(level, dtype=float)
-    found = [one for one in (_amplitude(time, values, hertz) for hertz in LAMPS_HZ) if one is not None]
-    return max(found) if found else None
+    results = [item for item in (_amplitude(time, values, hertz) for hertz in LAMPS_HZ) if item is not None]
+    return max(results) if results else None
 
 
 def _amplitude(time: NDArray[np.float64], values: NDArray[np.float64], hertz: float) -> float | None:

@@ -206,21 +206,21 @@ def lamps_and_ambient(
     return None, since
 
 
-def _around(place: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bool]:
+def _around(position: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bool]:
     """The connected part that holds a block."""
     labels = cv2.connectedComponents(above.astype(np.uint8))[1]
-    return np.asarray(labels == labels[place])
+    return np.asarray(labels == labels[position])
 
 
-def _reaches_border(smooth: NDArray[np.float64], place: tuple[int, int]) -> float:
+def _reaches_border(smooth: NDArray[np.float64], position: tuple[int, int]) -> float:
     """Highest level at which the part around the peak touches the frame's border.
 
     Not the brightest light on the border: the rim of a face that is wider than the frame shines there by itself.
     """
-    low, high = 0.0, float(smooth[place])
+    low, high = 0.0, float(smooth[position])
     for _ in range(BORDER_STEPS):
         middle = (low + high) / 2
-        part = _around(place, smooth > middle)
+        part = _around(position, smooth > middle)
         touches = any(bool(edge.any()) for edge in (part[0], part[-1], part[:, 0], part[:, -1]))
         low, high = (middle, high) if touches else (low, middle)
     return high
@@ -241,11 +241,11 @@ def _moments(
     centre, gradient = [], []
     for axis, along in ((0, x), (1, y)):
         middle = float(area.sum(axis=axis) @ along / pixels)
-        apart = along - middle
+        difference = along - middle
         weights = light.sum(axis=axis)
-        second = max(float(weights @ apart**2), np.finfo(float).tiny * total)
+        second = max(float(weights @ difference**2), np.finfo(float).tiny * total)
         centre.append(middle)
-        gradient.append(radius * float(weights @ apart) / second)
+        gradient.append(radius * float(weights @ difference) / second)
     level = prepared.level_tilt
     return (gradient[0] - level[0], gradient[1] - level[1]), math.hypot(*centre) / radius
 
@@ -279,7 +279,7 @@ def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
                 f"{shape.full_scale:g}; got {frame.grey.shape} and {frame.full_scale:g} (record both in one mode)"
             )
     rim = reference.face_radius_mm if shape.mm_per_pixel is not None else None
-    found = Prepared(
+    prepared = Prepared(
         shape=shape,
         untouched=None if untouched is None else shape.means(untouched.grey),
         sign=-1.0 if reference.invert else 1.0,
@@ -292,10 +292,10 @@ def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
     if reference.patch is not None and untouched is not None:
         level = float(reference.patch.cut(untouched.grey).mean())
         require_lit(level - (reference.dark_grey or 0.0), shape.full_scale)
-        found = replace(found, patch_before=level)
+        prepared = replace(prepared, patch_before=level)
     if reference.level is None:
-        return found
-    tilt = read_guard_frame(reference.level.grey, found).tilt
+        return prepared
+    tilt = read_guard_frame(reference.level.grey, prepared).tilt
     if tilt is None:
         raise InputError("the level press shows no contact; press the probe square on plain tissue for it")
-    return replace(found, level_tilt=tilt)
+    return replace(prepared, level_tilt=tilt)

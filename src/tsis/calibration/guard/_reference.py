@@ -132,8 +132,8 @@ class GuardReference:
             require_image("untouched", self.untouched)
         if self.level is not None:
             require_same_frame(self.level, self.untouched or self.level, "untouched")
-        for name, wanted in (("patch", self.patch is not None), ("invert", self.invert)):
-            if wanted and self.untouched is None:
+        for name, requested in (("patch", self.patch is not None), ("invert", self.invert)):
+            if requested and self.untouched is None:
                 raise InputError(f"{name} needs a frame of the untouched probe to compare with; give untouched")
         if self.patch is not None:
             require_type("patch", self.patch, ReferencePatch)
@@ -192,9 +192,9 @@ class Prepared:
 
     def check_fits(self, pixels: NDArray[Any], full_scale: float) -> None:
         """Refuse a frame of another shape or depth."""
-        wanted = (self.shape.rows, self.shape.columns)
-        if pixels.shape != wanted or full_scale != self.shape.full_scale:
+        requested = (self.shape.rows, self.shape.columns)
+        if pixels.shape != requested or full_scale != self.shape.full_scale:
             raise ImageMismatchError(
-                f"frames must keep the size {wanted} and full scale {self.shape.full_scale:g} of the watch; got "
+                f"frames must keep the size {requested} and full scale {self.shape.full_scale:g} of the watch; got "
                 f"{pixels.shape} and {full_scale:g}: begin a new watch for another mode"
             )

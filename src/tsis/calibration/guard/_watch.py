@@ -247,7 +247,7 @@ class PressWatch:
         # Between two closed bins the series is the same, and so is the verdict.
         settling = state.settling if history.time_s is state.history.time_s else self._judged(history)
         stillness = state.stillness.with_picture(frame.pixels)
-        found = findings(
+        result = findings(
             reading,
             self.limits,
             settling=settling,
@@ -255,7 +255,9 @@ class PressWatch:
             in_a_row=stillness.in_a_row,
         )
         up = tuple(
-            one.flag for one in found if one.excess > (self.limits.release if one.flag.name in state.raised else 1.0)
+            item.flag
+            for item in result
+            if item.excess > (self.limits.release if item.flag.name in state.raised else 1.0)
         )
         raised = frozenset(flag.name for flag in up)
         return up, WatchState(

@@ -48,15 +48,15 @@ class WarmUp:
     time_constant_s: MeasuredValue
     level: MeasuredValue
 
-    def wait_s(self, share: float, *, now_s: float = 0.0) -> float:
-        """Seconds from ``now_s`` after switching on until the light is within ``share`` of that when warm.
+    def wait_s(self, fraction: float, *, now_s: float = 0.0) -> float:
+        """Seconds from ``now_s`` after switching on until the light is within ``fraction`` of that when warm.
 
         The largest amplitude and the longest time constant of their 95 % intervals are reckoned with.
 
         Raises
         ------
         InputError
-            When ``share`` lies outside [1e-5, 1] or the time is negative.
+            When ``fraction`` lies outside [1e-5, 1] or the time is negative.
 
         Examples
         --------
@@ -65,12 +65,12 @@ class WarmUp:
         >>> round(lamps.wait_s(0.01))
         483
         """
-        require_number("share", share, 1e-5, 1.0, hint="a share of the warm lamps' light")
+        require_number("share", fraction, 1e-5, 1.0, hint="a share of the warm lamps' light")
         require_number("now_s", now_s, 0.0, 1e7, hint="seconds")
         largest = max(abs(end) for end in self.amplitude.interval())
-        if largest <= share:
+        if largest <= fraction:
             return 0.0
-        return max(0.0, self.time_constant_s.interval()[1] * float(np.log(largest / share)) - now_s)
+        return max(0.0, self.time_constant_s.interval()[1] * float(np.log(largest / fraction)) - now_s)
 
 
 def fit_warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
@@ -144,7 +144,7 @@ def _posterior(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Probability, (level, level * A) and their deviations, by wander and time constant."""
     fits = [_weighed(time, value, taus, walk) for walk in WALKS]
-    logs, means, spreads = (np.concatenate([one[i] for one in fits]) for i in range(3))
+    logs, means, spreads = (np.concatenate([fit[i] for fit in fits]) for i in range(3))
     weight = np.exp(logs - logs.max())
     return weight / weight.sum(), means, spreads
 
@@ -158,14 +158,14 @@ def _weighed(
     root = np.linalg.cholesky(noise)
     columns = np.column_stack([np.ones_like(time), value, np.exp(-time[:, None] / taus)])
     white = np.linalg.solve(root, columns)
-    one, seen, fading = white[:, 0], white[:, 1], white[:, 2:]
+    item, observed, fading = white[:, 0], white[:, 1], white[:, 2:]
     normal = np.empty((len(taus), 2, 2))
-    normal[:, 0, 0], normal[:, 1, 1] = one @ one, (fading**2).sum(axis=0)
-    normal[:, 0, 1] = normal[:, 1, 0] = one @ fading
-    right = np.stack([np.full(len(taus), one @ seen), seen @ fading], axis=1)
+    normal[:, 0, 0], normal[:, 1, 1] = item @ item, (fading**2).sum(axis=0)
+    normal[:, 0, 1] = normal[:, 1, 0] = item @ fading
+    right = np.stack([np.full(len(taus), item @ observed), observed @ fading], axis=1)
     inverse = np.linalg.inv(normal)
     mean = np.einsum("tij,tj->ti", inverse, right)
-    left = np.maximum(seen @ seen - (mean * right).sum(axis=1), 1e-14 * (seen @ seen))
+    left = np.maximum(observed @ observed - (mean * right).sum(axis=1), 1e-14 * (observed @ observed))
     free = len(time) - 2
     logs = -(free * np.log(left) + np.linalg.slogdet(normal)[1]) / 2 - np.log(np.diag(root)).sum()
     spread = np.sqrt(np.einsum("tii->ti", inverse) * (left / free)[:, None])

@@ -120,9 +120,9 @@ def _lamps_of(
     if patch is None:
         return np.ones(len(frames))
     patch.require_inside(base.shape)
-    seen = patch.cut(frames - base).mean(axis=(1, 2))
-    require_lit(float(seen.min()), full_scale)
-    return np.asarray(seen / seen.mean())
+    observed = patch.cut(frames - base).mean(axis=(1, 2))
+    require_lit(float(observed.min()), full_scale)
+    return np.asarray(observed / observed.mean())
 
 
 def _require_lit(
@@ -140,8 +140,8 @@ def _patch_light(
         return None, 0.0
     light = patch.cut(frames - base)
     mean, count = float(light.mean()), light[0].size
-    one = float(np.sqrt((shot * mean + READ_AND_ROUNDING) / count))
-    return MeasuredValue(value=mean, sd=one / float(np.sqrt(len(frames))), unit="grey"), one / mean
+    item = float(np.sqrt((shot * mean + READ_AND_ROUNDING) / count))
+    return MeasuredValue(value=mean, sd=item / float(np.sqrt(len(frames))), unit="grey"), item / mean
 
 
 def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDArray[np.bool]:
@@ -149,10 +149,10 @@ def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDA
     bad = _outliers(dark.mean(axis=0))
     for level in flats:
         bad |= _outliers(level.mean(axis=0))
-    share = float(bad.mean())
-    if share > MOST_BAD:
+    fraction = float(bad.mean())
+    if fraction > MOST_BAD:
         raise CalibrationError(
-            f"at most {MOST_BAD:.0%} of pixels may be hot or dead; got {share:.1%} (is light leaking?)"
+            f"at most {MOST_BAD:.0%} of pixels may be hot or dead; got {fraction:.1%} (is light leaking?)"
         )
     return bad
 
@@ -190,5 +190,5 @@ def _relative(
 def _smoothed(relative: NDArray[np.float64], field: NDArray[np.bool]) -> NDArray[np.float64]:
     """The map of light without its pixels' noise, which all later frames would share; good pixels alone count."""
     weight = field.astype(float)
-    known, sums = (cv2.GaussianBlur(part, (0, 0), SMOOTH_PX) for part in (weight, weight * relative))
-    return np.where(field, sums / np.maximum(known, 1e-9), relative)
+    given, sums = (cv2.GaussianBlur(part, (0, 0), SMOOTH_PX) for part in (weight, weight * relative))
+    return np.where(field, sums / np.maximum(given, 1e-9), relative)

@@ -132,24 +132,24 @@ def _points(values: NDArray[np.float64], base: NDArray[np.float64], *, is_dark: 
     left = values - mean - shift[:, None] * shape
     variance = np.einsum("ij,ij->j", left, left) / (frames - 1)
     bands = 1 if level <= LEAST_LIGHT_GREY else max(1, min(BANDS, len(mean) // LEAST_PIXELS))
-    found = []
+    results = []
     for part in np.array_split(np.arange(len(mean)), bands):  # bands of the frame: sorting by light would sort by noise
-        seen = float(variance[part].mean())
-        true = _unrounded(seen, complex(np.exp(2j * np.pi * mean[part]).mean()), frames)
-        error = seen * np.sqrt(2 / (len(part) * (frames - 1)))
-        found.append(_Point(float(light[part].mean()), true, error))
-    return found
+        observed = float(variance[part].mean())
+        true = _unrounded(observed, complex(np.exp(2j * np.pi * mean[part]).mean()), frames)
+        error = observed * np.sqrt(2 / (len(part) * (frames - 1)))
+        results.append(_Point(float(light[part].mean()), true, error))
+    return results
 
 
-def _unrounded(seen: float, phase: complex, frames: int) -> float:
+def _unrounded(observed: float, phase: complex, frames: int) -> float:
     """Variance before rounding; ``phase`` is the mean of exp(2 pi i m) over pixel means m of so many frames."""
-    true, bare = max(seen - 1 / 12, LEAST_NOISE_GREY**2 / 2), phase
+    true, bare = max(observed - 1 / 12, LEAST_NOISE_GREY**2 / 2), phase
     for _ in range(30):
         bare = phase / _left_of_phase(true, bare, frames)
         bare /= max(1.0, abs(bare))
         q = float(np.exp(-2 * np.pi**2 * true))
         harmonic = (4 * true + 1 / np.pi**2) * q * bare.real + (q * bare.imag / np.pi) ** 2
-        true = max(seen - 1 / 12 + harmonic, LEAST_NOISE_GREY**2 / 2)
+        true = max(observed - 1 / 12 + harmonic, LEAST_NOISE_GREY**2 / 2)
     return true
 
 
@@ -167,25 +167,25 @@ def _left_of_phase(variance: float, phase: complex, frames: int) -> complex:
 
 
 def _line(points: list[_Point]) -> PhotonTransfer:
-    light, variance, error = np.array([(one.light, one.variance, one.error) for one in points]).T
+    light, variance, error = np.array([(point.light, point.variance, point.error) for point in points]).T
     if light.max() < LEAST_LIGHT_GREY:
         raise CalibrationError(
             f"frames for the noise must include some with {LEAST_LIGHT_GREY:g} grey levels of light or more; the "
             f"brightest had {light.max():.1f} (add flat-field frames)"
         )
     design = np.stack([np.ones_like(light), light], axis=1) / error[:, None]
-    found, *_ = np.linalg.lstsq(design, variance / error, rcond=None)
+    result, *_ = np.linalg.lstsq(design, variance / error, rcond=None)
     freedom = len(points) - 2
-    misfit = float(np.sum((variance / error - design @ found) ** 2)) / max(freedom, 1)
+    misfit = float(np.sum((variance / error - design @ result) ** 2)) / max(freedom, 1)
     covariance = np.linalg.inv(design.T @ design)
     if freedom > 0 and misfit > scipy.stats.chi2.ppf(CHANCE, freedom) / freedom:
         covariance = covariance * misfit  # more scatter than the number of pixels explains is error, too
-    if found[0] < LEAST_NOISE_GREY**2:
+    if result[0] < LEAST_NOISE_GREY**2:
         raise CalibrationError(
             f"the read noise must be at least {LEAST_NOISE_GREY:g} grey levels to be seen through rounding; got a "
-            f"variance of {found[0]:.3g} (raise the gain, or record more bits)"
+            f"variance of {result[0]:.3g} (raise the gain, or record more bits)"
         )
-    read, slope = float(np.sqrt(found[0])), float(found[1])
+    read, slope = float(np.sqrt(result[0])), float(result[1])
     return PhotonTransfer(
         read_noise_grey=MeasuredValue(value=read, sd=float(np.sqrt(covariance[0, 0])) / (2 * read), unit="grey"),
         shot_noise_grey=MeasuredValue(value=slope, sd=float(np.sqrt(covariance[1, 1])), unit="grey"),

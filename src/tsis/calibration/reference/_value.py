@@ -193,6 +193,6 @@ def _mended(values: NDArray[np.float64], usable: NDArray[np.bool]) -> NDArray[np
     """The map with every unusable pixel replaced by the mean of usable ones around it, zero where there are none."""
     if usable.all():
         return values
-    known = uniform_filter(usable.astype(float), 3, mode="nearest")
+    given = uniform_filter(usable.astype(float), 3, mode="nearest")
     sums = uniform_filter(np.where(usable, values, 0.0), 3, mode="nearest")
-    return np.where(usable, values, np.divide(sums, known, out=np.zeros_like(sums), where=known > 0.1))
+    return np.where(usable, values, np.divide(sums, given, out=np.zeros_like(sums), where=given > 0.1))

@@ -85,8 +85,8 @@ def fit_response(
     loadings: Sequence[Loading],
     *,
     reference: CameraReference,
-    gauge_share: float = GAUGE_SHARE,
-    area_share: float = 0.0,
+    gauge_fraction: float = GAUGE_SHARE,
+    area_fraction: float = 0.0,
 ) -> PressureResponse:
     """Fit gain and saturation to the loading branches; unloading, which may remember, is left out.
 
@@ -96,9 +96,9 @@ def fit_response(
         Loadings of rigid round tips, two or more, best of several radii: the smallest presses hardest.
     reference
         What corrected the frames; its scale must be known.
-    gauge_share
+    gauge_fraction
         Relative standard deviation of the force gauge's calibration.
-    area_share
+    area_fraction
         Relative standard deviation of the area of a pixel on the face, from the calibration of the scale.
 
     Raises
@@ -112,8 +112,8 @@ def fit_response(
         raise InputError("the reference's mm_per_pixel must be known for the gain; calibrate the scale first")
     if len(loadings) < 2:
         raise CalibrationError(f"the answer to pressure needs at least 2 loadings; got {len(loadings)}")
-    require_number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
-    require_number("area_share", area_share, 0.0, 0.5, hint="a share of one")
+    require_number("gauge_share", gauge_fraction, 0.0, 0.5, hint="a share of one")
+    require_number("area_share", area_fraction, 0.0, 0.5, hint="a share of one")
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     saturation = _saturation(loadings, pixel)
     bend = saturation.bend_per_kpa2
@@ -124,7 +124,7 @@ def fit_response(
         (
             (float(np.var(slopes, ddof=1)) / len(slopes), len(slopes) - 1.0),
             (by_bend, bend.degrees_of_freedom),
-            ((gauge_share**2 + area_share**2) * gain**2, np.inf),
+            ((gauge_fraction**2 + area_fraction**2) * gain**2, np.inf),
         )
     )
     scale = pixel / MN_PER_N
@@ -134,12 +134,12 @@ def fit_response(
         ),
         saturation=saturation,
         repeatability_share=_scatter(loadings),
-        gauge_share=gauge_share,
+        gauge_share=gauge_fraction,
     )
 
 
 def _saturation(loadings: Sequence[Loading], pixel_mm2: float) -> Saturation:
-    rows = [_shapes(one, pixel_mm2) for one in loadings]
+    rows = [_shapes(loading, pixel_mm2) for loading in loadings]
     force, spread, shape, total = np.concatenate(rows, axis=1)
     if len(force) < FEWEST:
         raise CalibrationError(
@@ -153,13 +153,13 @@ def _saturation(loadings: Sequence[Loading], pixel_mm2: float) -> Saturation:
         square = _squares(force, spread, unknown[0] * scale)
         return np.asarray(weight * (np.log(shape) - np.log(peakedness(square)) - unknown[1] / spread))
 
-    found = least_squares(left, np.array([0.1, 0.0]), x_scale=np.array([0.1, 0.01]))
+    result = least_squares(left, np.array([0.1, 0.0]), x_scale=np.array([0.1, 0.01]))
     freedom = len(force) - 2.0
-    slopes = np.asarray(found.jac)
-    covariance = np.linalg.inv(slopes.T @ slopes) * float(2 * found.cost) / freedom
+    slopes = np.asarray(result.jac)
+    covariance = np.linalg.inv(slopes.T @ slopes) * float(2 * result.cost) / freedom
     return Saturation(
         bend_per_kpa2=MeasuredValue(
-            value=float(found.x[0]) * scale,
+            value=float(result.x[0]) * scale,
             sd=float(np.sqrt(covariance[0, 0])) * scale,
             degrees_of_freedom=freedom,
             unit="1/kPa2",

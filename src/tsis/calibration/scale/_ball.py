@@ -82,9 +82,9 @@ def shape_slopes(
     step = 0.01 * float(np.ptp(travel))
     rows = []
     for k in range(len(travel)):
-        moved = travel.copy()
-        moved[k] += step
-        rows.append((fit_shape(presses, moved, radius, first=shape).x[:2] - shape[:2]) / step)
+        shifted = travel.copy()
+        shifted[k] += step
+        rows.append((fit_shape(presses, shifted, radius, first=shape).x[:2] - shape[:2]) / step)
     rows.append((fit_shape(presses, travel, radius + step, first=shape).x[:2] - shape[:2]) / step)
     return np.array(rows)
 
@@ -228,16 +228,16 @@ def scale_from_ball(
         )
     start = np.array([pixel_aspect_ratio(press) for press in presses])
     fit = fit_shape(presses, travel, radius, first=first_shape(presses, travel, radius, float(np.median(start))))
-    shares = [
+    fractions = [
         fit_shape([without_sector(press, sector) for press in presses], travel, radius, first=fit.x).x
         for sector in range(SECTORS)
     ]
     x, y = _sizes(
-        fit.x, np.array(shares), shape_slopes(presses, travel, radius, fit.x), ball_radius_sd_mm, travel_sd_mm
+        fit.x, np.array(fractions), shape_slopes(presses, travel, radius, fit.x), ball_radius_sd_mm, travel_sd_mm
     )
     check_field((x.value, y.value), images[0].grey.shape, "ball_radius_mm and travel_mm", radius)
     centres = np.array([press.centre_px for press in presses]) + fit.x[2:].reshape(-1, 2)
-    ratios = np.exp(np.array(shares)[:, 1] - np.array(shares)[:, 0])
+    ratios = np.exp(np.array(fractions)[:, 1] - np.array(fractions)[:, 0])
     scale = PixelScale(
         mm_per_pixel_x=x,
         mm_per_pixel_y=y,
@@ -275,17 +275,17 @@ def _checked_travel(images: Sequence[TactileImage], travel_mm: Sequence[float], 
 
 def _sizes(
     shape: NDArray[np.float64],
-    shares: NDArray[np.float64],
+    fractions: NDArray[np.float64],
     slopes: NDArray[np.float64],
     radius_sd_mm: float,
     travel_sd_mm: float,
 ) -> tuple[MeasuredValue, MeasuredValue]:
-    found = []
+    results = []
     for axis in (0, 1):
         size = float(np.exp(shape[axis]))
-        frames = jackknife(np.exp(shares[:, axis]), size, unit=UNIT)
-        known = size**2 * (np.sum((slopes[:-1, axis] * travel_sd_mm) ** 2) + (slopes[-1, axis] * radius_sd_mm) ** 2)
-        total = frames.sd**2 + float(known)
+        frames = jackknife(np.exp(fractions[:, axis]), size, unit=UNIT)
+        given = size**2 * (np.sum((slopes[:-1, axis] * travel_sd_mm) ** 2) + (slopes[-1, axis] * radius_sd_mm) ** 2)
+        total = frames.sd**2 + float(given)
         freedom = frames.degrees_of_freedom * (total / frames.sd**2) ** 2 if frames.sd > 0 else np.inf
-        found.append(MeasuredValue(value=size, sd=total**0.5, degrees_of_freedom=float(freedom), unit=UNIT))
-    return found[0], found[1]
+        results.append(MeasuredValue(value=size, sd=total**0.5, degrees_of_freedom=float(freedom), unit=UNIT))
+    return results[0], results[1]

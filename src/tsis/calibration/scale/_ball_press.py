@@ -57,14 +57,14 @@ def read_ball_press(image: TactileImage, reference: TactileImage | None) -> Ball
     rows, columns = np.nonzero(patch.mask)
     # About a pixel as high as wide: the patch's own extents stretch the circle to the ellipse of the image.
     wide, high = columns.std(), rows.std()
-    across, down = np.sqrt(wide / high), np.sqrt(high / wide)
+    span, down = np.sqrt(wide / high), np.sqrt(high / wide)
     # Means of blocks of pixels, which keep the light of all of them; inside a block the ball hardly bends.
     block = max(1, int(np.sqrt(np.pi / MOST_PIXELS) * INNER * contact.radius_px))
     whole = change.grey[: change.grey.shape[0] // block * block, : change.grey.shape[1] // block * block]
     grey = block_reduce(whole, block, np.mean)  # type: ignore[no-untyped-call]
     y, x = (np.mgrid[: grey.shape[0], : grey.shape[1]] + 0.5) * block - 0.5
     x, y = x - contact.centre_px[0], y - contact.centre_px[1]
-    inside = np.hypot(x / across, y / down) < INNER * contact.radius_px
+    inside = np.hypot(x / span, y / down) < INNER * contact.radius_px
     if np.count_nonzero(inside) < LEAST_PIXELS:
         raise CalibrationError(
             f"the ball's contact must cover {LEAST_PIXELS} pixels or more; it covers {np.count_nonzero(inside)} (press "
@@ -78,7 +78,7 @@ def read_ball_press(image: TactileImage, reference: TactileImage | None) -> Ball
         grey=grey,
         sector=sector,
         centre_px=contact.centre_px,
-        radius_px=float(INNER * contact.radius_px * across),
+        radius_px=float(INNER * contact.radius_px * span),
         darker=darker,
     )
 
@@ -94,8 +94,8 @@ def _in_even_light(darkened: TactileImage, reference: TactileImage | None) -> Ta
 
 def without_sector(press: BallPress, sector: int | None) -> BallPress:
     """The press less one sector about the ball; None leaves all."""
-    keep = slice(None) if sector is None else press.sector != sector
-    return replace(press, x=press.x[keep], y=press.y[keep], grey=press.grey[keep], sector=press.sector[keep])
+    save = slice(None) if sector is None else press.sector != sector
+    return replace(press, x=press.x[save], y=press.y[save], grey=press.grey[save], sector=press.sector[save])
 
 
 def pixel_aspect_ratio(press: BallPress) -> float:
@@ -106,8 +106,8 @@ def pixel_aspect_ratio(press: BallPress) -> float:
         squares = ((press.x - shape[1]) ** 2 + (np.exp(shape[0]) * (press.y - shape[2])) ** 2) / size**2
         return left_by_polynomial(squares, press.grey)
 
-    found = least_squares(left, np.zeros(3), x_scale=(0.01, 1.0, 1.0))
-    return float(np.exp(found.x[0]))
+    result = least_squares(left, np.zeros(3), x_scale=(0.01, 1.0, 1.0))
+    return float(np.exp(result.x[0]))
 
 
 def left_by_polynomial(depth: NDArray[np.float64], grey: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -117,8 +117,8 @@ def left_by_polynomial(depth: NDArray[np.float64], grey: NDArray[np.float64]) ->
     return np.asarray(grey - basis @ np.linalg.lstsq(basis, grey, rcond=None)[0])
 
 
-def jackknife(shares: NDArray[np.float64], whole: float, *, unit: str) -> MeasuredValue:
+def jackknife(fractions: NDArray[np.float64], whole: float, *, unit: str) -> MeasuredValue:
     """A number with the spread that it shows when one part of the data after the other is left out."""
-    count = len(shares)
-    variance = (count - 1) / count * float(((shares - shares.mean()) ** 2).sum())
+    count = len(fractions)
+    variance = (count - 1) / count * float(((fractions - fractions.mean()) ** 2).sum())
     return MeasuredValue(value=float(whole), sd=variance**0.5, degrees_of_freedom=count - 1, unit=unit)

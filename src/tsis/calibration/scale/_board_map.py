@@ -71,21 +71,21 @@ class BoardMap:
         """Of the standard deviation along one image axis."""
         return len(self.cells) - len(self.factors)
 
-    def cell_at(self, place_px: tuple[float, float]) -> NDArray[np.float64]:
+    def cell_at(self, position_px: tuple[float, float]) -> NDArray[np.float64]:
         """Lattice coordinates of a place in the image, by Newton's method from the nearest dot."""
-        cell = self.cells[np.argmin(np.linalg.norm(self.places_px - place_px, axis=1))]
+        cell = self.cells[np.argmin(np.linalg.norm(self.places_px - position_px, axis=1))]
         for _ in range(20):
-            miss = np.asarray(place_px) - self.at(cell[None])[0]
-            step = np.linalg.lstsq(self._step_px(cell, reach=1e-3), miss, rcond=None)[0]
+            miss = np.asarray(position_px) - self.at(cell[None])[0]
+            step = np.linalg.lstsq(self._step_px(cell, extent=1e-3), miss, rcond=None)[0]
             cell = cell + np.clip(step, -1.0, 1.0)
         return np.asarray(cell)
 
-    def face_step(self, cell: NDArray[np.float64], *, reach: float = 1.0) -> NDArray[np.float64]:
+    def face_step(self, cell: NDArray[np.float64], *, extent: float = 1.0) -> NDArray[np.float64]:
         """Way on the face, in pitches, of one pixel along each image axis: columns x and y of a (2, 2) array.
 
-        It is the mean over ``reach`` pitches to either side: one, for a board resolves no finer.
+        It is the mean over ``extent`` pitches to either side: one, for a board resolves no finer.
         """
-        return np.asarray(np.linalg.inv(self._step_px(cell, reach=reach)))
+        return np.asarray(np.linalg.inv(self._step_px(cell, extent=extent)))
 
     def pixel_size(self, cell: NDArray[np.float64], *, pitch: MeasuredValue) -> tuple[MeasuredValue, MeasuredValue]:
         """Size (x, y) of a pixel on the face about a place on the lattice, by propagation of the residuals' variance.
@@ -94,7 +94,7 @@ class BoardMap:
         bring.
         """
         back = self.face_step(cell)
-        slopes = self._slopes(cell, reach=1.0)
+        slopes = self._slopes(cell, extent=1.0)
         x, y = (self._one_size(back, slopes, axis, pitch) for axis in (0, 1))
         return x, y
 
@@ -118,9 +118,9 @@ class BoardMap:
         The share (x, y) is that of the mean over one pitch above the size at the place itself; its standard deviation
         comes by propagation of the residuals' variance.
         """
-        back, here = (self.face_step(cell, reach=reach) for reach in (1.0, point))
+        back, here = (self.face_step(cell, extent=extent) for extent in (1.0, point))
         sizes = np.linalg.norm(back, axis=0)
-        slopes = self._slopes(cell, reach=1.0) - self._slopes(cell, reach=point)
+        slopes = self._slopes(cell, extent=1.0) - self._slopes(cell, extent=point)
         noise = np.array([np.sqrt(self._variances(back, slopes, axis).sum()) for axis in (0, 1)])
         return sizes / np.linalg.norm(here, axis=0) - 1, noise / sizes
 
@@ -131,13 +131,13 @@ class BoardMap:
         along = slopes @ back[:, axis]
         return np.asarray((weights * self.sd_px) ** 2 * float(along @ self.spread @ along))
 
-    def _slopes(self, cell: NDArray[np.float64], *, reach: float) -> NDArray[np.float64]:
+    def _slopes(self, cell: NDArray[np.float64], *, extent: float) -> NDArray[np.float64]:
         """Change of each term for a step of one pitch along each lattice axis, shape (terms, 2)."""
-        ends = np.array([[reach, 0.0], [0.0, reach]])
-        return np.asarray((self._terms(cell + ends) - self._terms(cell - ends)).T / (2 * reach))
+        ends = np.array([[extent, 0.0], [0.0, extent]])
+        return np.asarray((self._terms(cell + ends) - self._terms(cell - ends)).T / (2 * extent))
 
-    def _step_px(self, cell: NDArray[np.float64], *, reach: float) -> NDArray[np.float64]:
-        return np.asarray((self._slopes(cell, reach=reach).T @ self.factors).T)
+    def _step_px(self, cell: NDArray[np.float64], *, extent: float) -> NDArray[np.float64]:
+        return np.asarray((self._slopes(cell, extent=extent).T @ self.factors).T)
 
     def _terms(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
         return terms(cells, self.cells, self.order)
@@ -154,7 +154,7 @@ def terms(cells: NDArray[np.float64], about: NDArray[np.float64], order: int) ->
     return np.stack([u**a * v**b for a, b in powers], axis=1)
 
 
-def fit_map(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -> BoardMap:
+def fit_map(cells: NDArray[np.float64], positions_px: NDArray[np.float64]) -> BoardMap:
     """The map of the order that the dots carry.
 
     The lens's cubic terms are always fitted, seen or not: an interval that leaves them out holds only where there are
@@ -165,12 +165,12 @@ def fit_map(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -> Board
             f"the dots must fill rows and columns, so that the lens's distortion can be told from the scale; got "
             f"{len(cells)} dots that do not (press the whole board on the face)"
         )
-    found = fit_order(cells, places_px, LENS_ORDER)
+    order = fit_order(cells, positions_px, LENS_ORDER)
     if carries(cells, WIDE_ORDER):
-        wide = fit_order(cells, places_px, WIDE_ORDER)
-        if chance_of(found, wide) < WORTH_FITTING:
+        wide = fit_order(cells, positions_px, WIDE_ORDER)
+        if chance_of(order, wide) < WORTH_FITTING:
             return wide
-    return found
+    return order
 
 
 def carries(cells: NDArray[np.float64], order: int) -> bool:
@@ -194,11 +194,11 @@ def chance_of(small: BoardMap, large: BoardMap) -> float:
     return float(scipy.stats.f.sf(max(gained, 0.0) / added, added, left))
 
 
-def without_strays(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -> NDArray[np.bool]:
+def without_strays(cells: NDArray[np.float64], positions_px: NDArray[np.float64]) -> NDArray[np.bool]:
     """True for the dots to keep: those whose place the others' map, taken without them, does not rule out."""
-    keep = np.ones(len(cells), dtype=bool)
+    save = np.ones(len(cells), dtype=bool)
     for _ in range(int(MOST_STRAYS * len(cells))):
-        fitted = fit_map(cells[keep], places_px[keep])
+        fitted = fit_map(cells[save], positions_px[save])
         design = terms(fitted.cells, fitted.cells, fitted.order)
         lever = 1 - np.einsum("ij,jk,ik->i", design, fitted.spread, design)
         freedom = fitted.degrees_of_freedom
@@ -207,18 +207,18 @@ def without_strays(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -
         worst = int(np.argmax(outside))
         if outside[worst] < scipy.stats.t.isf(STRAY / (4 * len(cells)), freedom - 1):
             break
-        keep[np.flatnonzero(keep)[worst]] = False
-    return keep
+        save[np.flatnonzero(save)[worst]] = False
+    return save
 
 
-def fit_order(cells: NDArray[np.float64], places_px: NDArray[np.float64], order: int) -> BoardMap:
+def fit_order(cells: NDArray[np.float64], positions_px: NDArray[np.float64], order: int) -> BoardMap:
     """The least-squares map of a given order."""
     design = terms(cells, cells, order)
-    factors = np.linalg.lstsq(design, places_px, rcond=None)[0]
-    left = ((places_px - design @ factors) ** 2).sum(axis=0)
+    factors = np.linalg.lstsq(design, positions_px, rcond=None)[0]
+    left = ((positions_px - design @ factors) ** 2).sum(axis=0)
     return BoardMap(
         cells=cells,
-        places_px=places_px,
+        places_px=positions_px,
         order=order,
         factors=np.asarray(factors, dtype=float),
         spread=np.asarray(np.linalg.inv(design.T @ design), dtype=float),

@@ -57,13 +57,13 @@ def with_model_uncertainty(
     bend = _beyond_noise(*fitted.bend(cell))
     # Between no error and half the skew anything is as likely (GUM 4.3.7: bound over the root of three).
     askew = _skew_beyond_noise(fitted, cell) / 2 / EVEN
-    shares = np.sqrt(LEAST_SHARE**2 + bend**2 + askew**2)
-    return tuple(_widened(size, float(share)) for size, share in zip(sizes, shares, strict=True))
+    fractions = np.sqrt(LEAST_SHARE**2 + bend**2 + askew**2)
+    return tuple(_widened(size, float(fraction)) for size, fraction in zip(sizes, fractions, strict=True))
 
 
-def _beyond_noise(found: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
+def _beyond_noise(values: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
     """Size of what was found less what noise explains, which the residuals' part has counted already."""
-    return np.asarray(np.sqrt(np.maximum(found**2 - (BY_CHANCE * noise) ** 2, 0.0)))
+    return np.asarray(np.sqrt(np.maximum(values**2 - (BY_CHANCE * noise) ** 2, 0.0)))
 
 
 def _skew_beyond_noise(fitted: BoardMap, cell: NDArray[np.float64]) -> float:
@@ -78,9 +78,9 @@ def _skew_beyond_noise(fitted: BoardMap, cell: NDArray[np.float64]) -> float:
     return float(_beyond_noise(np.array(sine), np.hypot(x.sd / x.value, y.sd / y.value)))
 
 
-def _widened(size: MeasuredValue, share: float) -> MeasuredValue:
-    known = (share * size.value) ** 2
-    total = size.sd**2 + known
+def _widened(size: MeasuredValue, fraction: float) -> MeasuredValue:
+    given = (fraction * size.value) ** 2
+    total = size.sd**2 + given
     # Only the residuals' part rests on few degrees of freedom (Welch and Satterthwaite).
     freedom = size.degrees_of_freedom * (total / size.sd**2) ** 2 if size.sd > 0 else np.inf
     return MeasuredValue(value=size.value, sd=total**0.5, degrees_of_freedom=float(freedom), unit=size.unit)
@@ -246,29 +246,30 @@ def scale_from_dots(
 
 def _dots(spots: Spots, least: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Lattice coordinates and centres of the dots, and the centres of the spots that are none."""
-    places = spots.places_px
-    if len(places) < least:
+    positions = spots.places_px
+    if len(positions) < least:
         raise CalibrationError(
-            f"image must show at least {least} dots; {len(places)} spots stand out (press the dot board flat on the "
+            f"image must show at least {least} dots; {len(positions)} spots stand out (press the dot board flat on the "
             "face, light it evenly, and give the untouched probe as reference)"
         )
-    rows = index_lattice(places)
-    if len(rows) < max(least, (1 - MOST_STRANGERS) * len(places)):
+    rows = index_lattice(positions)
+    if len(rows) < max(least, (1 - MOST_STRANGERS) * len(positions)):
         raise CalibrationError(
-            f"image must show at least {least} dots of a square lattice; of {len(places)} spots {len(rows)} lie on one "
+            f"image must show at least {least} dots of a square lattice; of {len(positions)} spots "
+            f"{len(rows)} lie on one "
             "(press the dot board flat on the face, and clean the face)"
         )
     cells = rows[:, 1:].astype(float)
-    centres = in_even_light(places[rows[:, 0]], spots.strength[rows[:, 0]], spots.width_px)
+    centres = in_even_light(positions[rows[:, 0]], spots.strength[rows[:, 0]], spots.width_px)
     if min(len(np.unique(cells[:, axis])) for axis in (0, 1)) < LEAST_SIDE:
         raise CalibrationError(
             f"the dots must form at least {LEAST_SIDE} rows and {LEAST_SIDE} columns; {len(rows)} dots lie in fewer "
             "(press the whole board on the face)"
         )
-    keep = without_strays(cells, centres)
-    dots = set(rows[keep, 0].tolist())
-    strays = np.array([place for spot, place in enumerate(places) if spot not in dots]).reshape(-1, 2)
-    return cells[keep], centres[keep], strays
+    save = without_strays(cells, centres)
+    dots = set(rows[save, 0].tolist())
+    strays = np.array([position for spot, position in enumerate(positions) if spot not in dots]).reshape(-1, 2)
+    return cells[save], centres[save], strays
 
 
 def _cell_of_axis(fitted: BoardMap, axis_px: tuple[float, float]) -> NDArray[np.float64]:

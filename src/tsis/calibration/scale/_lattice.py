@@ -85,8 +85,8 @@ def rotation_deg(step: NDArray[np.float64]) -> float:
 
 def skew_deg(step: NDArray[np.float64]) -> float:
     """How far the image's two axes are from a right angle on the face."""
-    one, other = step.T
-    sine = (one @ other) / (np.linalg.norm(one) * np.linalg.norm(other))
+    item, other = step.T
+    sine = (item @ other) / (np.linalg.norm(item) * np.linalg.norm(other))
     return float(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
 
 
@@ -98,7 +98,7 @@ MORE = 1.2  # times as many links as found before, to be taken instead
 DENSE = 1.2  # links each to neighbours: 2 on an endless board without gaps
 
 
-def index_lattice(places_px: NDArray[np.float64]) -> NDArray[np.int64]:
+def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
     """Give each spot its place on a lattice.
 
     From a first dot the lattice grows to the neighbour that lies nearest to its predicted place, with steps that follow
@@ -107,7 +107,7 @@ def index_lattice(places_px: NDArray[np.float64]) -> NDArray[np.int64]:
 
     Parameters
     ----------
-    places_px
+    positions_px
         Centres (x, y), shape (n, 2), pixels.
 
     Returns
@@ -124,42 +124,42 @@ def index_lattice(places_px: NDArray[np.float64]) -> NDArray[np.int64]:
     (12, 3)
     """
     best = np.empty((0, 3), dtype=np.int64)
-    if len(places_px) < 4:
+    if len(positions_px) < 4:
         return best
-    tree = cKDTree(places_px)
-    starts = [(first, _first_steps(places_px, tree, first)) for first in range(len(places_px))]
-    known = [(first, steps) for first, steps in starts if steps is not None]
-    if not known:
+    tree = cKDTree(positions_px)
+    starts = [(first, _first_steps(positions_px, tree, first)) for first in range(len(positions_px))]
+    existing = [(first, steps) for first, steps in starts if steps is not None]
+    if not existing:
         return best
     # Steps that most dots have come first: beside gaps a diagonal is taken for a step, beside a stray spot half a step.
-    steps_of = np.array([steps for _, steps in known])
+    steps_of = np.array([steps for _, steps in existing])
     most = 0
-    for place in np.argsort(-_alike(steps_of), kind="stable")[:STARTS]:
-        found = _grown(places_px, tree, known[place][0], known[place][1])
-        links = _link_count(found)
+    for position in np.argsort(-_alike(steps_of), kind="stable")[:STARTS]:
+        result = _grown(positions_px, tree, existing[position][0], existing[position][1])
+        links = _link_count(result)
         if links > MORE * most:
-            best, most = found, links
-        if len(best) >= ENOUGH * len(places_px) and most >= DENSE * len(best):
+            best, most = result, links
+        if len(best) >= ENOUGH * len(positions_px) and most >= DENSE * len(best):
             break
     return best
 
 
 def _first_steps(
-    places: NDArray[np.float64], tree: cKDTree, first: int
+    positions: NDArray[np.float64], tree: cKDTree, first: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """The two shortest steps, not nearly parallel, that lead from a dot to others both forwards and backwards."""
-    near = np.asarray(tree.query(places[first], k=min(NEAREST + 1, len(places)))[1])
-    ways = places[near[1:]] - places[first]
+    near = np.asarray(tree.query(positions[first], k=min(NEAREST + 1, len(positions)))[1])
+    ways = positions[near[1:]] - positions[first]
     forth_and_back = [
         way
         for way in ways
         if np.linalg.norm(ways + way, axis=1).min() < MISS * np.linalg.norm(way)
         and (way[0], way[1]) > (-way[0], -way[1])
     ]
-    for one, other in sorted(itertools.combinations(forth_and_back, 2), key=_length):
-        turn = one[0] * other[1] - one[1] * other[0]
-        if abs(turn) > 0.5 * np.linalg.norm(one) * np.linalg.norm(other):
-            return one, other
+    for item, other in sorted(itertools.combinations(forth_and_back, 2), key=_length):
+        turn = item[0] * other[1] - item[1] * other[0]
+        if abs(turn) > 0.5 * np.linalg.norm(item) * np.linalg.norm(other):
+            return item, other
     return None
 
 
@@ -182,59 +182,59 @@ def _length(steps: tuple[NDArray[np.float64], NDArray[np.float64]]) -> float:
 
 
 def _grown(
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     tree: cKDTree,
     first: int,
     steps: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.int64]:
     spot_at = {(0, 0): first}
     cell_of = {first: (0, 0)}
-    waiting = list(_links(places, tree, first, steps))
+    waiting = list(_links(positions, tree, first, steps))
     heapq.heapify(waiting)
     while waiting:
-        _, start, axis, reach, spot = heapq.heappop(waiting)
+        _, start, axis, extent, spot = heapq.heappop(waiting)
         i, j = cell_of[start]
-        cell = (i + reach, j) if axis == 0 else (i, j + reach)
+        cell = (i + extent, j) if axis == 0 else (i, j + extent)
         if spot in cell_of or cell in spot_at:
             continue
         spot_at[cell], cell_of[spot] = spot, cell
-        measured = _measured_steps(places, cell, spot_at, steps)
-        for link in _links(places, tree, spot, measured):
+        measured = _measured_steps(positions, cell, spot_at, steps)
+        for link in _links(positions, tree, spot, measured):
             heapq.heappush(waiting, link)
     return np.array([(spot, i, j) for (i, j), spot in spot_at.items()], dtype=np.int64)
 
 
 def _links(
-    places: NDArray[np.float64], tree: cKDTree, start: int, steps: tuple[NDArray[np.float64], NDArray[np.float64]]
+    positions: NDArray[np.float64], tree: cKDTree, start: int, steps: tuple[NDArray[np.float64], NDArray[np.float64]]
 ) -> Iterator[tuple[float, int, int, int, int]]:
     """Spots near the places that steps from a dot lead to: (how badly, start, axis, steps, spot)."""
-    for axis, reach in itertools.product((0, 1), (1, -1, 2, -2)):
-        distance, spot = tree.query(places[start] + reach * steps[axis])
+    for axis, extent in itertools.product((0, 1), (1, -1, 2, -2)):
+        distance, spot = tree.query(positions[start] + extent * steps[axis])
         miss = float(distance / np.linalg.norm(steps[axis]))
         if miss < MISS:
             # Two steps at once only where nothing is left to reach with one.
-            yield miss + (abs(reach) - 1), start, axis, reach, int(spot)
+            yield miss + (abs(extent) - 1), start, axis, extent, int(spot)
 
 
 def _measured_steps(
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     cell: tuple[int, int],
     spot_at: dict[tuple[int, int], int],
     first: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The steps about a dot: medians of those known between the dots around it, each axis for itself."""
-    found = []
+    results = []
     for axis, default in enumerate(first):
-        known = list(_known_steps(places, cell, spot_at, axis))
-        found.append(np.median(known, axis=0) if known else default)
-    return found[0], found[1]
+        given = list(_known_steps(positions, cell, spot_at, axis))
+        results.append(np.median(given, axis=0) if given else default)
+    return results[0], results[1]
 
 
 def _known_steps(
-    places: NDArray[np.float64], cell: tuple[int, int], spot_at: dict[tuple[int, int], int], axis: int
+    positions: NDArray[np.float64], cell: tuple[int, int], spot_at: dict[tuple[int, int], int], axis: int
 ) -> Iterator[NDArray[np.float64]]:
     for di, dj in itertools.product(range(-2, 3), repeat=2):
         low = (cell[0] + di, cell[1] + dj)
         high = (low[0] + 1, low[1]) if axis == 0 else (low[0], low[1] + 1)
         if low in spot_at and high in spot_at:
-            yield places[spot_at[high]] - places[spot_at[low]]
+            yield positions[spot_at[high]] - positions[spot_at[low]]

@@ -89,40 +89,40 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
         change = fine - coarse
         level = float(np.median(change))  # a field whose light falls off all round answers everywhere
         for side, sign in enumerate((1.0, -1.0)):
-            answer = sign * (change - level)
-            rows, columns = _peaks(answer, blur, NOISE_FACTOR * noise * _noise_gain(blur))
-            strength = np.sort(answer[rows, columns])
+            response = sign * (change - level)
+            rows, columns = _peaks(response, blur, NOISE_FACTOR * noise * _noise_gain(blur))
+            strength = np.sort(response[rows, columns])
             if strength.size >= least:
                 typical[side, k] = strength[-least:].mean()
             if typical[side, k] > np.delete(typical.ravel(), side * len(blurs) + k).max(initial=0.0):
-                best = side, k, answer, rows, columns
+                best = side, k, response, rows, columns
         fine = coarse
     if best is None:
         return Spots(places_px=np.empty((0, 2)), strength=np.empty(0), width_px=0.0, bright=True)
-    side, k, answer, rows, columns = best
-    strength = answer[rows, columns]
-    kept = np.flatnonzero(strength > WEAKEST * typical[side, k])
-    kept = kept[np.argsort(-strength[kept], kind="stable")]
+    side, k, response, rows, columns = best
+    strength = response[rows, columns]
+    selected = np.flatnonzero(strength > WEAKEST * typical[side, k])
+    selected = selected[np.argsort(-strength[selected], kind="stable")]
     return Spots(
-        places_px=_sub_pixel(answer, rows[kept], columns[kept], max(1, round(blurs[k] / 2))),
-        strength=strength[kept],
+        places_px=_sub_pixel(response, rows[selected], columns[selected], max(1, round(blurs[k] / 2))),
+        strength=strength[selected],
         # A Gaussian answers most to the blur that is its own width over the root of the step.
         width_px=float(blurs[k] * STEP ** (0.5 + _top(typical[side], k))),
         bright=side == 0,
     )
 
 
-def _top(values: NDArray[np.float64], place: int) -> float:
+def _top(values: NDArray[np.float64], index: int) -> float:
     """How far the top of the parabola through a greatest value and its neighbours lies from it, in steps."""
-    if not 0 < place < len(values) - 1:
+    if not 0 < index < len(values) - 1:
         return 0.0
-    before, here, after = values[place - 1 : place + 2]
+    before, here, after = values[index - 1 : index + 2]
     bend = before - 2 * here + after
     return float(np.clip((before - after) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0
 
 
 def in_even_light(
-    places_px: NDArray[np.float64], strength: NDArray[np.float64], width_px: float
+    positions_px: NDArray[np.float64], strength: NDArray[np.float64], width_px: float
 ) -> NDArray[np.float64]:
     """Centres of spots as they would be in even light, shape (n, 2), pixels.
 
@@ -130,13 +130,13 @@ def in_even_light(
     the rim of a lit field that is proportional to the distance from its middle, which is an error of scale. The light
     is taken from the spots' own strengths, as the exponential of a quadratic function of place.
     """
-    middle, reach = places_px.mean(axis=0), np.ptp(places_px, axis=0).max() / 2
-    u, v = ((places_px - middle) / reach).T
-    zero, one = np.zeros_like(u), np.ones_like(u)
-    factors = np.linalg.lstsq(np.stack([one, u, v, u * u, u * v, v * v], axis=1), np.log(strength), rcond=None)[0]
-    growth_x = np.stack([zero, one, zero, 2 * u, v, zero], axis=1) @ factors
-    growth_y = np.stack([zero, zero, one, zero, u, 2 * v], axis=1) @ factors
-    return np.asarray(places_px - width_px**2 / reach * np.stack([growth_x, growth_y], axis=1))
+    middle, extent = positions_px.mean(axis=0), np.ptp(positions_px, axis=0).max() / 2
+    u, v = ((positions_px - middle) / extent).T
+    zero, item = np.zeros_like(u), np.ones_like(u)
+    factors = np.linalg.lstsq(np.stack([item, u, v, u * u, u * v, v * v], axis=1), np.log(strength), rcond=None)[0]
+    growth_x = np.stack([zero, item, zero, 2 * u, v, zero], axis=1) @ factors
+    growth_y = np.stack([zero, zero, item, zero, u, 2 * v], axis=1) @ factors
+    return np.asarray(positions_px - width_px**2 / extent * np.stack([growth_x, growth_y], axis=1))
 
 
 def _blurred(grey: NDArray[np.float64], blur: float) -> NDArray[np.float64]:
@@ -149,24 +149,24 @@ def _noise_gain(blur: float) -> float:
     return float(np.sqrt((1 / first + 1 / second - 4 / (first + second)) / (4 * np.pi)))
 
 
-def _peaks(answer: NDArray[np.float64], blur: float, least: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _peaks(response: NDArray[np.float64], blur: float, least: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows and columns of the maxima above a level that keep away from each other and from the border."""
     size = 2 * round(APART * blur) + 1
-    highest = cv2.dilate(answer, np.ones((size, size), np.uint8))
+    highest = cv2.dilate(response, np.ones((size, size), np.uint8))
     margin = int(np.ceil(BORDER * blur)) + 1
-    inside = np.zeros(answer.shape, dtype=bool)
+    inside = np.zeros(response.shape, dtype=bool)
     inside[margin:-margin, margin:-margin] = True
-    rows, columns = np.nonzero((answer >= highest) & (answer > least) & inside)
+    rows, columns = np.nonzero((response >= highest) & (response > least) & inside)
     return rows, columns
 
 
 def _sub_pixel(
-    answer: NDArray[np.float64], rows: NDArray[np.intp], columns: NDArray[np.intp], half: int
+    response: NDArray[np.float64], rows: NDArray[np.intp], columns: NDArray[np.intp], half: int
 ) -> NDArray[np.float64]:
     """Tops (x, y) of the paraboloids through the neighbourhoods of maxima, shape (n, 2)."""
     y, x = np.mgrid[-half : half + 1, -half : half + 1]
     terms = np.stack([np.ones(x.size), *(a.ravel() for a in (x, y, x * x, x * y, y * y))], axis=1)
-    around = answer[rows[:, None] + y.ravel(), columns[:, None] + x.ravel()]
+    around = response[rows[:, None] + y.ravel(), columns[:, None] + x.ravel()]
     _, bx, by, xx, xy, yy = np.linalg.pinv(terms) @ around.T
     bend = 4 * xx * yy - xy**2
     # A top that is no top, or one pixel away, is left at the pixel.

@@ -138,7 +138,7 @@ class SessionFolder:
         step: CalibrationStep,
         shots: Iterable[CalibrationFrame],
         *,
-        progress: Callable[[int], None] = lambda kept: None,
+        progress: Callable[[int], None] = lambda selected: None,
     ) -> int:
         """Store the frames of a step, all or none, and return how many.
 
@@ -149,23 +149,23 @@ class SessionFolder:
         FileInputError
             When they cannot be written, or the step was done before.
         """
-        place = self.path / step.name
+        path = self.path / step.name
         draft = self.path / f".{step.name}-{secrets.token_hex(4)}"
         try:
-            if place.exists():
+            if path.exists():
                 raise FileInputError(
-                    f"{printable_path(place)} must be new; it exists already (remove it to repeat the step)"
+                    f"{printable_path(path)} must be new; it exists already (remove it to repeat the step)"
                 )
             for killed in self.path.glob(f".{step.name}-*"):  # what a program that was killed left of it
                 shutil.rmtree(killed, ignore_errors=True)
             draft.mkdir()
-            kept = self._write(draft, shots, progress)
-            draft.rename(place)
+            selected = self._write(draft, shots, progress)
+            draft.rename(path)
         except OSError as error:
             raise self._refused(error) from error
         finally:
             shutil.rmtree(draft, ignore_errors=True)  # what is left of a step that was not finished
-        return kept
+        return selected
 
     def count(self, step: CalibrationStep) -> int:
         """How many frames of the step there are; 0 when it is not done."""
@@ -179,12 +179,12 @@ class SessionFolder:
         FileInputError
             When they cannot be removed; the step is done as before then.
         """
-        place = self.path / step.name
-        if not place.exists():
+        path = self.path / step.name
+        if not path.exists():
             return
         try:
             # Renamed first: the step is done with all of its frames, or not at all.
-            place.rename(going := self.path / f".{step.name}-{secrets.token_hex(4)}")
+            path.rename(going := self.path / f".{step.name}-{secrets.token_hex(4)}")
         except OSError as error:
             raise self._refused(error) from error
         shutil.rmtree(going, ignore_errors=True)  # what stays is removed when the step is done again
@@ -283,7 +283,7 @@ def saved_calibration(session: SessionFolder) -> Path | None:
     return file if file.exists() else None
 
 
-def save_calibration(session: SessionFolder, known: ProbeCalibration) -> Path:
+def save_calibration(session: SessionFolder, calibration: ProbeCalibration) -> Path:
     """Write the calibration of the session's frames into its folder, over an earlier one, and return its file.
 
     Raises
@@ -292,7 +292,7 @@ def save_calibration(session: SessionFolder, known: ProbeCalibration) -> Path:
         When it cannot be written.
     """
     file = session.path / CALIBRATION_FILE
-    content = calibration_bytes(known)
+    content = calibration_bytes(calibration)
     try:
         write_durably(file, content)
     except OSError as error:

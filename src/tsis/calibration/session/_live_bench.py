@@ -40,8 +40,8 @@ class LiveBench:
         CameraError
             When none comes for 5 s.
         """
-        for _, arrival in zip(range(frames), self._fresh(), strict=False):
-            yield CalibrationFrame(image=arrival.frame.tactile_image(), time_s=arrival.arrived_s)
+        for _, received in zip(range(frames), self._fresh(), strict=False):
+            yield CalibrationFrame(image=received.frame.tactile_image(), time_s=received.arrived_s)
 
     def loading(self, over: Callable[[], bool], *, every_s: float = 0.5) -> Iterator[CalibrationFrame]:
         """Yield a frame every so often with its force, until ``over`` says so.
@@ -55,26 +55,26 @@ class LiveBench:
         """
         assert self._log is not None  # who has no gauge reads forces by eye, through `one`
         last_s = float("-inf")
-        for arrival in self._fresh():
+        for received in self._fresh():
             if over():
                 return
-            if arrival.arrived_s - last_s >= every_s:
-                last_s = arrival.arrived_s
+            if received.arrived_s - last_s >= every_s:
+                last_s = received.arrived_s
                 self._log.wait_until(last_s, timeout_s=FORCE_S)
                 force = self._log.at(last_s).force_n
-                yield CalibrationFrame(image=arrival.frame.tactile_image(), time_s=last_s, force_n=force)
+                yield CalibrationFrame(image=received.frame.tactile_image(), time_s=last_s, force_n=force)
 
     def one(self, force_n: float) -> CalibrationFrame:
         """The next frame, with a force that a person read."""
-        arrival = next(self._fresh())
-        return CalibrationFrame(image=arrival.frame.tactile_image(), time_s=arrival.arrived_s, force_n=force_n)
+        received = next(self._fresh())
+        return CalibrationFrame(image=received.frame.tactile_image(), time_s=received.arrived_s, force_n=force_n)
 
     def _fresh(self) -> Iterator[ReceivedFrame]:
         ring = self._acquisition.ring
-        place = ring.end
+        position = ring.end
         while True:
-            if not ring.wait(place, PATIENCE_S):
+            if not ring.wait(position, PATIENCE_S):
                 why = f": {self._acquisition.failure}" if self._acquisition.failure is not None else ""
                 raise CameraError(f"{self._acquisition.name} must bring frames; none came for {PATIENCE_S:g} s{why}")
-            arrivals, place, _ = ring.read(place)
+            arrivals, position, _ = ring.read(position)
             yield from arrivals

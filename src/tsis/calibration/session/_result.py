@@ -177,10 +177,12 @@ def calibrate(
             with _named(step.name):
                 loadings.append(read_loading(pressed, step, reference))
             progress(len(still) + len(loadings), len(steps) + 1)
-    line, diagnostics = fit_force_line(loadings, reference=reference, gauge_share=terms.gauge_share)
+    line, diagnostics = fit_force_line(loadings, reference=reference, gauge_fraction=terms.gauge_share)
     require_measured_slope(line)
-    response = fit_response(loadings, reference=reference, gauge_share=terms.gauge_share, area_share=_area_share(scale))
-    known = ProbeCalibration(
+    response = fit_response(
+        loadings, reference=reference, gauge_fraction=terms.gauge_share, area_fraction=_area_share(scale)
+    )
+    calibration = ProbeCalibration(
         name=terms.name,
         probe=terms.probe,
         camera=terms.camera,
@@ -200,7 +202,9 @@ def calibrate(
         ),
     )
     progress(len(steps) + 1, len(steps) + 1)
-    return known, SessionResult(dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response)
+    return calibration, SessionResult(
+        dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response
+    )
 
 
 def _scale(
@@ -242,12 +246,13 @@ def _rate(shots: Sequence[CalibrationFrame]) -> MeasuredValue | None:
 
 
 def _require_alike(shots: Sequence[CalibrationFrame], step: CalibrationStep, first: TactileImage) -> None:
-    wanted = (first.grey.shape, first.full_scale)
+    requested = (first.grey.shape, first.full_scale)
     for shot in shots:
         got = (shot.image.grey.shape, shot.image.full_scale)
-        if got != wanted:
+        if got != requested:
             raise ImageMismatchError(
-                f"step {step.name!r}: frames must have the shape {wanted[0]} and full scale {wanted[1]:g} of step "
+                f"step {step.name!r}: frames must have the shape {requested[0]} and full scale "
+                f"{requested[1]:g} of step "
                 f"{DARK!r}; got {got[0]} and {got[1]:g} (remove the step's folder and repeat it in that mode)"
             )
 

@@ -79,14 +79,16 @@ class DecayFit:
         free = orthogonal.T @ basis
         pulled = np.vstack([free, STIFF * self._at_end])
         # By sign of the amplitudes and whether what is to fade is held: as the solver wants them, some dozen times.
-        self._matrices = {(sign, held): sign * part for sign in SIGNS for held, part in ((False, free), (True, pulled))}
+        self._matrices = {
+            (sign, stored): sign * part for sign in SIGNS for stored, part in ((False, free), (True, pulled))
+        }
         self._seen = orthogonal.T @ (value - self._middle)
         self._rest = max(float(np.square(value - self._middle).sum() - np.square(self._seen).sum()), 0.0)
 
     def best(self) -> tuple[float, float]:
         """Sign of the amplitudes that fits better, and the sum of squared residuals."""
         misfits = {sign: self._solved(sign)[1] for sign in SIGNS}
-        sign = min(misfits, key=lambda one: misfits[one])
+        sign = min(misfits, key=lambda item: misfits[item])
         return sign, misfits[sign]
 
     def decay(self, noise: float, *, deviations: float) -> Decay:
@@ -130,6 +132,6 @@ class DecayFit:
 
     def _solved(self, sign: float, *, fading: float | None = None) -> tuple[NDArray[np.float64], float]:
         """Amplitudes of that sign, and the sum of squared residuals."""
-        wanted = self._seen if fading is None else np.append(self._seen, STIFF * fading)
-        amplitude, norm = nnls(self._matrices[sign, fading is not None], wanted, maxiter=50 * len(self.tau_s))
+        requested = self._seen if fading is None else np.append(self._seen, STIFF * fading)
+        amplitude, norm = nnls(self._matrices[sign, fading is not None], requested, maxiter=50 * len(self.tau_s))
         return sign * amplitude, norm**2 + self._rest

@@ -132,11 +132,11 @@ def judge_settling(
 
 def display_step(value: NDArray[np.float64]) -> float | None:
     """Smallest difference between values of which some repeat; 0 where none does, None where all are equal."""
-    apart = np.diff(np.sort(value))
-    equal = apart <= SAME * np.abs(value).max()
+    difference = np.diff(np.sort(value))
+    equal = difference <= SAME * np.abs(value).max()
     if equal.all():
         return None
-    return float(apart[~equal].min()) if equal.any() else 0.0
+    return float(difference[~equal].min()) if equal.any() else 0.0
 
 
 def assess_history(
@@ -154,11 +154,11 @@ def assess_history(
         if value[-1] * value.mean() <= 0:
             break
         try:
-            found = _described(time, value, longest_s, step)
+            result = _described(time, value, longest_s, step)
         except RuntimeError:  # the solver does not end on this series
-            found = None
-        if found is not None:
-            return _verdict(found, len(time), tolerance, step)
+            result = None
+        if result is not None:
+            return _verdict(result, len(time), tolerance, step)
         time, value = (part[len(part) // 2 :] for part in (time, value))
     return UNKNOWN
 
@@ -192,10 +192,10 @@ def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s:
     return fit.decay(noise, deviations=quantile)
 
 
-def _verdict(found: Decay, count: int, tolerance: float, display: float) -> Settling:
-    fading = found.fading(np.zeros(1))[0]
-    present = found.level + fading
-    low, high = sorted(min(max(-end / present, -CAPPED), CAPPED) for end in (found.low, found.high))
+def _verdict(decay: Decay, count: int, tolerance: float, display: float) -> Settling:
+    fading = decay.fading(np.zeros(1))[0]
+    present = decay.level + fading
+    low, high = sorted(min(max(-end / present, -CAPPED), CAPPED) for end in (decay.low, decay.high))
     # Less than a step may come without being seen.
     bound = max(-low, high, min(display / abs(present), CAPPED))
     quantile = float(stdtrit(count - TERMS, CERTAINTY))
@@ -206,11 +206,11 @@ def _verdict(found: Decay, count: int, tolerance: float, display: float) -> Sett
         return Settling(verdict="settled", remaining=change, bound=bound, wait_s=0.0)
     if low < tolerance and high > -tolerance:
         return Settling(verdict="cannot tell", remaining=change, bound=bound, wait_s=None)
-    return Settling(verdict="settling", remaining=change, bound=bound, wait_s=_wait(found, tolerance))
+    return Settling(verdict="settling", remaining=change, bound=bound, wait_s=_wait(decay, tolerance))
 
 
-def _wait(found: Decay, tolerance: float) -> float:
+def _wait(decay: Decay, tolerance: float) -> float:
     """Time from now until the best fit has less than the tolerance still to fade."""
-    longest = float(found.tau_s[-1])
+    longest = float(decay.tau_s[-1])
     wait = np.r_[0.0, np.geomspace(1e-3 * longest, 20.0 * longest, 600)]
-    return float(wait[np.argmax(np.abs(found.fading(wait)) <= tolerance * abs(found.level))])
+    return float(wait[np.argmax(np.abs(decay.fading(wait)) <= tolerance * abs(decay.level))])

@@ -29,7 +29,7 @@ LEAST_CONTRAST = 8.0  # of the step, in standard deviations of a pixel's noise
 TEN_TO_NINETY = 2.563103  # in standard deviations of a normal blur
 
 
-def edge_width(image: TactileImage, *, shape: str = "straight", reach_mm: float = REACH_MM) -> MeasuredValue:
+def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float = REACH_MM) -> MeasuredValue:
     """Width in mm from 10 to 90 % across a sharp edge of even contact: a block's straight one or a flat punch's circle.
 
     The edge is found where the light crosses half of the step, its place fitted as a line or a circle; along it, light
@@ -42,7 +42,7 @@ def edge_width(image: TactileImage, *, shape: str = "straight", reach_mm: float 
         A corrected frame of the contact, its scale known; dark beside the contact.
     shape
         ``"straight"`` or ``"circle"``.
-    reach_mm
+    extent_mm
         How far to both sides of the edge light is used, mm, in [0.05, 20]; the contact must be even that far.
 
     Raises
@@ -63,13 +63,13 @@ def edge_width(image: TactileImage, *, shape: str = "straight", reach_mm: float 
     """
     require_image("image", image)
     require_one_of("edge", shape, SHAPES)
-    require_number("reach_mm", reach_mm, 0.05, 20.0, hint="millimetres")
-    places, light = _lit(image)
-    distance, along = (_from_line if shape == "straight" else _from_circle)(places, _crossing(image))
+    require_number("reach_mm", extent_mm, 0.05, 20.0, hint="millimetres")
+    positions, light = _lit(image)
+    distance, along = (_from_line if shape == "straight" else _from_circle)(positions, _crossing(image))
     flat = image.grey.ravel()
     widths = []
     for part in range(PARTS):
-        here = (along == part) & (np.abs(distance) <= reach_mm)
+        here = (along == part) & (np.abs(distance) <= extent_mm)
         if int(here.sum()) >= LEAST_PIXELS:
             widths.append(_width(distance[here], flat[here], light))
     if len(widths) < PARTS // 2:
@@ -110,7 +110,9 @@ def _crossing(image: TactileImage) -> NDArray[np.float64]:
     return np.asarray(points[inside] * np.array(image.scale()), dtype=float)
 
 
-def _from_line(places: NDArray[np.float64], edge: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def _from_line(
+    positions: NDArray[np.float64], edge: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Distance from the straight line through the edge, and which eighth of it is nearest."""
     middle = np.median(edge, axis=0)
     near = edge
@@ -120,19 +122,19 @@ def _from_line(places: NDArray[np.float64], edge: NDArray[np.float64]) -> tuple[
         off = np.abs((edge - middle) @ direction[1])
         near = edge[off <= max(0.1, 2 * float(np.median(off)))]
     ends = (near - middle) @ direction[0]
-    share = ((places - middle) @ direction[0] - ends.min()) / max(float(np.ptp(ends)), 1e-9)
-    part = np.where((share >= 0) & (share <= 1), np.minimum((share * PARTS).astype(int), PARTS - 1), -1)
-    return (places - middle) @ direction[1], np.asarray(part, dtype=np.intp)
+    fraction = ((positions - middle) @ direction[0] - ends.min()) / max(float(np.ptp(ends)), 1e-9)
+    part = np.where((fraction >= 0) & (fraction <= 1), np.minimum((fraction * PARTS).astype(int), PARTS - 1), -1)
+    return (positions - middle) @ direction[1], np.asarray(part, dtype=np.intp)
 
 
 def _from_circle(
-    places: NDArray[np.float64], edge: NDArray[np.float64]
+    positions: NDArray[np.float64], edge: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Distance from the circle through the edge, and which eighth of it is nearest."""
     design = np.column_stack([2 * edge, np.ones(len(edge))])
-    found, *_ = np.linalg.lstsq(design, (edge**2).sum(axis=1), rcond=None)
-    centre, radius = found[:2], float(np.sqrt(found[2] + found[:2] @ found[:2]))
-    away = places - centre
+    result, *_ = np.linalg.lstsq(design, (edge**2).sum(axis=1), rcond=None)
+    centre, radius = result[:2], float(np.sqrt(result[2] + result[:2] @ result[:2]))
+    away = positions - centre
     turn = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5
     return np.hypot(away[:, 0], away[:, 1]) - radius, np.minimum((turn * PARTS).astype(int), PARTS - 1)
 
@@ -140,13 +142,13 @@ def _from_circle(
 def _width(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float) -> float:
     """Width in mm of one part of the edge."""
 
-    def rise(x: NDArray[np.float64], low: float, height: float, place: float, blur: float) -> NDArray[np.float64]:
-        return np.asarray(low + height * (0.5 + 0.5 * erf((x - place) / (np.sqrt(2) * blur))))
+    def rise(x: NDArray[np.float64], low: float, height: float, position: float, blur: float) -> NDArray[np.float64]:
+        return np.asarray(low + height * (0.5 + 0.5 * erf((x - position) / (np.sqrt(2) * blur))))
 
     sign = 1.0 if grey[distance > 0].mean() > grey[distance < 0].mean() else -1.0
     start = (float(grey.min()), step, 0.0, 0.05)
     try:
-        found, _ = curve_fit(rise, sign * distance, grey, p0=start, maxfev=4000)
+        result, _ = curve_fit(rise, sign * distance, grey, p0=start, maxfev=4000)
     except RuntimeError as error:
         raise CalibrationError("the edge must rise like a blurred step; it does not (clean the edge)") from error
-    return TEN_TO_NINETY * abs(float(found[3]))
+    return TEN_TO_NINETY * abs(float(result[3]))

@@ -163,7 +163,7 @@ def acquire(
     require_one_of("role", role, ROLES)
     require_one_of("picture format", picture, FORMATS)
     require_one_of("colour map", map_name, COLOUR_MAPS)
-    known = None if calibration is None else read_usable_calibration(calibration)
+    given = None if calibration is None else read_usable_calibration(calibration)
     destination = chosen_destination(keep, store, kind)
     where = None
     if destination is not None:
@@ -173,19 +173,19 @@ def acquire(
     if modes:
         show_camera(make, as_json=as_json)
         return
-    wanted = wanted_settings(make, preset, setting or ())
+    requested = wanted_settings(make, preset, setting or ())
     stored = is_stored(camera)
     acquisition = Acquisition(
-        make, mode=mode, settings=wanted, ring_frames=RING_FRAMES, patient=stored, reconnect=not stored
+        make, mode=mode, settings=requested, ring_frames=RING_FRAMES, patient=stored, reconnect=not stored
     )
     with (
         gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
         acquisition,
     ):
-        if known is not None:
-            known.require_camera(acquisition, stored=stored)
+        if given is not None:
+            given.require_camera(acquisition, stored=stored)
         if watch:
-            watch_presses(acquisition, seconds=seconds, calibration=known, log=log, as_json=as_json)
+            watch_presses(acquisition, seconds=seconds, calibration=given, log=log, as_json=as_json)
         elif sequence:
             take_sequence(
                 acquisition,
@@ -193,7 +193,7 @@ def acquire(
                 frames=frames,
                 seconds=seconds,
                 video=video,
-                calibration=known,
+                calibration=given,
                 log=log,
                 as_json=as_json,
             )
@@ -204,7 +204,7 @@ def acquire(
                 target=target,
                 picture=picture,
                 map_name=map_name,
-                calibration=known,
+                calibration=given,
                 log=log,
                 where=where,
                 as_json=as_json,

@@ -28,18 +28,18 @@ def list_cameras(*, as_json: bool) -> None:
     with waiting("looking for cameras"):
         findings = find_cameras()
     if as_json:
-        print_json(envelope("acquire", found=[asdict(one) for one in findings.found], missing=dict(findings.missing)))
+        print_json(envelope("acquire", found=[asdict(item) for item in findings.found], missing=dict(findings.missing)))
         return
     console = people()
     table = Table(Column("--camera", overflow="fold"), "maker", "model", "note", title="Cameras")  # to be copied whole
     table.add_row("virtual", "", "", VIRTUAL_NOTE)
-    for one in findings.found:
-        table.add_row(*(escape(text) for text in (one.spec, one.maker, one.model, one.note)))
+    for item in findings.found:
+        table.add_row(*(escape(text) for text in (item.spec, item.maker, item.model, item.note)))
     console.print(table)
     if findings.missing:
         console.print("Not looked for:")
-    for sentence in findings.missing.values():
-        console.print(f"- {sentence}", markup=False, soft_wrap=True)
+    for message in findings.missing.values():
+        console.print(f"- {message}", markup=False, soft_wrap=True)
     print_notice(console)
 
 
@@ -58,7 +58,8 @@ def show_camera(connect_camera: Callable[[], Camera], *, as_json: bool) -> None:
                 camera=name,
                 modes=[{"mode": mode.label, **asdict(mode)} for mode in modes],
                 settings=[
-                    {"name": one.name, "value": one.value, "unit": one.unit, **_finite_range(one)} for one in settings
+                    {"name": setting.name, "value": setting.value, "unit": setting.unit, **_finite_range(setting)}
+                    for setting in settings
                 ],
             )
         )
@@ -66,8 +67,10 @@ def show_camera(connect_camera: Callable[[], Camera], *, as_json: bool) -> None:
     console = people()
     console.print("Modes, the default first: " + ", ".join(mode.label for mode in modes), markup=False)
     table = Table("setting", "now", "lowest", "highest", "unit", title=escape(name))
-    for one in settings:
-        table.add_row(one.name, f"{one.value:g}", _bound(one.low), _bound(one.high), escape(one.unit))
+    for setting in settings:
+        table.add_row(
+            setting.name, f"{setting.value:g}", _bound(setting.low), _bound(setting.high), escape(setting.unit)
+        )
     console.print(table if settings else "It has no settings.")
     print_notice(console)
 

@@ -64,7 +64,7 @@ def take_sequence(
             frames=frames,
             seconds=seconds,
             stopped=ended.is_set,
-            progress=lambda kept, passed: _advance(advance, kept, passed, frames, seconds),
+            progress=lambda saved, passed: _advance(advance, saved, passed, frames, seconds),
             beside=None if gauge is None else FurtherColumns(names=GaugeColumns.NAMES, of=gauge.of),
             about=about,
         )
@@ -97,11 +97,11 @@ class GaugeColumns:
     def of(self, arrival: ReceivedFrame) -> tuple[str, str]:
         """The columns of a frame."""
         try:
-            found = force_then(self._log, arrival.arrived_s)
+            result = force_then(self._log, arrival.arrived_s)
         except GaugeError:
             self._without += 1
             return "", ""
-        return f"{found.force_n:.6f}", f"{found.error_n:.6f}"
+        return f"{result.force_n:.6f}", f"{result.error_n:.6f}"
 
     def account(self) -> dict[str, Any]:
         """What became of the gauge."""

@@ -75,9 +75,9 @@ def take_snapshot(
     as_json: bool,
 ) -> None:
     """Save the next frame, and print where."""
-    arrival = _next(acquisition)
-    force = None if log is None else force_then(log, arrival.arrived_s)
-    image = arrival.frame.tactile_image(force_n=None if force is None else max(0.0, force.force_n))
+    received = _next(acquisition)
+    force = None if log is None else force_then(log, received.arrived_s)
+    image = received.frame.tactile_image(force_n=None if force is None else max(0.0, force.force_n))
     flags = check_press(with_calibrated_scale(image, calibration), reference=guard_reference(calibration))
     about: dict[str, Any] = {
         "camera": acquisition.name,
@@ -92,7 +92,7 @@ def take_snapshot(
         return colour_map(frame.tactile_image(), name=map_name)
 
     saved = save_snapshot(
-        arrival.frame,
+        received.frame,
         folder,
         target=target,
         when=when,
@@ -106,7 +106,7 @@ def take_snapshot(
             about["kept"] = where.keep(saved.sidecar, calibration)
         except TsisError as error:  # the files are there and stay
             failure = error
-    _print(saved, arrival, flags, about, as_json=as_json)
+    _print(saved, received, flags, about, as_json=as_json)
     if failure is not None:
         stop_not_kept(failure, str(saved.sidecar.parent.resolve()))
 

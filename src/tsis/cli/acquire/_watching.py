@@ -52,22 +52,22 @@ def watch_presses(
     console = Console(stderr=as_json, highlight=False)
     frames: Counter[str] = Counter()
     watch: PressWatch | None = None
-    state, place, begun_s = WatchState(), 0, time.monotonic()
+    state, position, begun_s = WatchState(), 0, time.monotonic()
     troubles = _Troubles(console)
     with ended_by(signal.SIGINT) as ended, Live(console=console, transient=True, auto_refresh=False) as live:
         while not ended.is_set() and not (seconds is not None and time.monotonic() - begun_s >= seconds):
-            arrivals, place = _newest(acquisition, place)
+            arrivals, position = _newest(acquisition, position)
             troubles.tell("camera", str(acquisition.failure or "") if acquisition.lost or acquisition.ended else "")
             troubles.tell("gauge", "" if log is None else log.state().error)
             if not arrivals and acquisition.ring.closed:
                 break
-            for arrival in arrivals:
-                watch = watch or press_watch(arrival.frame, calibration)
-                seen = _look(watch, state, arrival, log)
-                _tell(console.print, state.raised, seen.flags)
-                state = seen.state
-                frames.update(["frames", *(flag.name for flag in seen.flags)])
-                live.update(_line(acquisition, seen), refresh=console.is_terminal)
+            for received in arrivals:
+                watch = watch or press_watch(received.frame, calibration)
+                observed = _look(watch, state, received, log)
+                _tell(console.print, state.raised, observed.flags)
+                state = observed.state
+                frames.update(["frames", *(flag.name for flag in observed.flags)])
+                live.update(_line(acquisition, observed), refresh=console.is_terminal)
     if as_json:
         total = frames.pop("frames", 0)
         print_json(envelope("acquire", frames=total, flagged={name: frames[name] for name in sorted(frames)}))

@@ -55,8 +55,8 @@ class Operator:
     def take(self, step: CalibrationStep) -> Iterator[CalibrationFrame] | None:
         """The step's frames; None when the person leaves it out."""
         hint = "Enter when ready" + (", s to leave it out: " if step.optional else ": ")
-        answer = self._answer(f"   {hint}").strip().lower()
-        if step.optional and answer == "s":
+        response = self._answer(f"   {hint}").strip().lower()
+        if step.optional and response == "s":
             return None
         if not step.is_loading:
             return self._bench.still(step.frames)
@@ -64,20 +64,20 @@ class Operator:
 
     def _by_gauge(self) -> Iterator[CalibrationFrame]:
         """A frame every half second with its force, until Enter."""
-        answers: queue.SimpleQueue[InputError | None] = queue.SimpleQueue()
+        responses: queue.SimpleQueue[InputError | None] = queue.SimpleQueue()
 
         def wait() -> None:
             try:
                 self._answer("   load now, slowly; Enter when it is back at 0: ")
             except InputError as error:
-                answers.put(error)
+                responses.put(error)
             else:
-                answers.put(None)
+                responses.put(None)
 
         def over() -> bool:
-            if answers.empty():
+            if responses.empty():
                 return False
-            if (error := answers.get()) is not None:
+            if (error := responses.get()) is not None:
                 raise error
             return True
 
@@ -146,19 +146,19 @@ def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
     if not folder.begun:
         folder.begin(terms)
         return
-    held = folder.terms()
-    if (held.probe, held.camera) != (terms.probe, terms.camera):
+    stored = folder.terms()
+    if (stored.probe, stored.camera) != (terms.probe, terms.camera):
         raise CalibrationError(
             f"the session in {printable_path(folder.path)} must be of probe {terms.probe!r} and camera "
             f"{terms.camera!r}; it is "
-            f"of {held.probe!r} and {held.camera!r} (choose another --session)"
+            f"of {stored.probe!r} and {stored.camera!r} (choose another --session)"
         )
-    if other := held.differing(terms):
+    if other := stored.differing(terms):
         raise CalibrationError(
-            f"the session in {printable_path(folder.path)} was begun with {_told(held, other)}; this command says "
+            f"the session in {printable_path(folder.path)} was begun with {_told(stored, other)}; this command says "
             f"{_told(terms, other)} (give the options that it was begun with, or choose another --session)"
         )
-    if changed := held.changed_setting(terms.settings):
+    if changed := stored.changed_setting(terms.settings):
         setting, value, now = changed
         raise CalibrationError(
             f"the session in {printable_path(folder.path)} was begun at {setting} = {value:g}; the camera "
@@ -178,8 +178,8 @@ def _typed(option: str, value: object) -> str:
         return f"no {option}"
     if option == "--patch-px" and isinstance(value, tuple):
         return f"{option} {','.join(map(str, value))}"
-    each = value if isinstance(value, tuple) else (value,)
-    return " ".join(f"{option} {one!r}" if isinstance(one, str) else f"{option} {one:.12g}" for one in each)
+    item = value if isinstance(value, tuple) else (value,)
+    return " ".join(f"{option} {item!r}" if isinstance(item, str) else f"{option} {item:.12g}" for item in item)
 
 
 def guide(
@@ -240,10 +240,10 @@ def guide(
     if camera == VIRTUAL:
         if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:
             raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual bench has its own")
-        bench = VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
-        begin(folder, replace(terms, camera=bench_name(seed), patch_px=bench.patch_px), console)
+        rig = VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
+        begin(folder, replace(terms, camera=bench_name(seed), patch_px=rig.patch_px), console)
         console.print("The virtual bench does every step by itself; a person would be told:")
-        _take_steps(folder, bench.shots, console)
+        _take_steps(folder, rig.shots, console)
     else:
         make = live_connector(camera)
         acquisition = Acquisition(make, mode=mode, settings=wanted_settings(make, None, setting or ()))
@@ -251,7 +251,7 @@ def guide(
             gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
             acquisition,
         ):
-            settings = {one.name: one.value for one in acquisition.settings()}
+            settings = {setting.name: setting.value for setting in acquisition.settings()}
             began = datetime.now(UTC).replace(microsecond=0)
             begin(folder, replace(terms, camera=acquisition.name, settings=settings, began=began), console)
             _take_steps(folder, Operator(LiveBench(acquisition, log), console, has_gauge=log is not None).take, console)
@@ -273,12 +273,12 @@ def _take_steps(
             console.print("   left out")
             continue
         try:
-            kept = folder.keep(step, shots)
+            saved = folder.keep(step, shots)
         except KeyboardInterrupt:
-            told = f"The steps before are kept in {folder.path}; the same command goes on with {step.name}."
-            console.print(told, markup=False, soft_wrap=True)
+            reported = f"The steps before are kept in {folder.path}; the same command goes on with {step.name}."
+            console.print(reported, markup=False, soft_wrap=True)
             raise
-        console.print(f"   {kept} frames")
+        console.print(f"   {saved} frames")
 
 
 def _box(text: str) -> tuple[int, int, int, int]:

@@ -32,18 +32,18 @@ from tsis.report import (
 def made(session: SessionFolder, *, days: float) -> CommandOutcome:
     """Make the calibration of a session."""
     with progress_bar("reading the frames") as advance:
-        known, findings = calibrate(session, days=days, progress=advance)
-    rows = calibration_rows(known, findings)
-    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {known.name} of {known.probe}"))
+        given, findings = calibrate(session, days=days, progress=advance)
+    rows = calibration_rows(given, findings)
+    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {given.name} of {given.probe}"))
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    provenance = {"session": str(session.path), "terms": to_plain(session.terms()), "sha256": calibration_sha256(known)}
+    provenance = {"session": str(session.path), "terms": to_plain(session.terms()), "sha256": calibration_sha256(given)}
     return CommandOutcome(
-        document=calibration_document(known, findings, provenance=provenance),
-        page=calibration_report(known, findings, provenance=provenance),
+        document=calibration_document(given, findings, provenance=provenance),
+        page=calibration_report(given, findings, provenance=provenance),
         tables=(table,),
-        notes=calibration_notes(known, findings),
-        files={CALIBRATION_FILE: calibration_bytes(known)},
+        notes=calibration_notes(given, findings),
+        files={CALIBRATION_FILE: calibration_bytes(given)},
     )
 
 
@@ -72,27 +72,27 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show a calibration file; one that was changed since it was written is refused."""
-    known = read_calibration(calibration)
+    given = read_calibration(calibration)
     try:
-        known.require_usable(datetime.now(UTC))
+        given.require_usable(datetime.now(UTC))
         refusal = ""
     except CalibrationError as error:
         refusal = str(error)
-    rows, sheet = held_rows(known), specification_rows(known)
+    rows, sheet = held_rows(given), specification_rows(given)
     if as_json:
         print_json(
             envelope(
                 "calibrate show",
-                sha256=calibration_sha256(known),
+                sha256=calibration_sha256(given),
                 usable=not refusal,
                 refusal=refusal,
-                values=measured_values(known),
+                values=measured_values(given),
                 specification=[dict(zip(SHEET, row, strict=True)) for row in sheet],
             )
         )
         return
     console = people()
-    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {known.name}"))
+    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {given.name}"))
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
     console.print(table)
@@ -101,7 +101,7 @@ def show(
         for line in sheet:
             printed.add_row(*(escape(cell) for cell in line))
         console.print(printed)
-        for note in specification_notes(known):
+        for note in specification_notes(given):
             console.print(f"- {note}", markup=False)
     console.print(refusal or "It may be used today.", markup=False)
     print_notice(console)

@@ -25,12 +25,12 @@ def seal(
 ) -> None:
     """Check values written by hand, and write them as a calibration file with date, expiry and hash."""
     require_number("--days", days, 1, 3650)
-    known = read_handwritten_calibration(values, days)
-    cited = write_calibration(known, out)
+    handwritten_calibration = read_handwritten_calibration(values, days)
+    cited = write_calibration(handwritten_calibration, out)
     if as_json:
         print_json(envelope("calibrate seal", file=str(out.resolve()), sha256=cited))
         return
     console = people()
     console.print(f"Calibration: {out.resolve()}", markup=False, soft_wrap=True)
-    console.print(f"Good until {known.expires:%Y-%m-%d}; cited as {cited[:12]}")
+    console.print(f"Good until {handwritten_calibration.expires:%Y-%m-%d}; cited as {cited[:12]}")
     print_notice(console)

@@ -57,8 +57,8 @@ COLUMNS = (
 def pooled_tables(pooled: Sequence[TrialSummary]) -> list[Table]:
     """One table a kind of trials, a line a method, narrow enough for any terminal."""
     return [
-        _table(title, [each for each in pooled if each.group == title])
-        for title in dict.fromkeys(each.group for each in pooled)
+        _table(title, [item for item in pooled if item.group == title])
+        for title in dict.fromkeys(item.group for item in pooled)
     ]
 
 
@@ -69,15 +69,15 @@ def _table(kind: str, summaries: Sequence[TrialSummary]) -> Table:
     table.add_column("method", no_wrap=True)
     for head in (f"median{unit}", f"mean{unit}", "failed", "silent", "mean / best CPD", "time"):
         table.add_column(head, justify="right", no_wrap=True)
-    for each in summaries:
+    for summary in summaries:
         table.add_row(
-            each.method,
-            f"{each.median:.4f}",
-            f"{each.mean:.4f}",
-            f"{each.failures:.0%}",
-            "-" if each.unannounced is None else f"{each.unannounced:.0%}",
-            ratio_text(each.ratio),
-            f"{1000 * each.seconds:.0f} ms",
+            summary.method,
+            f"{summary.median:.4f}",
+            f"{summary.mean:.4f}",
+            f"{summary.failures:.0%}",
+            "-" if summary.unannounced is None else f"{summary.unannounced:.0%}",
+            ratio_text(summary.ratio),
+            f"{1000 * summary.seconds:.0f} ms",
         )
     return table
 
@@ -95,7 +95,7 @@ def ratio_text(ratio: ErrorRatio | None) -> str:
 
 def bench_figures(levels: Sequence[TrialSummary]) -> dict[str, Figure]:
     """One figure a kind of distortion: error, failures and time over the levels, a column a shape."""
-    groups = dict.fromkeys(each.group for each in levels)
+    groups = dict.fromkeys(level.group for level in levels)
     kinds: dict[str, list[str]] = {}
     for group in groups:
         kinds.setdefault(HOTEL if group.startswith(HOTEL) else group.rsplit("/", 1)[-1], []).append(group)
@@ -107,7 +107,7 @@ def _figure(kind: str, groups: Sequence[str], levels: Sequence[TrialSummary]) ->
     axes = figure.subplots(len(QUANTITIES), len(groups), squeeze=False)
     label, positions = _axis(kind, levels)
     for column, group in enumerate(groups):
-        own = [each for each in levels if each.group == group]
+        own = [level for level in levels if level.group == group]
         for row, quantity in enumerate(QUANTITIES):
             curves_over_levels(
                 own,
@@ -127,7 +127,7 @@ def _axis(kind: str, levels: Sequence[TrialSummary]) -> tuple[str, dict[str, flo
     for family, (label, values) in LEVEL_LABELS.items():
         if family == kind:
             return label, {str(number): value for number, value in enumerate(values, start=1)}
-    return "separation / frames", {each.level: float(each.level) for each in levels}
+    return "separation / frames", {level.level: float(level.level) for level in levels}
 
 
 def write_results(
@@ -158,11 +158,11 @@ def _csv(levels: Sequence[TrialSummary]) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for each in levels:
-        ratio = ["", "", ""] if each.ratio is None else [each.ratio.value, each.ratio.low, each.ratio.high]
-        shares = [each.failures, each.unannounced, each.withheld, each.refused]
-        numbers = [each.trials, each.median, each.mean, *shares, each.seconds]
-        writer.writerow([each.group, each.level, each.method, *numbers, *ratio, each.rival])
+    for level in levels:
+        ratio = ["", "", ""] if level.ratio is None else [level.ratio.value, level.ratio.low, level.ratio.high]
+        fractions = [level.failures, level.unannounced, level.withheld, level.refused]
+        numbers = [level.trials, level.median, level.mean, *fractions, level.seconds]
+        writer.writerow([level.group, level.level, level.method, *numbers, *ratio, level.rival])
     return text.getvalue().encode()
 
 
@@ -209,15 +209,17 @@ def bench(
     if resume and out is None:
         raise InputError("--resume needs --out, the folder that it goes on in")
     contenders = [BenchmarkMethod(name=name) for name in (methods.split(",") if methods else (*OWN_METHODS, *PEERS))]
-    absent = {each.name: each.absent() for each in contenders}
-    present = {each.name: each for each in contenders if not absent[each.name]}
+    absent = {contender.name: contender.absent() for contender in contenders}
+    present = {contender.name: contender for contender in contenders if not absent[contender.name]}
     if not present:
         raise InputError(f"--methods must name one that can run here; {'; '.join(absent.values())}")
-    wanted = _trials(data, families, levels, shapes, trials, seed)
+    requested = _trials(data, families, levels, shapes, trials, seed)
     file = None if out is None else out / ROWS
     try:
         with progress_bar("Matching") as advance:
-            rows = run_trials(wanted, present, seed=seed, file=file, resume=resume, workers=workers, progress=advance)
+            rows = run_trials(
+                requested, present, seed=seed, file=file, resume=resume, workers=workers, progress=advance
+            )
     except KeyboardInterrupt:
         _stop_interrupted(out, resume=resume)
     notes = [
@@ -237,9 +239,9 @@ def _trials(
     if HOTEL in chosen and data is None:
         raise InputError("--families hotel needs --data, the folder of the sequence")
     distorted: list[Family] = [family for family in FAMILIES if family in chosen]
-    found: list[Trial] = []
+    trials: list[Trial] = []
     if distorted:
-        found += distorted_set(
+        trials += distorted_set(
             data,
             families=distorted,
             shapes=shapes.split(",") if shapes else None,
@@ -248,8 +250,8 @@ def _trials(
             seed=seed,
         )
     if HOTEL in chosen and data is not None:
-        found += hotel_set(data, count=count, seed=seed)
-    return found
+        trials += hotel_set(data, count=count, seed=seed)
+    return trials
 
 
 def _whole_numbers(text: str) -> list[int]:
@@ -261,25 +263,25 @@ def _whole_numbers(text: str) -> list[int]:
 
 def _stop_interrupted(out: Path | None, *, resume: bool) -> None:
     again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:]), *([] if resume else ["--resume"])])
-    said = "nothing was written" if out is None else f"finished trials are kept. Go on with: {again}"
-    typer.echo(f"Interrupted; {said}.", err=True)
+    message = "nothing was written" if out is None else f"finished trials are kept. Go on with: {again}"
+    typer.echo(f"Interrupted; {message}.", err=True)
     sys.exit(INTERRUPTED)
 
 
 def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_json: bool) -> None:
     hotel = [row for row in rows if row.trial.startswith(HOTEL)]
-    plain = [row for row in rows if not row.trial.startswith(HOTEL)]
-    parts = [(part, limit) for part, limit in ((plain, FAILURE_RMS), (hotel, HOTEL_FAILURE_PX)) if part]
-    levels = [each for part, limit in parts for each in summarise(part, rivals=RIVAL_METHODS, failure=limit)]
-    pooled = [each for part, limit in parts for each in summarise_pooled(part, rivals=RIVAL_METHODS, failure=limit)]
+    reference = [row for row in rows if not row.trial.startswith(HOTEL)]
+    parts = [(part, limit) for part, limit in ((reference, FAILURE_RMS), (hotel, HOTEL_FAILURE_PX)) if part]
+    levels = [item for part, limit in parts for item in summarise(part, rivals=RIVAL_METHODS, failure=limit)]
+    pooled = [item for part, limit in parts for item in summarise_pooled(part, rivals=RIVAL_METHODS, failure=limit)]
     refused = sum(bool(row.refused) for row in rows)
     if refused:
         notes.append(f"{refused} of {len(rows)} answers were refused or broke off and count as no movement at all.")
     document = envelope(
         "match bench",
         failure={"distorted": FAILURE_RMS, HOTEL: HOTEL_FAILURE_PX},
-        pooled=[asdict(each) for each in pooled],
-        levels=[asdict(each) for each in levels],
+        pooled=[asdict(item) for item in pooled],
+        levels=[asdict(level) for level in levels],
         notes=notes,
     )
     if out is not None:

@@ -57,13 +57,13 @@ def points(
             f"{printable_path(source)} and {second.shape[1]} in {printable_path(target)}"
         )
     with waiting("matching"):
-        found = register(first, second, method=method, rng=np.random.default_rng(seed))
-    moved, matches = np.asarray(found.moved), np.asarray(found.matches)
+        result = register(first, second, method=method, rng=np.random.default_rng(seed))
+    transformed, matches = np.asarray(result.moved), np.asarray(result.matches)
     if out is not None:
-        _write(out, csv_text(moved, match=matches, trust=found.trust).encode())
+        _write(out, csv_text(transformed, match=matches, trust=result.trust).encode())
     if figure is not None:
-        _write(figure, _picture(first, second, found, method))
-    _tell(source, target, first, second, found, method, seed, (out, figure), as_json=as_json)
+        _write(figure, _picture(first, second, result, method))
+    _tell(source, target, first, second, result, method, seed, (out, figure), as_json=as_json)
 
 
 def _tell(
@@ -80,7 +80,7 @@ def _tell(
 ) -> None:
     matches = np.asarray(found.matches)
     paired = matches != UNMATCHED
-    before, after = (_apart(each[paired], second[matches[paired]]) for each in (first, np.asarray(found.moved)))
+    before, after = (_apart(item[paired], second[matches[paired]]) for item in (first, np.asarray(found.moved)))
     if as_json:
         names = {"out": files[0], "figure": files[1]}
         document = envelope(

@@ -29,15 +29,15 @@ def angles(
 ) -> None:
     """Critical and acceptance angles of the probe's layers, beside the angles of its lamps."""
     chosen = given_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
-    found = acceptance([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
+    result = acceptance([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
     faced = [(led, layer_facing_lamp(chosen, led)) for led in chosen.leds if led.power > 0]
     lamps = [
         {**asdict(led), "height_mm": chosen.led_height_mm(led), "layer": layer, "widest_deg": _widest(led)}
         for led, layer in faced
     ]
-    notes = (*_limits(found), *_lamps(found, faced))
-    document = envelope("optics angles", probe=asdict(chosen), layers=asdict(found), leds=lamps)
-    show_result(CommandResult(document=document, tables=(_table(chosen, found),), notes=notes), out, as_json=as_json)
+    notes = (*_limits(result), *_lamps(result, faced))
+    document = envelope("optics angles", probe=asdict(chosen), layers=asdict(result), leds=lamps)
+    show_result(CommandResult(document=document, tables=(_table(chosen, result),), notes=notes), out, as_json=as_json)
 
 
 def _widest(led: Led) -> float:
@@ -88,11 +88,11 @@ def _limits(found: Acceptance) -> list[str]:
 
 def _lamps(found: Acceptance, faced: list[tuple[Led, int]]) -> list[str]:
     """One sentence for lamps that differ in nothing but their place around the probe."""
-    alike: dict[tuple[float, int], int] = {}
+    correlation: dict[tuple[float, int], int] = {}
     for led, layer in faced:
-        alike[_widest(led), layer] = alike.get((_widest(led), layer), 0) + 1
+        correlation[_widest(led), layer] = correlation.get((_widest(led), layer), 0) + 1
     notes = []
-    for (widest, layer), count in alike.items():
+    for (widest, layer), count in correlation.items():
         accepts, name = found.acceptance_deg[layer], _name(layer, len(found.index))
         verdict = (
             f"within its acceptance of {accepts:.2f}: that cone stays in the probe."

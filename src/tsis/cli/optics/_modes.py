@@ -61,7 +61,7 @@ def modes(
         guide = thin_guide(preset)
         indices, thicknesses = guide.index.tolist(), guide.thickness_um.tolist()
     with waiting("finding modes"):
-        found = guided_modes(
+        result = guided_modes(
             indices,
             thicknesses,
             wavelength_um=wavelength_um,
@@ -69,7 +69,7 @@ def modes(
             index_above=index_above,
             polarization=polarization.value,
         )
-    blind = found.above(indices[0])
+    blind = result.above(indices[0])
     document = envelope(
         "optics modes",
         index=indices,
@@ -78,17 +78,17 @@ def modes(
         index_above=index_above,
         wavelength_um=wavelength_um,
         polarization=polarization.value,
-        count=len(found),
+        count=len(result),
         never_sensing=blind,
-        n_eff=found.n_eff,
+        n_eff=result.n_eff,
     )
-    answer = CommandResult(
+    response = CommandResult(
         document=document,
-        tables=(_table(found, indices[0]),) if len(found) else (),
-        notes=tuple(_notes(found, indices[0], blind)),
-        figures={"modes": lambda: _figure(found)} if len(found) else {},
+        tables=(_table(result, indices[0]),) if len(result) else (),
+        notes=tuple(_notes(result, indices[0], blind)),
+        figures={"modes": lambda: _figure(result)} if len(result) else {},
     )
-    show_result(answer, out, as_json=as_json)
+    show_result(response, out, as_json=as_json)
 
 
 def _evenly(count: int, most: int) -> list[int]:
@@ -100,8 +100,8 @@ def _evenly(count: int, most: int) -> list[int]:
 def _parted(found: GuidedModes) -> NDArray[np.bool]:
     """Modes that fade away somewhere between the pressed face and a layer in which they do not."""
     index, n_eff = found.layers.index[1:-1], found.n_eff
-    apart = [(n_eff < index[layer]) & (n_eff > index[:layer].min()) for layer in range(1, len(index))]
-    return np.any(apart, axis=0) if apart else np.zeros(len(n_eff), dtype=bool)
+    difference = [(n_eff < index[layer]) & (n_eff > index[:layer].min()) for layer in range(1, len(index))]
+    return np.any(difference, axis=0) if difference else np.zeros(len(n_eff), dtype=bool)
 
 
 def _table(found: GuidedModes, face: float) -> Table:
@@ -114,8 +114,8 @@ def _table(found: GuidedModes, face: float) -> Table:
     table.add_column("at the pressed face")
     for mode in shown:
         n_eff = found.n_eff[mode]
-        reaches = "fades away" if n_eff > face else "see its profile" if parted[mode] else "reaches it"
-        table.add_row(str(mode), f"{n_eff:.15f}", reaches)
+        extents = "fades away" if n_eff > face else "see its profile" if parted[mode] else "reaches it"
+        table.add_row(str(mode), f"{n_eff:.15f}", extents)
     return table
 
 
@@ -134,10 +134,10 @@ def _notes(found: GuidedModes, face: float, blind: int) -> list[str]:
             f"{blind} of {len(found)} modes ({blind / len(found):.1%}) have n_eff above the face layer's {face:g}: "
             "they fade away in it, are guided by the layers above it alone, and never sense what presses on the face."
         )
-    apart = int(_parted(found).sum()) - blind
-    if apart > 0:
+    difference = int(_parted(found).sum()) - blind
+    if difference > 0:
         notes.append(
-            f"{apart} of {len(found)} modes fade away in a layer between the face and another that can hold them: "
+            f"{difference} of {len(found)} modes fade away in a layer between the face and another that can hold them: "
             "those on its far side never sense. Their profiles show which."
         )
     elif not blind:

@@ -61,7 +61,7 @@ def propagate_command(
     with progress_bar(f"waves by {method}") as advance:
         for dent in dents:
             advance(len(results), len(dents))
-            found = propagate(
+            result = propagate(
                 guide,
                 dent,
                 method=method.value,
@@ -71,14 +71,14 @@ def propagate_command(
                 step_um=step_um,
                 memory_gib=memory_gib,
             )
-            results.append(found)
-    answer = CommandResult(
+            results.append(result)
+    response = CommandResult(
         document=_document(preset, guide, results),
         tables=(_table(preset, results),),
         notes=tuple(_notes(guide, results)),
         figures=_figures(results),
     )
-    show_result(answer, out, as_json=as_json)
+    show_result(response, out, as_json=as_json)
 
 
 def _document(preset: str, guide: ThinGuide, results: list[Propagation]) -> dict[str, Any]:
@@ -96,8 +96,8 @@ def _document(preset: str, guide: ThinGuide, results: list[Propagation]) -> dict
             {
                 "depth_um": result.dent.depth_um,
                 "tip_radius_um": result.dent.tip_radius_um,
-                "mean": {share: float(getattr(result.powers, share).mean()) for share in SHARES},
-                "modes": {share: getattr(result.powers, share) for share in SHARES},
+                "mean": {fraction: float(getattr(result.powers, fraction).mean()) for fraction in SHARES},
+                "modes": {fraction: getattr(result.powers, fraction) for fraction in SHARES},
                 "balance_error": result.powers.balance_error,
                 "z_um": result.z_um,
                 "top_per_um": result.top_per_um.mean(axis=1),
@@ -111,10 +111,10 @@ def _table(preset: str, results: list[Propagation]) -> Table:
     first = results[0]
     title = f"{preset} guide, {first.wavelength_um:g} um, mean of {len(first.n_eff)} modes by {first.method}"
     table = Table(title=title)
-    for heading in ("dent / um", *(f"{share} / %" for share in SHARES), "missing / %"):
+    for heading in ("dent / um", *(f"{fraction} / %" for fraction in SHARES), "missing / %"):
         table.add_column(heading, justify="right")
     for result in results:
-        means = [float(getattr(result.powers, share).mean()) for share in SHARES]
+        means = [float(getattr(result.powers, fraction).mean()) for fraction in SHARES]
         missing = abs(1 - sum(means))
         cells = (f"{round(100 * mean, 2) + 0.0:.2f}" for mean in means)  # no minus before nothing
         table.add_row(f"{result.dent.depth_um:g}", *cells, f"{100 * missing:.2g}")
@@ -135,9 +135,9 @@ def _notes(guide: ThinGuide, results: list[Propagation]) -> list[str]:
     if near:
         notes.append(f"near cut-off, so less exact: mode {', '.join(near)}")
     soft = guide.index[: len(guide.index) - guide.rigid_layers].max()
-    held = int((first.n_eff > soft).sum())
-    if held:
-        notes.append(f"{held} of {len(first.n_eff)} launched modes run in the plate alone and sense little of a dent")
+    stored = int((first.n_eff > soft).sum())
+    if stored:
+        notes.append(f"{stored} of {len(first.n_eff)} launched modes run in the plate alone and sense little of a dent")
     return notes
 
 

@@ -65,14 +65,14 @@ def trace(
     lit = given_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
     pressed = _pressed(lit, tip_radius_mm, force_n, depth_mm)
     with progress_bar("tracing rays") as progress:
-        found = trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
-    answer = CommandResult(
-        document=_document(lit, pressed, found, seed),
-        tables=(_table(lit, pressed, found),),
-        notes=_notes(lit, found),
-        figures=_figures(lit, pressed, found, seed),
+        result = trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
+    response = CommandResult(
+        document=_document(lit, pressed, result, seed),
+        tables=(_table(lit, pressed, result),),
+        notes=_notes(lit, result),
+        figures=_figures(lit, pressed, result, seed),
     )
-    show_result(answer, out, as_json=as_json)
+    show_result(response, out, as_json=as_json)
 
 
 def _pressed(
@@ -88,12 +88,12 @@ def _pressed(
     with waiting("pressing the sphere"):
         if depth_mm is not None:
             force_n = _force_for(probe, tip_radius_mm, depth_mm)
-        found = indent(probe, sphere_radius_mm=tip_radius_mm, force_n=1.0 if force_n is None else force_n)
+        result = indent(probe, sphere_radius_mm=tip_radius_mm, force_n=1.0 if force_n is None else force_n)
     return tip_press(
-        found.radius_mm,
-        found.face_displacement_mm,
-        contact_radius_mm=found.contact_radius_mm,
-        force_n=found.force_n,
+        result.radius_mm,
+        result.face_displacement_mm,
+        contact_radius_mm=result.contact_radius_mm,
+        force_n=result.force_n,
     )
 
 
@@ -109,8 +109,8 @@ def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
             return None
 
     def too_deep(log_force: float) -> float:
-        found = depth(log_force)
-        return probe.thickness_mm if found is None else found - depth_mm
+        result = depth(log_force)
+        return probe.thickness_mm if result is None else result - depth_mm
 
     lightest = depth(float(np.log(LIGHTEST_N)))
     if lightest is None or lightest > depth_mm:
@@ -133,21 +133,23 @@ def _table(probe: Probe, pressed: PressField | None, found: TracedLight) -> Tabl
     table.add_column("share", justify="right")
     table.add_column("standard error", justify="right")
     for name, label in WAYS.items():
-        share, error = getattr(found.tally, name), getattr(found.standard_error, name)
-        table.add_row(label, f"{share:.4%}", f"{error:.4%}")
+        fraction, error = getattr(found.tally, name), getattr(found.standard_error, name)
+        table.add_row(label, f"{fraction:.4%}", f"{error:.4%}")
     return table
 
 
 def _notes(probe: Probe, found: TracedLight) -> tuple[str, ...]:
     entered = 1 - found.tally.missed - found.tally.reflected
-    share = found.out_of_reach / entered if entered > 0 else 0.0
-    seen = f"{found.into_camera:.1e} of the light leaves" if found.into_camera > 0 else "No ray left"
+    fraction = found.out_of_reach / entered if entered > 0 else 0.0
+    observed = f"{found.into_camera:.1e} of the light leaves" if found.into_camera > 0 else "No ray left"
     return (
         f"{float(found.arriving.sum()):.2%} of the light meets the face from inside, counted at every meeting.",
         *_reflected(probe),
-        f"{share:.2%} of what enters can never reach an undented face: it entered above a layer whose index is below "
+        f"{fraction:.2%} of what enters can never reach an undented face: it entered above a layer whose "
+        f"index is below "
         "n sin(angle from the axis), as in glass above silicone.",
-        f"{seen} the glass within a numerical aperture of {APERTURE:g}: a camera that looks along the axis sees what "
+        f"{observed} the glass within a numerical aperture of {APERTURE:g}: a camera that looks along the "
+        f"axis sees what "
         "tissue scatters where light leaves through contact, not what a dent's curvature turns.",
     )
 

@@ -118,13 +118,13 @@ def _seen(record: Any, version: int | None) -> Any:
 
 
 def _press(records: Store, target: Target, wanted: str) -> StoredPress:
-    found = [each for each in records.presses(target) if each.id.startswith(wanted)]
-    if len(wanted) < FEWEST_LETTERS or len(found) != 1:
+    results = [press for press in records.presses(target) if press.id.startswith(wanted)]
+    if len(wanted) < FEWEST_LETTERS or len(results) != 1:
         raise InputError(
             f"--press must be {FEWEST_LETTERS} or more letters with which one press of target {target.number} begins; "
-            f"{wanted!r:.40} fits {len(found)} (tsis records show {target.number})"
+            f"{wanted!r:.40} fits {len(results)} (tsis records show {target.number})"
         )
-    return found[0]
+    return results[0]
 
 
 def _now(edited: Any) -> dict[str, Any]:

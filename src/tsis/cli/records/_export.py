@@ -52,28 +52,28 @@ def export(
     Several forms appear together or not at all. html and pdf are reports; csv, hdf5, zarr and bundle hold everything,
     notes and names too; fhir and dicom mask names and times.
     """
-    wanted = list(dict.fromkeys(part for each in forms for part in each.split(",")))
-    for form in wanted:
+    requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
+    for form in requested:
         require_one_of("form of export", form, ENDINGS)
-    if identified and not set(wanted) & set(MASKED):
+    if identified and not set(requested) & set(MASKED):
         raise InputError(f"--identified is of {' and '.join(MASKED)}; the other forms mask nothing (leave it out)")
     stem = f"target-{number}"
-    place = out or Path(stem if len(wanted) > 1 else f"{stem}{ENDINGS[wanted[0]]}")
-    require_absent(place)
+    position = out or Path(stem if len(requested) > 1 else f"{stem}{ENDINGS[requested[0]]}")
+    require_absent(position)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
-        dossier = records.dossier(records.target(number))
-        if set(wanted) - set(PAGE_FORMS):  # which say what is missing
-            dossier.require_whole()
-        if len(wanted) == 1:
-            seal = write_form(wanted[0], dossier, place, identified=identified)
+        record = records.dossier(records.target(number))
+        if set(requested) - set(PAGE_FORMS):  # which say what is missing
+            record.require_whole()
+        if len(requested) == 1:
+            seal = write_form(requested[0], record, position, identified=identified)
         else:
             from tsis.records.export import export_folder
 
-            draft, seal = together.enter_context(export_folder(place)), ""
-            for form in wanted:
-                seal += write_form(form, dossier, draft / f"{stem}{ENDINGS[form]}", identified=identified)
-    single = len(wanted) == 1
-    files = {form: str((place if single else place / f"{stem}{ENDINGS[form]}").resolve()) for form in wanted}
+            draft, seal = together.enter_context(export_folder(position)), ""
+            for form in requested:
+                seal += write_form(form, record, draft / f"{stem}{ENDINGS[form]}", identified=identified)
+    single = len(requested) == 1
+    files = {form: str((position if single else position / f"{stem}{ENDINGS[form]}").resolve()) for form in requested}
     if as_json:
         print_json(envelope("records export", target=number, files=files, bundle_sha256=seal or None))
         return
@@ -118,9 +118,9 @@ def send(
     from tsis.records.dicom import c_store, dicom_files, stow_rs
 
     with opened(store, kind, database) as records, waiting("sending"):
-        dossier = records.dossier(records.target(number))
-        dossier.require_whole()
-        files: Sequence[DicomFile] = dicom_files(dossier, identified=identified)
+        record = records.dossier(records.target(number))
+        record.require_whole()
+        files: Sequence[DicomFile] = dicom_files(record, identified=identified)
         if address is not None:
             stored = c_store(
                 files,

@@ -73,20 +73,20 @@ def import_(
         tally = Entering()
         try:
             with progress_bar("storing") as advance:
-                entered = enter(records, looked, target=number, apart=target == NEW, tally=tally, progress=advance)
+                entered = enter(records, looked, target=number, difference=target == NEW, tally=tally, progress=advance)
         except KeyboardInterrupt:
             typer.echo(f"Import: {tally.sentence}.", err=True)
             raise
-        place = str(records.folder.resolve())
+        position = str(records.folder.resolve())
     if as_json:
-        print_json(envelope("records import", store=place, imported=[_document(each) for each in entered]))
+        print_json(envelope("records import", store=position, imported=[_document(item) for item in entered]))
         return
     console = people()
-    for each in entered:
-        console.print(_line(each), markup=False, soft_wrap=True)
-        for note in each.batch.notes:
+    for item in entered:
+        console.print(_line(item), markup=False, soft_wrap=True)
+        for note in item.batch.notes:
             console.print(f"- {note}", markup=False, soft_wrap=True)
-    console.print(f"Store: {place}", markup=False, soft_wrap=True)
+    console.print(f"Store: {position}", markup=False, soft_wrap=True)
     print_notice(console)
 
 
@@ -117,8 +117,8 @@ class _Calibrations:
 
 
 def _line(each: Entered) -> str:
-    words = entered_text(each.target, new=each.new, added=each.added, present=each.present, estimates=each.estimates)
-    return f"{each.batch.kind} in {each.batch.source}: {words}"
+    text = entered_text(each.target, new=each.new, added=each.added, present=each.present, estimates=each.estimates)
+    return f"{each.batch.kind} in {each.batch.source}: {text}"
 
 
 def _document(each: Entered) -> dict[str, Any]:

@@ -52,19 +52,19 @@ def recompute(
     if (number is None) != every:
         raise InputError("give the number of a target, or --all for every one")
     with opened(store, kind, database) as records:
-        wanted = _wanted(records) if number is None else [records.target(number)]
-        found, failed = _recomputed(records, wanted, dry_run=dry_run, alone=not every)
+        requested = _wanted(records) if number is None else [records.target(number)]
+        result, failed = _recomputed(records, requested, dry_run=dry_run, alone=not every)
     if as_json:
-        documents = [recomputation_document(target, each) for target, each in found]
+        documents = [recomputation_document(target, item) for target, item in result]
         failures = [{"target": number, "reason": reason} for number, reason in failed]
         print_json(envelope("records recompute", dry_run=dry_run, estimates=documents, failed=failures))
     else:
         console = people()
-        for target, each in found:
-            _show(console, target, each)
+        for target, item in result:
+            _show(console, target, item)
         for number, reason in failed:
             console.print(f"Target {number} could not be estimated again: {reason}", markup=False, soft_wrap=True)
-        if not found and not failed:
+        if not result and not failed:
             console.print("No target of this store has an estimate.")
         print_notice(console)
     if failed:
@@ -72,7 +72,7 @@ def recompute(
 
 
 def _wanted(records: Store) -> list[Target]:
-    return [each.target for each in records.targets() if each.estimates]
+    return [target.target for target in records.targets() if target.estimates]
 
 
 def _recomputed(
@@ -81,7 +81,7 @@ def _recomputed(
     """What came out, and which targets failed; of one that was named alone the error itself."""
     from tsis.records import recompute as again
 
-    found: list[tuple[Target, Recomputation]] = []
+    result: list[tuple[Target, Recomputation]] = []
     failed: list[tuple[int, str]] = []
     what = "solving the press for this probe (kept for next time)" if alone else "estimating again"
     with progress_bar(what) as advance:
@@ -89,14 +89,14 @@ def _recomputed(
             if not alone:
                 advance(done, len(targets))
             try:
-                made = again(records, target, dry_run=dry_run, progress=advance if alone else None)
+                created = again(records, target, dry_run=dry_run, progress=advance if alone else None)
             except TsisError as error:
                 if alone:
                     raise
                 failed.append((target.number, str(error)))
             else:
-                found += [(target, each) for each in made]
-    return found, failed
+                result += [(target, item) for item in created]
+    return result, failed
 
 
 def _show(console: Console, target: Target, each: Recomputation) -> None:
@@ -127,16 +127,16 @@ def verify(
     from tsis.records.store import verify_store as verification
 
     with opened(store, kind, database) as records, progress_bar("reading every file") as advance:
-        found = verification(records, progress=advance)
+        result = verification(records, progress=advance)
     if as_json:
-        print_json(envelope("records verify", **store_verification_document(found)))
+        print_json(envelope("records verify", **store_verification_document(result)))
     else:
         console = people()
-        for fault in found.faults:
+        for fault in result.faults:
             console.print(f"- {fault}", markup=False, soft_wrap=True)
-        console.print(verdict(found))
-        for note in verification_notes(found):
+        console.print(verdict(result))
+        for note in verification_notes(result):
             console.print(note, markup=False, soft_wrap=True)
         print_notice(console)
-    if not found.sound:
+    if not result.sound:
         raise typer.Exit(UNSOUND)

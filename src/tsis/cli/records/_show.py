@@ -30,18 +30,18 @@ def list_targets(
 ) -> None:
     """List the targets of a store: how often each was pressed and estimated, and when last."""
     with opened(store, kind, database) as records:
-        found, place = records.targets(), str(records.folder.resolve())
+        result, position = records.targets(), str(records.folder.resolve())
     if as_json:
-        print_json(envelope("records list", store=place, kind=kind, targets=[_document(each) for each in found]))
+        print_json(envelope("records list", store=position, kind=kind, targets=[_document(item) for item in result]))
         return
     console = people()
     table = Table("number", "name", "presses", "estimates", "last press (UTC)", title=escape(f"Targets ({kind}s)"))
-    for each in found:
-        last = "never" if each.last is None else f"{each.last:%Y-%m-%d %H:%M}"
-        cells = (str(each.target.number), each.target.name, str(each.presses), str(each.estimates), last)
+    for item in result:
+        last = "never" if item.last is None else f"{item.last:%Y-%m-%d %H:%M}"
+        cells = (str(item.target.number), item.target.name, str(item.presses), str(item.estimates), last)
         table.add_row(*(escape(cell) for cell in cells))
-    console.print(table if found else "The store is empty; tsis records import and --keep fill it.")
-    console.print(f"Store: {place}", markup=False, soft_wrap=True)
+    console.print(table if result else "The store is empty; tsis records import and --keep fill it.")
+    console.print(f"Store: {position}", markup=False, soft_wrap=True)
     print_notice(console)
 
 
@@ -75,10 +75,10 @@ def show(
     with opened(store, kind, database) as records:
         target = records.target(number)
         total = records.press_count(target)
-        dossier = records.dossier(target, limit=limit, offset=offset)
-    presses, estimates = dossier.presses, dossier.estimates
+        record = records.dossier(target, limit=limit, offset=offset)
+    presses, estimates = record.presses, record.estimates
     if as_json:
-        print_json(_target_document(dossier, total))
+        print_json(_target_document(record, total))
         return
     console = people()
     name = f" {target.name}" if target.name else ""
@@ -86,19 +86,21 @@ def show(
     if target.note:
         console.print(target.note, markup=False)
     console.print(_presses(presses, total, offset))
-    for stored in sorted(dossier.in_force, key=lambda each: each.made, reverse=True):
-        found = stored.estimate
-        truth = target.truth if set(found.samples) <= set(target.truth) else None
-        console.print(estimate_table(found, title=f"Estimate in force: {stored.kind}, {stored.probe}", truth=truth))
-        for sentence in estimate_messages(found):
-            console.print(f"- {sentence}", markup=False)
-        console.print(f"Flags: {', '.join(found.flags) or 'none'}", markup=False)
-    for sentence in dossier.damaged:
-        console.print(f"- Left out: {sentence}", markup=False)
+    for stored in sorted(record.in_force, key=lambda item: item.made, reverse=True):
+        result = stored.estimate
+        truth = target.truth if set(result.samples) <= set(target.truth) else None
+        console.print(estimate_table(result, title=f"Estimate in force: {stored.kind}, {stored.probe}", truth=truth))
+        for estimate_message in estimate_messages(result):
+            console.print(f"- {estimate_message}", markup=False)
+        console.print(f"Flags: {', '.join(result.flags) or 'none'}", markup=False)
+    for estimate_message in record.damaged:
+        console.print(f"- Left out: {estimate_message}", markup=False)
     if not estimates:
         console.print("No estimate yet.")
-    for identity, known in dossier.calibrations.items():
-        console.print(f"Calibration {known.name} ({identity[:12]}), good until {_until(known)}", markup=False)
+    for identity, calibration in record.calibrations.items():
+        console.print(
+            f"Calibration {calibration.name} ({identity[:12]}), good until {_until(calibration)}", markup=False
+        )
     if estimates:
         console.print(_history(estimates))
     print_notice(console)
@@ -119,8 +121,8 @@ def _history(estimates: Sequence[StoredEstimate]) -> Table:
     for stored in estimates:
         code = str(stored.environment.get("code_sha256", ""))[:SHORT]
         trusted = "yes" if stored.estimate.trusted else "no"
-        made = f"{stored.made:%Y-%m-%d %H:%M:%S}"
-        table.add_row(stored.id[:SHORT], stored.kind, made, code, trusted, (stored.supersedes or "")[:SHORT])
+        created = f"{stored.made:%Y-%m-%d %H:%M:%S}"
+        table.add_row(stored.id[:SHORT], stored.kind, created, code, trusted, (stored.supersedes or "")[:SHORT])
     return table
 
 
@@ -132,7 +134,7 @@ def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
     from tsis.records import press_to_plain, target_to_plain
 
     truth = dict(dossier.target.truth)
-    made = [
+    created = [
         _estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in dossier.estimates
     ]
     return envelope(
@@ -140,12 +142,12 @@ def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
         target=target_to_plain(dossier.target),
         presses=[press_to_plain(press) for press in dossier.presses],
         presses_in_all=total,
-        estimate=made[-1] if made else None,
+        estimate=created[-1] if created else None,
         in_force=[stored.id for stored in dossier.in_force],
-        history=made[:-1],
+        history=created[:-1],
         calibrations=[
-            {"sha256": identity, "name": known.name, "until": _until(known)}
-            for identity, known in dossier.calibrations.items()
+            {"sha256": identity, "name": calibration.name, "until": _until(calibration)}
+            for identity, calibration in dossier.calibrations.items()
         ],
         damaged=list(dossier.damaged),
     )
@@ -154,6 +156,6 @@ def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
 def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
     from tsis.records import estimate_to_plain
 
-    plain = estimate_to_plain(stored)
-    made = plain.pop("estimate")
-    return {**plain, **estimate_document(stored.estimate, truth), "provenance": made["provenance"]}
+    reference = estimate_to_plain(stored)
+    created = reference.pop("estimate")
+    return {**reference, **estimate_document(stored.estimate, truth), "provenance": created["provenance"]}

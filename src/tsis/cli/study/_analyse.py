@@ -52,16 +52,16 @@ def analyse(
             _ask(study, as_json=as_json)
     with progress_bar("analysing devices") as advance:
         done = publish_study(study, by=by, out=out, progress=advance)
-    found = done.analysis
+    result = done.analysis
     if as_json:
-        print_json({**study_document(found), "folder": str(done.folder), "head": done.study.chain.head})
+        print_json({**study_document(result), "folder": str(done.folder), "head": done.study.chain.head})
         return
     console = people()
-    for one in found.devices:
-        console.print(_table(one))
+    for device in result.devices:
+        console.print(_table(device))
     for note in (
-        *record_notes(found),
-        *(note for one in found.devices for note in (*few_notes(one), *undecided_notes(one))),
+        *record_notes(result),
+        *(note for device in result.devices for note in (*few_notes(device), *undecided_notes(device))),
     ):
         console.print(f"- {note}", markup=False, soft_wrap=True)
     console.print(f"Head with this analysis: {done.study.chain.head}", soft_wrap=True)

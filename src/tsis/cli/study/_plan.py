@@ -53,13 +53,13 @@ def plan(
     """Plan presses over a rectangle, in strips as in palpation, and say what no place between them can hide."""
     from tsis.detection.search import measured_reach, read_reach, scan_plan, smallest_found_mm, widest_plan
 
-    wanted = diameter_mm is not None or depth_mm is not None
-    if sum((spacing_mm is not None, overlap is not None, reach_mm is not None, wanted)) != 1:
+    requested = diameter_mm is not None or depth_mm is not None
+    if sum((spacing_mm is not None, overlap is not None, reach_mm is not None, requested)) != 1:
         raise InputError(
             "exactly one of --spacing-mm, --overlap, --reach-mm, and --diameter-mm with --depth-mm must be given"
         )
     table = measured_reach(probe) if reach is None else read_reach(reach)
-    if wanted and (table is None or diameter_mm is None or depth_mm is None):
+    if requested and (table is None or diameter_mm is None or depth_mm is None):
         raise InputError(
             f"--diameter-mm and --depth-mm must be given together, and with --reach where nothing was measured for the "
             f"probe; got the probe {probe!r:.60}"
@@ -68,17 +68,17 @@ def plan(
         reach_mm = _reached(table, diameter_mm, depth_mm)
     radius = load_probe(probe).radius_mm
     if reach_mm is not None:
-        found = widest_plan(width_mm, height_mm, radius_mm=radius, reach_mm=reach_mm)
+        result = widest_plan(width_mm, height_mm, radius_mm=radius, extent_mm=reach_mm)
     else:
-        found = scan_plan(width_mm, height_mm, radius_mm=radius, spacing_mm=spacing_mm, overlap=overlap)
-    seconds = found.duration_s(press_s=press_s, speed_mm_s=speed_mm_s)
-    smallest = {} if table is None else {float(h): smallest_found_mm(found, table, float(h)) for h in table.depth_mm}
+        result = scan_plan(width_mm, height_mm, radius_mm=radius, spacing_mm=spacing_mm, overlap=overlap)
+    seconds = result.duration_s(press_s=press_s, speed_mm_s=speed_mm_s)
+    smallest = {} if table is None else {float(h): smallest_found_mm(result, table, float(h)) for h in table.depth_mm}
     show_result(
         CommandResult(
-            document=_document(found, seconds, smallest, table),
-            tables=(_table(found, seconds), *_limits(smallest)),
+            document=_document(result, seconds, smallest, table),
+            tables=(_table(result, seconds), *_limits(smallest)),
             notes=_notes(table, measured=reach is None),
-            figures={"plan": partial(_draw, found, reach_mm)},
+            figures={"plan": partial(_draw, result, reach_mm)},
         ),
         out,
         as_json=as_json,
@@ -86,13 +86,13 @@ def plan(
 
 
 def _reached(table: ReachTable, diameter_mm: float, depth_mm: float) -> float:
-    reach = table(diameter_mm, depth_mm)
-    if reach == 0:
+    extent = table(diameter_mm, depth_mm)
+    if extent == 0:
         raise InputError(
             f"--reach must find an inclusion of {diameter_mm:g} mm, {depth_mm:g} mm deep, somewhere; it finds it "
             "nowhere: choose a larger or a shallower one"
         )
-    return reach
+    return extent
 
 
 def _document(
@@ -120,11 +120,11 @@ def _table(found: ScanPlan, seconds: float) -> Table:
     table = Table(title=f"{found.width_mm:g} mm x {found.height_mm:g} mm, face of {2 * found.radius_mm:g} mm")
     for head in ("", "across", "along"):
         table.add_column(head)
-    across, along = found.overlap
+    span, along = found.overlap
     table.add_row("strips; presses a strip", str(found.strips), str(found.presses_a_strip))
     table.add_row("spacing / mm", f"{found.strip_spacing_mm:.2f}", f"{found.press_spacing_mm:.2f}")
-    table.add_row("overlap of neighbours", f"{across:.0%}", f"{along:.0%}")
-    table.add_row("face beyond the area / mm", *(f"{one:.1f}" for one in found.overhang_mm))
+    table.add_row("overlap of neighbours", f"{span:.0%}", f"{along:.0%}")
+    table.add_row("face beyond the area / mm", *(f"{item:.1f}" for item in found.overhang_mm))
     table.add_row("presses", str(found.presses), "")
     table.add_row("time", f"{seconds / 60:.1f} min", "")
     table.add_row("farthest from any press / mm", f"{found.worst_distance_mm:.2f}", "")
@@ -160,7 +160,7 @@ def _draw(found: ScanPlan, reach_mm: float | None) -> Figure:
     from tsis.plots import draw_scan_plan as draw_plan
 
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
-    ax = draw_plan(found, figure.subplots(), reach_mm=reach_mm)
+    ax = draw_plan(found, figure.subplots(), extent_mm=reach_mm)
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
     figure.suptitle(f"{found.presses} presses in {found.strips} strips. {RESEARCH_USE_ONLY}", fontsize=8)
     return figure

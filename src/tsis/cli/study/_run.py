@@ -51,7 +51,7 @@ def run(
             study,
             operator=operator,
             seed=seed,
-            keep=store,
+            save=store,
             preparing=preparing,
             progress=advance,
             ended=ended.is_set,
@@ -103,8 +103,8 @@ def import_(
     after = import_readings(study, readings, device=device, threshold=threshold)
     entered = len(after.readings) - len(study.readings)
     if as_json:
-        told = {"folder": str(folder.resolve()), "device": device, "threshold": after.threshold_of(device)}
-        print_json(envelope("study import", **told, entered=entered, head=after.chain.head))
+        entries = {"folder": str(folder.resolve()), "device": device, "threshold": after.threshold_of(device)}
+        print_json(envelope("study import", **entries, entered=entered, head=after.chain.head))
         return
     console = people()
     console.print(

@@ -48,7 +48,7 @@ def show(
                 probe=plan.probe,
                 forces_n=list(plan.forces_n),
                 threshold=plan.threshold,
-                readings=[_row(*each) for each in _tally(study)],
+                readings=[_row(*item) for item in _tally(study)],
                 next_code=left[0][0] if left else None,
                 left=len(left),
                 unblinded=None if by is None else {"moment": by.moment, "by": by.actor},
@@ -64,8 +64,8 @@ def show(
         markup=False,
     )
     table = Table("device", "operator", "readings", "undecided")
-    for one, who, count, undecided in _tally(study):
-        table.add_row(escape(one), escape(who), str(count), str(undecided))
+    for item, who, count, undecided in _tally(study):
+        table.add_row(escape(item), escape(who), str(count), str(undecided))
     console.print(table)
     if by is not None:
         console.print(f"Unblinded {one_line(f'{by.moment} by {by.actor}')}: no more readings are taken.", markup=False)
@@ -78,9 +78,9 @@ def show(
 
 
 def _tally(study: Study) -> list[tuple[str, str, int, int]]:
-    made = Counter((each.device, each.operator) for each in study.readings)
-    undecided = Counter((each.device, each.operator) for each in study.readings if each.undecided)
-    return [(device, operator, count, undecided[device, operator]) for (device, operator), count in made.items()]
+    counter = Counter((reading.device, reading.operator) for reading in study.readings)
+    undecided = Counter((reading.device, reading.operator) for reading in study.readings if reading.undecided)
+    return [(device, operator, count, undecided[device, operator]) for (device, operator), count in counter.items()]
 
 
 def _row(device: str, operator: str, count: int, undecided: int) -> dict[str, Any]:
@@ -107,22 +107,22 @@ def verify(
     from tsis.study import open_study
     from tsis.study import verify_study as verification
 
-    found = verification(folder, head=head)
+    result = verification(folder, head=head)
     if as_json:
-        print_json(envelope("study verify", folder=str(folder.resolve()), **study_verification_document(found)))
+        print_json(envelope("study verify", folder=str(folder.resolve()), **study_verification_document(result)))
     else:
         console = people()
-        for fault in found.faults:
+        for fault in result.faults:
             console.print(f"- {fault}", markup=False, soft_wrap=True)
-        if found.sound:
+        if result.sound:
             console.print(
-                f"Study {open_study(folder).plan.name} is as it was written, all {found.lines} lines.", markup=False
+                f"Study {open_study(folder).plan.name} is as it was written, all {result.lines} lines.", markup=False
             )
         else:
-            console.print(f"{len(found.faults)} places differ from what was written.")
-        if found.unblinded:
-            console.print(f"Unblinded {found.unblinded}.", markup=False)
-        console.print(f"Head: {found.head}", soft_wrap=True)
+            console.print(f"{len(result.faults)} places differ from what was written.")
+        if result.unblinded:
+            console.print(f"Unblinded {result.unblinded}.", markup=False)
+        console.print(f"Head: {result.head}", soft_wrap=True)
         print_notice(console)
-    if not found.sound:
+    if not result.sound:
         raise typer.Exit(UNSOUND)

@@ -47,13 +47,13 @@ def problem(status: int, sentence: str, kind: str, headers: Any = None) -> JSONR
 
 def kind_of(error: errors.TsisError) -> str:
     """The name of its class, one of `tsis.errors`."""
-    return next(each.__name__ for each in type(error).__mro__ if each.__module__ == errors.__name__)
+    return next(item.__name__ for item in type(error).__mro__ if item.__module__ == errors.__name__)
 
 
 def message_of(faults: Sequence[Any]) -> str:
     """What is wrong with a request, from the first thing that pydantic found: name, requirement, value received."""
     first = faults[0]
-    where, *names = (str(each) for each in first["loc"])
+    where, *names = (str(item) for item in first["loc"])
     name = ".".join(names) if names and first["type"] != "json_invalid" else f"the {where}"
     requirement = str(first["msg"]).removeprefix("Value error, ")
     more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
@@ -82,8 +82,8 @@ def _of_request(_: Request, error: Exception) -> JSONResponse:
 
 def _of_http(_: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
-    sentence = MESSAGES.get(HTTPStatus(error.status_code), str(error.detail))
-    return problem(error.status_code, sentence, HTTPException.__name__, error.headers)
+    message = MESSAGES.get(HTTPStatus(error.status_code), str(error.detail))
+    return problem(error.status_code, message, HTTPException.__name__, error.headers)
 
 
 def _of_program(_: Request, error: Exception) -> JSONResponse:

@@ -42,9 +42,9 @@ PageOfList = Annotated[PageQuery, Query()]
 
 async def bench_of(request: Request) -> Instrument:
     """The bench that the application is of."""
-    bench: Any = request.app.state.bench
-    assert isinstance(bench, Instrument)
-    return bench
+    instrument: Any = request.app.state.bench
+    assert isinstance(instrument, Instrument)
+    return instrument
 
 
 async def reports_of(request: Request) -> Reports:

@@ -43,28 +43,28 @@ def target_item(target: Target) -> TargetItem:
 
 def estimate_item(stored: StoredEstimate, truth: Mapping[str, float] | None = None) -> EstimateItem:
     """A stored estimate with the truth beside its parameters, where all of them are known."""
-    plain = estimate_to_plain(stored)
-    made = plain.pop("estimate")
+    reference = estimate_to_plain(stored)
+    created = reference.pop("estimate")
     beside = None if truth is None or not set(stored.estimate.samples) <= set(truth) else truth
     document = estimate_document(stored.estimate, beside)
-    return EstimateItem(**{**plain, **document, "provenance": made["provenance"]})
+    return EstimateItem(**{**reference, **document, "provenance": created["provenance"]})
 
 
 def camera_items(found: Iterable[CameraInfo]) -> list[CameraInfoItem]:
     """The cameras that answered."""
-    return [CameraInfoItem(**asdict(each), spec=each.spec) for each in found]
+    return [CameraInfoItem(**asdict(item), spec=item.spec) for item in found]
 
 
 def job_result(result: Any, store: Store) -> JobResult | None:
     """What a job returned; None before it is done, and where the pages alone know what it is."""
     match result:
         case StoredEstimate():
-            truths = (each.target.truth for each in store.targets() if each.target.id == result.target)
+            truths = (target.target.truth for target in store.targets() if target.target.id == result.target)
             return EstimateResult(estimate=estimate_item(result, next(truths, None)))
         case CameraListing():
             return SearchResult(found=camera_items(result.found), missing=dict(result.missing))
         case (Recomputation(), *_):
-            return RecomputeResult(recomputations=[_recomputation(each) for each in result])
+            return RecomputeResult(recomputations=[_recomputation(item) for item in result])
         case {"folder": str(folder), "report": dict(report)}:
             return SequenceResult(folder=folder, report=RecordingItem(**report))
         case _:

@@ -60,14 +60,14 @@ def get_state(bench: TheBench, caller: Caller = None) -> StateResponse:
 @state_router.get("/sight", operation_id="get_sight")
 def get_frame_analysis(bench: TheBench) -> FrameAnalysisResponse:
     """Tell what the newest frame shows: contact, force, stillness, flags, grey histogram and exposure."""
-    sight = bench.sight
-    return FrameAnalysisResponse(sight=None if sight is None else FrameAnalysisItem.model_validate(sight))
+    analysis = bench.sight
+    return FrameAnalysisResponse(sight=None if analysis is None else FrameAnalysisItem.model_validate(analysis))
 
 
 def state_answer(bench: Instrument, caller: str | None) -> StateResponse:
     """The whole state; what identifies the holder is told to nobody."""
     state = bench.state()
-    held = state.holder
+    stored = state.holder
     return StateResponse(
         camera=CameraItem.model_validate(state.camera),
         target=state.target,
@@ -77,7 +77,7 @@ def state_answer(bench: Instrument, caller: str | None) -> StateResponse:
         calibration=state.calibration,
         calibration_identity=state.calibration_identity,
         sight=None if state.sight is None else FrameAnalysisItem.model_validate(state.sight),
-        holder=None if held is None else OwnerItem(name=held.name, yours=held.identity == caller),
+        holder=None if stored is None else OwnerItem(name=stored.name, yours=stored.identity == caller),
         sequence=None if state.sequence is None else JobItem(**asdict(state.sequence)),
         jobs=[JobItem(**asdict(job)) for job in state.jobs],
         trouble=list(state.trouble),
@@ -119,7 +119,7 @@ def get_settings(bench: TheBench) -> SettingsResponse:
 @camera_router.patch("/settings", operation_id="change_settings", responses={**OF_ACTS, **OF_BODIES})
 def change_settings(bench: TheBench, given: SettingsRequest, by: Acting) -> SettingsResponse:
     """Change settings; none when one of them is unknown or outside its range."""
-    present = {each.name: each for each in bench.desk.settings()}
+    present = {setting.name: setting for setting in bench.desk.settings()}
     if not present:
         raise CameraError("the camera must run to be adjusted; it is stopped or away (start it)")
     for name, value in given.values.items():
@@ -137,7 +137,7 @@ def apply_preset(bench: TheBench, given: PresetRequest, by: Acting) -> SettingsR
 
 
 def _settings(bench: Instrument) -> SettingsResponse:
-    return SettingsResponse(settings=[SettingItem.model_validate(each) for each in bench.desk.settings()])
+    return SettingsResponse(settings=[SettingItem.model_validate(setting) for setting in bench.desk.settings()])
 
 
 cameras_router = APIRouter(prefix="/cameras", tags=["camera"])
@@ -146,10 +146,10 @@ cameras_router = APIRouter(prefix="/cameras", tags=["camera"])
 @cameras_router.get("", operation_id="list_cameras")
 def list_cameras(bench: TheBench) -> CamerasResponse:
     """List the cameras that the last search found; the virtual probe is always there."""
-    found = bench.search.findings
-    if found is None:
+    result = bench.search.findings
+    if result is None:
         return CamerasResponse(searched=False, found=[], missing={})
-    return CamerasResponse(searched=True, found=camera_items(found.found), missing=dict(found.missing))
+    return CamerasResponse(searched=True, found=camera_items(result.found), missing=dict(result.missing))
 
 
 @cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)
@@ -169,8 +169,8 @@ async def take_control(bench: TheBench, given: ControlRequest, caller: Caller = 
     count. Answers 409 when somebody else holds it and `over` is false.
     """
     require_label("name", given.name)
-    held = bench.control.holder()
-    identity = held.identity if held is not None and held.identity == caller else uuid.uuid4().hex
+    stored = bench.control.holder()
+    identity = stored.identity if stored is not None and stored.identity == caller else uuid.uuid4().hex
     bench.control.take(identity, given.name, over=given.over, held_s=given.held_s)
     return ControlResponse(identity=identity, name=given.name, held_s=given.held_s)
 
@@ -208,14 +208,14 @@ def take_snapshot(
     bench: TheBench, by: Acting, given: Annotated[SnapshotRequest | None, Body()] = None
 ) -> SavedPressResponse:
     """Keep the press as it is seen now: its files, and the press in the store; when this answers, both last."""
-    kept = bench.snapshot(by=by, map_name=(given or SnapshotRequest()).map_name)
-    files = {name: str(path.resolve()) for name, path in asdict(kept.files).items()}
+    saved = bench.snapshot(by=by, map_name=(given or SnapshotRequest()).map_name)
+    files = {name: str(path.resolve()) for name, path in asdict(saved.files).items()}
     return SavedPressResponse(
-        target=kept.target.number,
-        press=press_item(kept.press),
+        target=saved.target.number,
+        press=press_item(saved.press),
         files=FilesItem(**files),
-        flags=[FlagItem.model_validate(flag) for flag in kept.flags],
-        notes=list(kept.notes),
+        flags=[FlagItem.model_validate(flag) for flag in saved.flags],
+        notes=list(saved.notes),
     )
 
 
@@ -243,17 +243,17 @@ def get_frame_png(bench: TheBench) -> Response:
 
     It was begun after the last change of a setting or a press. Answers 503 while the camera is stopped or away.
     """
-    arrival = bench.desk.fresh()
-    levels = whole_levels(arrival.frame.pixels, arrival.frame.full_scale)
-    return _sent(arrival, cv2.imencode(".png", levels, QUICK_PNG)[1].tobytes(), "image/png")
+    received = bench.desk.fresh()
+    levels = whole_levels(received.frame.pixels, received.frame.full_scale)
+    return _sent(received, cv2.imencode(".png", levels, QUICK_PNG)[1].tobytes(), "image/png")
 
 
 @frames_router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))
 def get_frame_jpg(bench: TheBench, quality: Quality = 85) -> Response:
     """Send the newest frame as a small picture of 8 bits, for the eye."""
-    arrival = bench.desk.fresh()
-    content = cv2.imencode(".jpg", display_levels(arrival), [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-    return _sent(arrival, content, "image/jpeg")
+    received = bench.desk.fresh()
+    content = cv2.imencode(".jpg", display_levels(received), [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    return _sent(received, content, "image/jpeg")
 
 
 def _sent(arrival: ReceivedFrame, content: bytes, kind: str) -> Response:

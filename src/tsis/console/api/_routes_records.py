@@ -67,16 +67,16 @@ targets_router = APIRouter(prefix="/targets", tags=["records"])
 @targets_router.get("", operation_id="list_targets")
 def list_targets(bench: TheBench, page: PageOfList) -> TargetsResponse:
     """List the targets of the store by number."""
-    found = bench.store.targets()
-    part = found[page.offset : page.offset + page.limit]
+    result = bench.store.targets()
+    part = result[page.offset : page.offset + page.limit]
     return TargetsResponse(
-        total=len(found),
+        total=len(result),
         offset=page.offset,
         targets=[
             TargetSummaryItem(
-                target=target_item(each.target), presses=each.presses, estimates=each.estimates, last=each.last
+                target=target_item(item.target), presses=item.presses, estimates=item.estimates, last=item.last
             )
-            for each in part
+            for item in part
         ],
     )
 
@@ -110,7 +110,7 @@ def list_presses(bench: TheBench, number: TargetNumber, page: PageOfList) -> Pre
         target=number,
         total=bench.store.press_count(target),
         offset=page.offset,
-        presses=[press_item(each) for each in bench.store.presses(target, limit=page.limit, offset=page.offset)],
+        presses=[press_item(press) for press in bench.store.presses(target, limit=page.limit, offset=page.offset)],
     )
 
 
@@ -134,12 +134,12 @@ estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
 def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesResponse:
     """List the estimates of a target in the order in which they were made."""
     target = find_target(bench, number)
-    dossier = bench.store.dossier(target, limit=0)
+    record = bench.store.dossier(target, limit=0)
     return EstimatesResponse(
         target=number,
-        in_force=[each.id for each in dossier.in_force],
-        estimates=[estimate_item(each, target.truth) for each in dossier.estimates],
-        damaged=list(dossier.damaged),
+        in_force=[item.id for item in record.in_force],
+        estimates=[estimate_item(estimate, target.truth) for estimate in record.estimates],
+        damaged=list(record.damaged),
     )
 
 
@@ -192,11 +192,11 @@ def get_report_pdf(bench: TheBench, reports: TheReports, number: TargetNumber) -
 
 def _options(given: EstimateRequest) -> dict[str, Any]:
     """Options as a stored estimate keeps them: a prior whole, so that a later release knows what was believed."""
-    asked = given.model_dump(exclude={"kind", "presses"}, exclude_none=True)
-    if "prior" in asked:
-        prior = PRIORS[given.kind](**{name: _pair(value) for name, value in asked["prior"].items()})
-        asked["prior"] = asdict(prior)
-    return asked
+    requested = given.model_dump(exclude={"kind", "presses"}, exclude_none=True)
+    if "prior" in requested:
+        prior = PRIORS[given.kind](**{name: _pair(value) for name, value in requested["prior"].items()})
+        requested["prior"] = asdict(prior)
+    return requested
 
 
 def _pair(value: Any) -> Any:
@@ -218,10 +218,10 @@ def get_calibration(bench: TheBench) -> CalibrationResponse:
 )
 def get_calibration_file(bench: TheBench) -> Response:
     """Send the calibration in force as its file, which `PUT /v1/calibration` takes again."""
-    known = bench.calibration
-    if known is None:
+    given = bench.calibration
+    if given is None:
         raise AbsentError("a calibration must be in force to be sent; there is none")
-    return Response(calibration_bytes(known.known), media_type="application/json")
+    return Response(calibration_bytes(given.known), media_type="application/json")
 
 
 @calibration_router.put(
@@ -259,9 +259,9 @@ async def _uploaded(request: Request) -> bytes:
 
 
 def _use(bench: Instrument, content: bytes, by: str) -> None:
-    known = parse_calibration(content, "the calibration")
-    known.require_usable(datetime.now(UTC))
-    bench.use_calibration(UsableCalibration(known=known, identity=calibration_sha256(known)), by=by)
+    calibration = parse_calibration(content, "the calibration")
+    calibration.require_usable(datetime.now(UTC))
+    bench.use_calibration(UsableCalibration(known=calibration, identity=calibration_sha256(calibration)), by=by)
 
 
 def _answer(bench: Instrument) -> CalibrationResponse:

@@ -43,8 +43,8 @@ def client_identity(connection: HTTPConnection) -> ClientIdentity:
     --------
     In a page: ``client_identity(ui.context.client.request).name``.
     """
-    found = connection.scope.get("state", {}).get(CLIENT)
-    return found if isinstance(found, ClientIdentity) else ClientIdentity()
+    result = connection.scope.get("state", {}).get(CLIENT)
+    return result if isinstance(result, ClientIdentity) else ClientIdentity()
 
 
 Headers = list[tuple[bytes, bytes]]
@@ -60,18 +60,18 @@ _FORWARDED = (b"forwarded", b"x-forwarded-", b"x-real-ip", b"x-original-", b"x-r
 
 def headers_of(scope: Scope) -> dict[str, str]:
     """The headers by their names in lower case."""
-    found: dict[str, str] = {}
+    document: dict[str, str] = {}
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
         between = "; " if name == "cookie" else ", "
-        found[name] = f"{found[name]}{between}{value}" if name in found else value
-    return found
+        document[name] = f"{document[name]}{between}{value}" if name in document else value
+    return document
 
 
 def is_repeated(scope: Scope) -> bool:
     """Whether a header that counts here is there more than once."""
     names = [name.lower() for name, _ in scope["headers"]]
-    return any(names.count(each) > 1 for each in ONCE)
+    return any(names.count(item) > 1 for item in ONCE)
 
 
 def is_plain_path(path: str) -> bool:
@@ -92,8 +92,8 @@ def name_of(host: str) -> str:
     >>> name_of("LocalHost:8642"), name_of("[::1]:8642"), name_of("localhost:8642@evil.example")
     ('localhost', '[::1]', '')
     """
-    found = _HOST.fullmatch(host)
-    return found[1].lower() if found else ""
+    match = _HOST.fullmatch(host)
+    return match[1].lower() if match else ""
 
 
 def is_known(host: str, *, names: Collection[str], local: str) -> bool:
@@ -124,9 +124,9 @@ def _same_address(name: str, local: str) -> bool:
 
 
 def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
-    found = ipaddress.ip_address(text.partition("%")[0])
-    mapped = found.ipv4_mapped if isinstance(found, ipaddress.IPv6Address) else None
-    return mapped or found
+    result = ipaddress.ip_address(text.partition("%")[0])
+    mapped = result.ipv4_mapped if isinstance(result, ipaddress.IPv6Address) else None
+    return mapped or result
 
 
 BEARER = "bearer "
@@ -205,6 +205,6 @@ def cookie_of(header: str, name: str) -> str:
     >>> cookie_of("theme=dark; tsis-console-8642=abc; broken", "tsis-console-8642")
     'abc'
     """
-    pairs = (each.strip().partition("=") for each in header.split(";"))
-    values = [value for each, _, value in pairs if each == name]
+    pairs = (part.strip().partition("=") for part in header.split(";"))
+    values = [value for item, _, value in pairs if item == name]
     return values[0] if len(values) == 1 else ""  # two: somebody planted another one

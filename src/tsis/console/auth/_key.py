@@ -75,16 +75,16 @@ def _unreadable(path: Path, error: OSError) -> FileInputError:
     return FileInputError(f"{path} must be a file that can be read; got: {error.strerror or error}")
 
 
-def _require_private(path: Path, found: os.stat_result) -> None:
-    if not stat.S_ISREG(found.st_mode):
+def _require_private(path: Path, result: os.stat_result) -> None:
+    if not stat.S_ISREG(result.st_mode):
         raise FileInputError(f"{path} must be a plain file; got something else")
     if os.name != "posix":  # elsewhere folders of users are closed to others, and modes say nothing
         return
-    if found.st_mode & OTHERS:
-        mode = stat.S_IMODE(found.st_mode)
+    if result.st_mode & OTHERS:
+        mode = stat.S_IMODE(result.st_mode)
         raise FileInputError(f"{path} must be readable by its owner alone; got mode {mode:04o} (chmod 600 {path})")
-    if found.st_uid != os.geteuid():
-        raise FileInputError(f"{path} must belong to user {os.geteuid()}; got user {found.st_uid}")
+    if result.st_uid != os.geteuid():
+        raise FileInputError(f"{path} must belong to user {os.geteuid()}; got user {result.st_uid}")
 
 
 BYTES = 32

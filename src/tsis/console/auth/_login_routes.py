@@ -36,18 +36,18 @@ KEY_NEEDED = "Open the address that tsis console printed when it was started: it
 
 
 def refusal(
-    sentence: str, status: HTTPStatus, *, asked: Mapping[str, str], others: Mapping[str, str] | None = None
+    message: str, status: HTTPStatus, *, requested: Mapping[str, str], others: Mapping[str, str] | None = None
 ) -> Response:
     """One sentence: a page for browsers, text for the rest."""
-    if "text/html" in asked.get("accept", ""):
+    if "text/html" in requested.get("accept", ""):
         again = '<p><a href="">Try again</a></p>' if status == HTTPStatus.UNAUTHORIZED else ""
-        return _page("tsis console", f"<p>{escape(sentence)}</p>{again}", status, others)
-    return PlainTextResponse(sentence, status, headers=dict(others or {}))
+        return _page("tsis console", f"<p>{escape(message)}</p>{again}", status, others)
+    return PlainTextResponse(message, status, headers=dict(others or {}))
 
 
 async def failed(request: Request, _: Exception) -> Response:
     """Answer a request that failed; the error itself goes into the log."""
-    return refusal(FAILED, HTTPStatus.INTERNAL_SERVER_ERROR, asked=request.headers)
+    return refusal(FAILED, HTTPStatus.INTERNAL_SERVER_ERROR, requested=request.headers)
 
 
 def login_page(
@@ -59,19 +59,19 @@ def login_page(
         "Name": 'name="name" autocomplete="username" autocapitalize="none" spellcheck="false" maxlength="40" autofocus',
         "Password": 'name="password" type="password" autocomplete="current-password" maxlength="1024"',
     }
-    asked = "".join(f"<label>{label}<input {field} required></label>" for label, field in fields.items())
-    kept = f'<input type="hidden" name="then" value="{escape(then)}">'
-    form = f'<form method="post" action="{LOGIN}">{alert}{kept}{asked}<button>Log in</button></form>'
+    requested = "".join(f"<label>{label}<input {field} required></label>" for label, field in fields.items())
+    saved = f'<input type="hidden" name="then" value="{escape(then)}">'
+    form = f'<form method="post" action="{LOGIN}">{alert}{saved}{requested}<button>Log in</button></form>'
     return _page("Log in to the console", form, status, others)
 
 
-def onward(address: str, *, asked: Mapping[str, str], others: Mapping[str, str]) -> Response:
+def onward(address: str, *, requested: Mapping[str, str], others: Mapping[str, str]) -> Response:
     """Send somebody on to a path of this console.
 
     Who was led here by a page of another place would be sent on without the cookie, for browsers keep a strict one
     from all that another place has begun. So a page of the console itself sends him on.
     """
-    if asked.get("sec-fetch-site", "none") in ("none", "same-origin"):
+    if requested.get("sec-fetch-site", "none") in ("none", "same-origin"):
         return RedirectResponse(address, HTTPStatus.SEE_OTHER, headers=dict(others))
     link = f'<p><a href="{escape(address)}">Go on to the console</a></p>'
     return _page("tsis console", link, HTTPStatus.OK, {**others, "refresh": f"0; url={address}"})
@@ -98,8 +98,8 @@ def local_address(text: str) -> str:
     >>> local_address("/records/3?sort=name"), local_address("//evil.example/"), local_address("https://evil.example")
     ('/records/3?sort=name', '/', '/')
     """
-    plain = text.isprintable() and "\\" not in text
-    return text if plain and text.startswith("/") and not text.startswith("//") else "/"
+    reference = text.isprintable() and "\\" not in text
+    return text if reference and text.startswith("/") and not text.startswith("//") else "/"
 
 
 def _page(title: str, content: str, status: HTTPStatus, others: Mapping[str, str] | None) -> Response:
@@ -131,8 +131,8 @@ class AuthRoutes:
         Counts tries.
     """
 
-    def __init__(self, access: Access, *, attempts: LoginRateLimiter | None = None) -> None:
-        self._access, self._attempts = access, attempts or LoginRateLimiter()
+    def __init__(self, access: Access, *, tries: LoginRateLimiter | None = None) -> None:
+        self._access, self._attempts = access, tries or LoginRateLimiter()
         self._hashing = asyncio.Semaphore(AT_ONCE)
 
     async def answer(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> Response:
@@ -141,13 +141,16 @@ class AuthRoutes:
         if method not in ("GET", "HEAD", "POST"):
             allowed = {"allow": "GET, HEAD, POST"}
             return refusal(
-                "This can be read or sent, nothing else.", HTTPStatus.METHOD_NOT_ALLOWED, asked=headers, others=allowed
+                "This can be read or sent, nothing else.",
+                HTTPStatus.METHOD_NOT_ALLOWED,
+                requested=headers,
+                others=allowed,
             )
         if scope["path"] == LOGOUT:
             return await self._logout(headers, leaves=method == "POST")
         logins = self._access.logins
         if logins is None:
-            return refusal(KEY_NEEDED, HTTPStatus.UNAUTHORIZED, asked=headers)
+            return refusal(KEY_NEEDED, HTTPStatus.UNAUTHORIZED, requested=headers)
         if method != "POST":
             query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
             return login_page(then=local_address(query.get("then", ["/"])[0]))
@@ -157,22 +160,22 @@ class AuthRoutes:
         form = await _form(request)
         if form is None:
             return refusal(
-                "A name and a password are neither so long nor so slow.", HTTPStatus.BAD_REQUEST, asked=headers
+                "A name and a password are neither so long nor so slow.", HTTPStatus.BAD_REQUEST, requested=headers
             )
         name, then = form.get("name", ""), local_address(form.get("then", "/"))
         address = "" if request.client is None else request.client.host
         wait_s = self._attempts.wait_s(address)
         if wait_s:
-            told = f"Too many tries: the next one may be made in {_spoken(wait_s)}."
+            reported = f"Too many tries: the next one may be made in {_spoken(wait_s)}."
             after = {"retry-after": str(math.ceil(wait_s))}
-            return login_page(then=then, wrong=told, status=HTTPStatus.TOO_MANY_REQUESTS, others=after)
+            return login_page(then=then, wrong=reported, status=HTTPStatus.TOO_MANY_REQUESTS, others=after)
         try:
             async with self._hashing:
                 login = await asyncio.to_thread(logins.check, name, form.get("password", ""))
         except FileInputError as error:
             _log.error("nobody can log in: %s", error)
             return refusal(
-                "Nobody can log in: the logins cannot be read.", HTTPStatus.SERVICE_UNAVAILABLE, asked=headers
+                "Nobody can log in: the logins cannot be read.", HTTPStatus.SERVICE_UNAVAILABLE, requested=headers
             )
         if login is None:
             _log.warning("a login from %s failed", address)

@@ -137,18 +137,18 @@ class Logins:
     def _read(self) -> dict[str, Login]:
         with self._lock:
             try:
-                found = self._path.stat()
+                result = self._path.stat()
             except OSError:
                 self._seen, self._known = None, {}
                 return self._known
-            seen = (found.st_mtime_ns, found.st_ino, found.st_mode)
-            if seen != self._seen:
+            observed = (result.st_mtime_ns, result.st_ino, result.st_mode)
+            if observed != self._seen:
                 self._known = _logins(self._path)
-                self._seen = seen
+                self._seen = observed
             return self._known
 
     def _write(self, logins: dict[str, Login]) -> None:
-        content = json.dumps({"logins": [asdict(each) for each in logins.values()]}, indent=1)
+        content = json.dumps({"logins": [asdict(login) for login in logins.values()]}, indent=1)
         write_private(self._path, content.encode())
 
 
@@ -157,12 +157,12 @@ def _logins(path: Path) -> dict[str, Login]:
     if content is None:
         return {}
     try:
-        logins = [_login(**each) for each in json.loads(content)["logins"]]
+        logins = [_login(**load) for load in json.loads(content)["logins"]]
     except (ValueError, TypeError, KeyError) as error:
         raise FileInputError(
             f"{path} must hold the console's logins; it is damaged (remove it and add them again)"
         ) from error
-    return {each.name: each for each in logins}
+    return {login.name: login for login in logins}
 
 
 def _login(*, name: str, hash: str, given: str) -> Login:  # noqa: A002 - as in the file

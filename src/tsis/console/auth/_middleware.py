@@ -133,11 +133,11 @@ def with_safe_headers(send: Send, nonce: str, *, tls: bool, host: str) -> Send:
     async def guarded(message: Message) -> None:
         if message["type"] in ("http.response.start", "websocket.http.response.start"):
             added = {name.encode(): value.encode() for name, value in own.items()}
-            kept = [(name, value) for name, value in message.get("headers", []) if name.lower() not in added]
-            names = {name.lower() for name, _ in kept}
+            saved = [(name, value) for name, value in message.get("headers", []) if name.lower() not in added]
+            names = {name.lower() for name, _ in saved}
             if b"cache-control" not in names:
-                kept.append((b"cache-control", b"no-cache" if b"etag" in names else b"no-store"))
-            message["headers"] = [*kept, *added.items()]
+                saved.append((b"cache-control", b"no-cache" if b"etag" in names else b"no-store"))
+            message["headers"] = [*saved, *added.items()]
         await send(message)
 
     return guarded
@@ -209,10 +209,10 @@ class AuthMiddleware:
     """
 
     def __init__(
-        self, inner: ASGIApp, *, access: Access, hosts: Collection[str], attempts: LoginRateLimiter | None = None
+        self, inner: ASGIApp, *, access: Access, hosts: Collection[str], tries: LoginRateLimiter | None = None
     ) -> None:
         self._inner, self._access, self._hosts = inner, access, frozenset(name.lower() for name in hosts)
-        self._desk, self._sockets = AuthRoutes(access, attempts=attempts), OpenSockets()
+        self._desk, self._sockets = AuthRoutes(access, tries=tries), OpenSockets()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse, let in, or pass on."""
@@ -226,48 +226,48 @@ class AuthMiddleware:
         nonce = secrets.token_urlsafe(16)
         headers = headers_of(scope)
         safe = with_safe_headers(send, nonce, tls=self._access.secure, host=headers.get("host", ""))
-        found = await self._judged(scope, receive, headers)
-        if not isinstance(found, ClientIdentity):
-            await _refuse(found, scope, receive, safe)
+        result = await self._judged(scope, receive, headers)
+        if not isinstance(result, ClientIdentity):
+            await _refuse(result, scope, receive, safe)
         elif scope["type"] == "websocket":
-            await self._pass_socket(_marked(scope, found), receive, send, headers)
+            await self._pass_socket(_marked(scope, result), receive, send, headers)
         else:
-            await self._pass(_marked(scope, found), receive, with_nonce(safe, nonce), safe)
+            await self._pass(_marked(scope, result), receive, with_nonce(safe, nonce), safe)
 
     async def _judged(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> ClientIdentity | Response:
         """Who may pass, or what is answered instead."""
         if is_repeated(scope) or not is_plain_path(scope["path"]):
-            return refusal("This request is not in good form.", HTTPStatus.BAD_REQUEST, asked=headers)
+            return refusal("This request is not in good form.", HTTPStatus.BAD_REQUEST, requested=headers)
         local = (scope.get("server") or ("",))[0]
         if not is_known(headers.get("host", ""), names=self._hosts, local=local):
-            sentence = "This console is not called by that name (tsis console --allow-host adds one)."
-            return refusal(sentence, HTTPStatus.MISDIRECTED_REQUEST, asked=headers)
+            message = "This console is not called by that name (tsis console --allow-host adds one)."
+            return refusal(message, HTTPStatus.MISDIRECTED_REQUEST, requested=headers)
         if not is_own_origin(scope, headers):
-            return refusal("Pages of other places may not use this console.", HTTPStatus.FORBIDDEN, asked=headers)
+            return refusal("Pages of other places may not use this console.", HTTPStatus.FORBIDDEN, requested=headers)
         if announced_bytes(headers) > LARGEST_BYTES:
-            return refusal(TOO_LARGE, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, asked=headers)
+            return refusal(TOO_LARGE, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, requested=headers)
         if scope["type"] == "http" and scope["path"] in PLACES:
             return await self._desk.answer(scope, receive, headers)
-        visitor = self._access.visitor(headers)
+        client = self._access.visitor(headers)
         given, address = _key_and_rest(scope)
         opens = scope["type"] == "http" and scope["method"] == "GET"
         if opens and given and self._access.is_token(given):  # who is in already shall not keep the key on display
-            others = {"set-cookie": self._access.cookie()} if visitor is None else {}
-            return onward(address, asked=headers, others=others)
-        if visitor is None:
+            others = {"set-cookie": self._access.cookie()} if client is None else {}
+            return onward(address, requested=headers, others=others)
+        if client is None:
             return self._refused(opens, address, headers)
         if scope["type"] == "websocket" and self._sockets.full:
-            return refusal("Too many pages are open.", HTTPStatus.SERVICE_UNAVAILABLE, asked=headers)
-        return visitor
+            return refusal("Too many pages are open.", HTTPStatus.SERVICE_UNAVAILABLE, requested=headers)
+        return client
 
     def _refused(self, opens: bool, address: str, headers: Mapping[str, str]) -> Response:
         """Say where the door is."""
         if opens and self._access.logins is not None and "text/html" in headers.get("accept", ""):
             return RedirectResponse(f"{LOGIN}?{urlencode({'then': address})}", HTTPStatus.SEE_OTHER)
         needed = {"www-authenticate": "Bearer"}
-        return refusal(KEY_NEEDED, HTTPStatus.UNAUTHORIZED, asked=headers, others=needed)
+        return refusal(KEY_NEEDED, HTTPStatus.UNAUTHORIZED, requested=headers, others=needed)
 
-    async def _pass(self, scope: Scope, receive: Receive, send: Send, plain: Send) -> None:
+    async def _pass(self, scope: Scope, receive: Receive, send: Send, reference: Send) -> None:
         body = CappedBody(receive, send)
         try:
             await self._inner(scope, body.receive, body.send)
@@ -276,8 +276,8 @@ class AuthMiddleware:
                 _log.exception("%s %s failed", scope["method"], scope["path"])
         if not body.answered:
             large = body.too_large
-            sentence, status = (TOO_LARGE, 413) if large else (FAILED, 500)
-            await refusal(sentence, HTTPStatus(status), asked=headers_of(scope))(scope, receive, plain)
+            message, status = (TOO_LARGE, 413) if large else (FAILED, 500)
+            await refusal(message, HTTPStatus(status), requested=headers_of(scope))(scope, receive, reference)
 
     async def _pass_socket(self, scope: Scope, receive: Receive, send: Send, headers: Mapping[str, str]) -> None:
         def stays() -> bool:
@@ -301,14 +301,14 @@ def _key_and_rest(scope: Scope) -> tuple[str, str]:
     return given, local_address(quote(scope["path"]) + (f"?{rest}" if rest else ""))
 
 
-def _marked(scope: Scope, visitor: ClientIdentity) -> Scope:
+def _marked(scope: Scope, client_identity: ClientIdentity) -> Scope:
     """The scope as those behind the gate see it."""
-    state = {**scope.get("state", {}), CLIENT: visitor}
+    state = {**scope.get("state", {}), CLIENT: client_identity}
     return {**scope, "headers": without_forwarded(scope["headers"]), "state": state}
 
 
-async def _refuse(answer: Response, scope: Scope, receive: Receive, send: Send) -> None:
+async def _refuse(response: Response, scope: Scope, receive: Receive, send: Send) -> None:
     if scope["type"] == "http" or DENIAL in scope.get("extensions", {}):
-        await answer(scope, receive, send)
+        await response(scope, receive, send)
     else:
         await send({"type": "websocket.close", "code": POLICY_VIOLATION})

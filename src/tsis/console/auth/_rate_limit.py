@@ -33,7 +33,7 @@ class _Tries:
         self.seen_s = now
         if now < self.free_at_s:
             return self.free_at_s - now
-        self.times_s = [each for each in self.times_s if now - each < WINDOW_S]
+        self.times_s = [item for item in self.times_s if now - item < WINDOW_S]
         if len(self.times_s) < most:
             self.times_s.append(now)
             return 0.0
@@ -67,11 +67,11 @@ class LoginRateLimiter:
         >>> [attempts.wait_s("192.0.2.7") for _ in range(7)]
         [0.0, 0.0, 0.0, 0.0, 0.0, 60.0, 60.0]
         """
-        now, one = self._clock(), network(address)
-        tries = self._of.get(one)
+        now, item = self._clock(), network(address)
+        tries = self._of.get(item)
         if tries is None or now - tries.seen_s > FORGOTTEN_S:
-            tries = self._of[one] = _Tries(seen_s=now)
-        self._of.move_to_end(one)
+            tries = self._of[item] = _Tries(seen_s=now)
+        self._of.move_to_end(item)
         while len(self._of) > ADDRESSES:
             self._of.popitem(last=False)
         wait_s = tries.wait_s(now, A_MINUTE)
@@ -91,11 +91,11 @@ class LoginRateLimiter:
 def network(address: str) -> str:
     """What counts as one: an IPv4 address, or the network of an IPv6 address."""
     try:
-        found = ipaddress.ip_address(address.partition("%")[0])
+        result = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
         return address
-    if isinstance(found, ipaddress.IPv4Address):
-        return str(found)
-    if found.ipv4_mapped is not None:
-        return str(found.ipv4_mapped)
-    return str(ipaddress.ip_network((found, NETWORK_OF_ONE), strict=False))
+    if isinstance(result, ipaddress.IPv4Address):
+        return str(result)
+    if result.ipv4_mapped is not None:
+        return str(result.ipv4_mapped)
+    return str(ipaddress.ip_network((result, NETWORK_OF_ONE), strict=False))

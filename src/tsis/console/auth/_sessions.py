@@ -102,14 +102,14 @@ class Sessions:
         with self._ending:
             self._ended = {**self._ended, session.identity: session.ends_s}  # before anything that can fail
             now = self._clock()
-            self._ended = {each: ends for each, ends in {**self._kept(), **self._ended}.items() if ends > now}
+            self._ended = {name: ends for name, ends in {**self._kept(), **self._ended}.items() if ends > now}
             if self._file is not None:
                 write_private(self._file, json.dumps(self._ended).encode())
 
     def _kept(self) -> dict[str, int]:
         content = read_private(self._file) if self._file is not None else None
         try:
-            kept = json.loads(content) if content else {}
-            return {str(each): int(ends) for each, ends in kept.items()}
+            saved = json.loads(content) if content else {}
+            return {str(name): int(ends) for name, ends in saved.items()}
         except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
             return {}  # nothing that a damaged file could tell is worth a console that does not start

@@ -86,29 +86,29 @@ def write_export(
     except OSError as error:
         raise FileInputError(f"a folder for the export must be writable; got: {error.strerror or error}") from error
     try:
-        place = folder / f"target-{target.number}{ENDINGS[form]}"
+        path = folder / f"target-{target.number}{ENDINGS[form]}"
         if reports is not None and form in PAGE_FORMS:
-            reports.write(target, form, place)
+            reports.write(target, form, path)
         else:
-            dossier = store.dossier(target)
+            record = store.dossier(target)
             if form not in PAGE_FORMS:
-                dossier.require_whole()
-            write_form(form, dossier, place, identified=identified)
-        return ExportFile(path=_one_file(place), folder=folder)
+                record.require_whole()
+            write_form(form, record, path, identified=identified)
+        return ExportFile(path=_one_file(path), folder=folder)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
 
 
-def _one_file(place: Path) -> Path:
+def _one_file(path: Path) -> Path:
     """The file itself; of a folder a zip file of it."""
-    if place.is_file():
-        return place
+    if path.is_file():
+        return path
     try:
-        packed = Path(shutil.make_archive(str(place), "zip", place.parent, place.name))
+        packed = Path(shutil.make_archive(str(path), "zip", path.parent, path.name))
     except OSError as error:
-        raise FileInputError(f"a zip file of {place.name} must be writable; got: {error.strerror or error}") from error
-    shutil.rmtree(place, ignore_errors=True)
+        raise FileInputError(f"a zip file of {path.name} must be writable; got: {error.strerror or error}") from error
+    shutil.rmtree(path, ignore_errors=True)
     return packed
 
 

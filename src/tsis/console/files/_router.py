@@ -46,9 +46,9 @@ def target_of(store: Store, text: str) -> Target:
 
 def press_of(store: Store, target: str, press: str) -> StoredPress:
     """The press whose identity stands in an address; `AbsentError` when there is none."""
-    found = target_of(store, target)
+    result = target_of(store, target)
     with _in_the_address():
-        return store.press(found, press)
+        return store.press(result, press)
 
 
 def form_of(name: str, text: str, forms: Collection[str]) -> str:
@@ -95,9 +95,9 @@ def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: s
     require_integer("size", size, SMALLEST_PX, LARGEST_PX, hint="pixels of the longer side")
     require_one_of("colour map", name, MAPS)
     grey = levels.astype(np.float64)
-    share = size / max(grey.shape)
-    if share < 1.0:
-        rows, columns = (max(1, round(side * share)) for side in grey.shape)
+    fraction = size / max(grey.shape)
+    if fraction < 1.0:
+        rows, columns = (max(1, round(side * fraction)) for side in grey.shape)
         grey = np.asarray(cv2.resize(grey, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float64)
     return _png(grey, full_scale, name)
 
@@ -133,26 +133,26 @@ def files_router(store: Store, reports: Reports | None = None, studies: StudyRep
         size: int = Query(160, ge=SMALLEST_PX, le=LARGEST_PX),
         map_name: str = Query("viridis", alias="map"),
     ) -> Response:
-        found = press_of(store, target, press)
-        tag = f'"{found.frame}-{size}-{map_name}"'
+        result = press_of(store, target, press)
+        tag = f'"{result.frame}-{size}-{map_name}"'
         headers = {"etag": tag, "cache-control": FRAME_CACHE}
         if request.headers.get("if-none-match") == tag:
             return Response(status_code=304, headers=headers)
-        content = thumbnail_png(store.levels(found.frame), full_scale=found.full_scale, size=size, name=map_name)
+        content = thumbnail_png(store.levels(result.frame), full_scale=result.full_scale, size=size, name=map_name)
         return Response(content, media_type="image/png", headers=headers)
 
     @router.get("/report/{target}.{form}")
     @_in_a_sentence
     def report(target: str, form: str) -> Response:
-        known = form_of("form of report", form, PAGE_FORMS)
-        return _Sent(write_export(store, target_of(store, target), known, reports=reports), shown=known == "html")
+        given = form_of("form of report", form, PAGE_FORMS)
+        return _Sent(write_export(store, target_of(store, target), given, reports=reports), shown=given == "html")
 
     @router.get("/export/{target}/{form}")
     @_in_a_sentence
     def export(target: str, form: str, identified: bool = False) -> Response:
-        known = form_of("form of export", form, ENDINGS)
-        found = target_of(store, target)
-        return _Sent(write_export(store, found, known, identified=identified, reports=reports), shown=False)
+        given = form_of("form of export", form, ENDINGS)
+        result = target_of(store, target)
+        return _Sent(write_export(store, result, given, identified=identified, reports=reports), shown=False)
 
     if studies is not None:
         _add_study(router, studies)
@@ -163,11 +163,11 @@ def _add_study(router: APIRouter, studies: StudyRepository) -> None:
     @router.get("/study/{name}/report.{form}")
     @_in_a_sentence
     def study_report(name: str, form: str) -> Response:
-        known = form_of("form of report", form, FORMS)
-        content = report_bytes(studies.study(name), known)
-        kind = "inline" if known == "html" else "attachment"
-        headers = {"cache-control": NO_CACHE, "content-disposition": f'{kind}; filename="study-{name}.{known}"'}
-        return Response(content, media_type=MEDIA_TYPES[f".{known}"], headers=headers)
+        given = form_of("form of report", form, FORMS)
+        content = report_bytes(studies.study(name), given)
+        kind = "inline" if given == "html" else "attachment"
+        headers = {"cache-control": NO_CACHE, "content-disposition": f'{kind}; filename="study-{name}.{given}"'}
+        return Response(content, media_type=MEDIA_TYPES[f".{given}"], headers=headers)
 
 
 class _Sent(FileResponse):
@@ -190,13 +190,13 @@ class _Sent(FileResponse):
             self._file.remove()
 
 
-def _in_a_sentence(answer: Callable[Given, Response]) -> Callable[Given, Response]:
+def _in_a_sentence(response: Callable[Given, Response]) -> Callable[Given, Response]:
     """An error as a sentence of plain text."""
 
-    @wraps(answer)
+    @wraps(response)
     def answered(*given: Given.args, **named: Given.kwargs) -> Response:
         try:
-            return answer(*given, **named)
+            return response(*given, **named)
         except TsisError as error:
             return PlainTextResponse(str(error), status_of(error), headers={"cache-control": NO_CACHE})
 

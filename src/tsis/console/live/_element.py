@@ -133,20 +133,20 @@ def analysis_text(state: InstrumentState) -> str:
     """What the newest frame shows, for those who do not see it."""
     if not state.camera.running or state.sight is None:
         return "no frames"
-    seen = state.sight.contact
-    if seen is None:
+    observed = state.sight.contact
+    if observed is None:
         return "nothing is pressed"
-    return "contact around column {:.0f}, row {:.0f}".format(*seen.centroid_px)
+    return "contact around column {:.0f}, row {:.0f}".format(*observed.centroid_px)
 
 
 def histogram_text(state: InstrumentState) -> str:
     """What a histogram shows, for those who do not see it."""
-    sight = state.sight
-    if not state.camera.running or sight is None:
+    analysis = state.sight
+    if not state.camera.running or analysis is None:
         return "no frames"
-    upto = list(accumulate(sight.histogram))
+    upto = list(accumulate(analysis.histogram))
     half = bisect_left(upto, upto[-1] / 2) + 1
-    return f"half of the pixels below {half / len(upto):.0%} of full scale, {sight.clipped_share:.1%} at it"
+    return f"half of the pixels below {half / len(upto):.0%} of full scale, {analysis.clipped_share:.1%} at it"
 
 
 def notice(state: InstrumentState) -> str:

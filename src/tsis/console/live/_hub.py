@@ -70,17 +70,17 @@ RAW, JPEG = 0, 1
 BITS_8 = 255.0
 
 
-def is_as_shown(arrival: ReceivedFrame) -> bool:
+def is_as_shown(frame: ReceivedFrame) -> bool:
     """Whether a frame has 255 levels as a screen does, so that `packet` only copies it."""
-    return bool(arrival.frame.pixels.dtype == np.uint8 and arrival.frame.full_scale == BITS_8)
+    return bool(frame.frame.pixels.dtype == np.uint8 and frame.frame.full_scale == BITS_8)
 
 
-def packet(arrival: ReceivedFrame, *, number: int, came_ms: float, jpeg_quality: int | None = None) -> bytes:
+def packet(frame: ReceivedFrame, *, number: int, came_ms: float, jpeg_quality: int | None = None) -> bytes:
     """The newest frame for a viewer.
 
     Parameters
     ----------
-    arrival
+    frame
         The frame, and when it came.
     number
         How many frames had come with it.
@@ -89,27 +89,27 @@ def packet(arrival: ReceivedFrame, *, number: int, came_ms: float, jpeg_quality:
     jpeg_quality
         In [1, 100]; raw pixels when None.
     """
-    levels = display_levels(arrival)
+    levels = display_levels(frame)
     rows, columns = levels.shape
     encoding = RAW if jpeg_quality is None else JPEG
-    header = HEADER.pack(MAGIC, encoding, number % 2**32, rows, columns, came_ms, arrival.frame.full_scale, 0)
+    header = HEADER.pack(MAGIC, encoding, number % 2**32, rows, columns, came_ms, frame.frame.full_scale, 0)
     if jpeg_quality is None:
         return header + levels.tobytes()
     return header + cv2.imencode(".jpg", levels, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes()
 
 
-def display_levels(arrival: ReceivedFrame) -> NDArray[np.uint8]:
+def display_levels(frame: ReceivedFrame) -> NDArray[np.uint8]:
     """Grey levels with 255 at full scale, shape (rows, columns), uint8: a screen shows no more."""
-    pixels, full_scale = np.asarray(arrival.frame.pixels), arrival.frame.full_scale
-    if is_as_shown(arrival):
+    pixels, full_scale = np.asarray(frame.frame.pixels), frame.frame.full_scale
+    if is_as_shown(frame):
         return pixels
     scaled = np.clip(pixels.astype(np.float32) * (BITS_8 / full_scale), 0.0, BITS_8)
     return np.asarray(np.rint(scaled), dtype=np.uint8)
 
 
-def analysis_json(sight: FrameAnalysis | None) -> str:
+def analysis_json(frame_analysis: FrameAnalysis | None) -> str:
     """What a frame shows, as JSON; ``null`` stands for what is not finite, and where nothing is known."""
-    return json.dumps(None if sight is None else _finite(asdict(sight)), allow_nan=False)
+    return json.dumps(None if frame_analysis is None else _finite(asdict(frame_analysis)), allow_nan=False)
 
 
 def _finite(value: Any) -> Any:
@@ -174,20 +174,20 @@ class LiveHub:
     def packed(self, newest: NewestFrame, quality: int | None) -> bytes:
         """A frame as `packet`, made once for all who watch in that quality, whichever threads they ask in."""
         with self._packing.setdefault(quality, threading.Lock()):
-            held = self._packed.get(quality)
-            if held is not None and held[0] is newest:
-                return held[1]
+            stored = self._packed.get(quality)
+            if stored is not None and stored[0] is newest:
+                return stored[1]
             came_ms = (newest.arrival.arrived_s + time.time() - time.monotonic()) * 1000.0
-            made = packet(newest.arrival, number=newest.number, came_ms=came_ms, jpeg_quality=quality)
-            self._packed[quality] = newest, made
-            return made
+            created = packet(newest.arrival, number=newest.number, came_ms=came_ms, jpeg_quality=quality)
+            self._packed[quality] = newest, created
+            return created
 
-    def text(self, sight: FrameAnalysis | None) -> str:
+    def text(self, frame_analysis: FrameAnalysis | None) -> str:
         """What a frame shows as `analysis_json`, made once for all who watch."""
-        told = self._told
-        if told[0] is not sight:
-            self._told = told = sight, analysis_json(sight)
-        return told[1]
+        reported = self._told
+        if reported[0] is not frame_analysis:
+            self._told = reported = frame_analysis, analysis_json(frame_analysis)
+        return reported[1]
 
     @contextmanager
     def watched(self) -> Iterator[asyncio.Event]:
@@ -204,7 +204,7 @@ class LiveHub:
 
     def _leave(self, event: asyncio.Event) -> None:
         with self._lock:
-            self._viewers = {each for each in self._viewers if each[1] is not event}
+            self._viewers = {viewer for viewer in self._viewers if viewer[1] is not event}
             if not self._viewers:
                 self._packed.clear()
 
@@ -215,18 +215,18 @@ class LiveHub:
 
     def _run(self) -> None:
         followed: Acquisition | None = None
-        place = 0
+        position = 0
         while not self._closing.is_set():
             acquisition = self._acquisition()
             if acquisition is not followed:
-                followed, place, self._latest = acquisition, 0, None
-            if acquisition is None or (acquisition.ring.closed and acquisition.ring.end <= place):
+                followed, position, self._latest = acquisition, 0, None
+            if acquisition is None or (acquisition.ring.closed and acquisition.ring.end <= position):
                 self._closing.wait(REST_S)
-            elif acquisition.ring.wait(place, WAIT_S):
-                place = acquisition.ring.end
-                arrival = acquisition.latest()
-                if arrival is not None:
-                    self._latest = NewestFrame(arrival=arrival, number=place)
+            elif acquisition.ring.wait(position, WAIT_S):
+                position = acquisition.ring.end
+                received = acquisition.latest()
+                if received is not None:
+                    self._latest = NewestFrame(arrival=received, number=position)
                     self._wake()
 
     def _wake(self) -> None:

@@ -26,7 +26,7 @@ TRY_AGAIN, FAILED = 1013, 1011  # codes with which a WebSocket is closed
 _log = logging.getLogger(__name__)
 
 
-async def live_view(socket: WebSocket, *, bench: Instrument, hub: LiveHub, patience_s: float = PATIENCE_S) -> None:
+async def live_view(socket: WebSocket, *, instrument: Instrument, hub: LiveHub, timeout_s: float = PATIENCE_S) -> None:
     """Send the latest frame and what it shows each time that the viewer has drawn the one before.
 
     ``?jpeg=70`` asks for pictures of that quality, ``?jpeg=0`` for raw pixels; by default viewers on this machine get
@@ -36,16 +36,16 @@ async def live_view(socket: WebSocket, *, bench: Instrument, hub: LiveHub, patie
     ----------
     socket
         Not yet accepted.
-    bench
+    instrument
         Tells what the frames show.
     hub
         Brings the frames.
-    patience_s
+    timeout_s
         How long an acknowledgement is waited for, s; then the socket is closed.
     """
     await socket.accept()
     drawn = asyncio.Event()
-    sending = asyncio.create_task(_send(socket, bench, hub, drawn, patience_s))
+    sending = asyncio.create_task(_send(socket, instrument, hub, drawn, timeout_s))
     try:
         while (await socket.receive())["type"] != "websocket.disconnect":
             drawn.set()
@@ -54,12 +54,14 @@ async def live_view(socket: WebSocket, *, bench: Instrument, hub: LiveHub, patie
         await asyncio.gather(sending, return_exceptions=True)
 
 
-async def _send(socket: WebSocket, bench: Instrument, hub: LiveHub, drawn: asyncio.Event, patience_s: float) -> None:
+async def _send(
+    socket: WebSocket, instrument: Instrument, hub: LiveHub, drawn: asyncio.Event, timeout_s: float
+) -> None:
     """Send frames until the viewer is gone or too slow."""
     code = TRY_AGAIN
     try:
         with hub.watched() as news:
-            await _send_frames(socket, bench, hub, news, drawn, patience_s)
+            await _send_frames(socket, instrument, hub, news, drawn, timeout_s)
     except (WebSocketDisconnect, RuntimeError):  # it went while something was being sent
         return
     except TimeoutError:
@@ -72,30 +74,30 @@ async def _send(socket: WebSocket, bench: Instrument, hub: LiveHub, drawn: async
 
 
 async def _send_frames(
-    socket: WebSocket, bench: Instrument, hub: LiveHub, news: asyncio.Event, drawn: asyncio.Event, patience_s: float
+    socket: WebSocket, instrument: Instrument, hub: LiveHub, news: asyncio.Event, drawn: asyncio.Event, timeout_s: float
 ) -> None:
-    quality, told = _quality(socket), None
+    quality, reported = _quality(socket), None
     while True:
         await news.wait()
         news.clear()
-        newest, sight = hub.latest, bench.sight
+        newest, analysis = hub.latest, instrument.sight
         if newest is None:
             continue
-        if sight is not told:
-            told = sight
-            await socket.send_text(hub.text(sight))
+        if analysis is not reported:
+            reported = analysis
+            await socket.send_text(hub.text(analysis))
         at_once = quality is None and is_as_shown(newest.arrival)
         packed = hub.packed(newest, quality) if at_once else await to_thread(hub.packed, newest, quality)
         drawn.clear()
         await socket.send_bytes(packed)
-        async with asyncio.timeout(patience_s):  # wait_for may lose a cancellation that comes with what it waits for
+        async with asyncio.timeout(timeout_s):  # wait_for may lose a cancellation that comes with what it waits for
             await drawn.wait()
 
 
 def _quality(socket: WebSocket) -> int | None:
-    asked = socket.query_params.get("jpeg", "")
-    if asked.isdecimal() and len(asked) <= 3:
-        return min(int(asked), 100) or None
+    requested = socket.query_params.get("jpeg", "")
+    if requested.isdecimal() and len(requested) <= 3:
+        return min(int(requested), 100) or None
     return None if is_here(socket) else REMOTE_QUALITY
 
 

@@ -65,8 +65,8 @@ class ActiveCalibrationCheck:
         What was put in force; None for the virtual probe's own, or none.
     """
 
-    def __init__(self, desk: CameraController, given: UsableCalibration | None) -> None:
-        self._desk, self._given = desk, given
+    def __init__(self, camera_controller: CameraController, given: UsableCalibration | None) -> None:
+        self._desk, self._given = camera_controller, given
         self._kept: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
 
     def use(self, given: UsableCalibration | None) -> None:
@@ -83,62 +83,68 @@ class ActiveCalibrationCheck:
 
     def now(self) -> ActiveCalibration:
         """Judge once by the camera as it is set now."""
-        stage, choice = self._desk.stage, self._desk.choice
-        known, why = self._judged(self._given or (None if stage is None else stage.calibration))
-        measured = None if known is None else known.known.scale
-        scale = None if stage is None else stage.mm_per_pixel
+        subject, choice = self._desk.stage, self._desk.choice
+        given, why = self._judged(self._given or (None if subject is None else subject.calibration))
+        measured = None if given is None else given.known.scale
+        scale = None if subject is None else subject.mm_per_pixel
         return ActiveCalibration(
-            known=known,
+            known=given,
             why=why,
             scale=scale if measured is None else measured.mm_per_pixel,
-            probe=choice.probe if choice.is_virtual or known is None else known.known.probe or choice.probe,
-            reference=self._reference(known, stage),
+            probe=choice.probe if choice.is_virtual or given is None else given.known.probe or choice.probe,
+            reference=self._reference(given, subject),
         )
 
-    def _judged(self, wanted: UsableCalibration | None) -> tuple[UsableCalibration | None, str]:
-        if wanted is None:
+    def _judged(self, calibration: UsableCalibration | None) -> tuple[UsableCalibration | None, str]:
+        if calibration is None:
             return None, ""
         try:
-            _require_fit(wanted, self._desk)
+            _require_fit(calibration, self._desk)
         except CalibrationError as error:
             return None, str(error)
-        return wanted, ""
+        return calibration, ""
 
-    def _reference(self, known: UsableCalibration | None, stage: VirtualSubject | None) -> GuardReference:
-        kept = self._kept
-        if kept is None or kept[0] is not known or kept[1] is not stage:
-            own = stage is not None and known is stage.calibration
-            made = stage.guard_reference() if stage is not None and own else guard_reference(known)
-            self._kept = kept = known, stage, made
-        return kept[2]
+    def _reference(
+        self, calibration: UsableCalibration | None, virtual_subject: VirtualSubject | None
+    ) -> GuardReference:
+        saved = self._kept
+        if saved is None or saved[0] is not calibration or saved[1] is not virtual_subject:
+            own = virtual_subject is not None and calibration is virtual_subject.calibration
+            created = (
+                virtual_subject.guard_reference()
+                if virtual_subject is not None and own
+                else guard_reference(calibration)
+            )
+            self._kept = saved = calibration, virtual_subject, created
+        return saved[2]
 
 
-def _require_fit(cited: UsableCalibration, desk: CameraController) -> None:
+def _require_fit(cited: UsableCalibration, camera_controller: CameraController) -> None:
     """Refuse, with `CalibrationError`, what is expired, or of another probe, camera, setting or size of frames."""
-    known, choice, acquisition = cited.known, desk.choice, desk.acquisition
-    if bench_seed(known.camera) is not None:
+    given, choice, acquisition = cited.known, camera_controller.choice, camera_controller.acquisition
+    if bench_seed(given.camera) is not None:
         raise CalibrationError(
-            f"calibration {known.name!r} is of the {known.camera}, an exercise: no page looks through its camera "
+            f"calibration {given.name!r} is of the {given.camera}, an exercise: no page looks through its camera "
             "(the virtual probe brings its own calibration)"
         )
-    known.require_usable(
+    given.require_usable(
         datetime.now(UTC),
         probe=choice.probe if choice.is_virtual else None,
         camera=acquisition.name if acquisition is not None and not choice.is_virtual else None,
-        settings={each.name: each.value for each in desk.settings()},
+        settings={setting.name: setting.value for setting in camera_controller.settings()},
     )
     latest = None if acquisition is None else acquisition.latest()
     if latest is None:
         return
     shape, full_scale = latest.frame.pixels.shape, latest.frame.full_scale
-    scale, reference = known.scale, known.reference
+    scale, reference = given.scale, given.reference
     if scale is not None and scale.shape != shape:
-        raise _other_frames(known.name, scale.shape, shape)
+        raise _other_frames(given.name, scale.shape, shape)
     if reference is not None and reference.untouched_grey.shape != shape:
-        raise _other_frames(known.name, reference.untouched_grey.shape, shape)
+        raise _other_frames(given.name, reference.untouched_grey.shape, shape)
     if reference is not None and reference.full_scale != full_scale:
         raise CalibrationError(
-            f"calibration {known.name!r} is of frames with full scale {reference.full_scale:g}; the camera's have "
+            f"calibration {given.name!r} is of frames with full scale {reference.full_scale:g}; the camera's have "
             f"{full_scale:g} (start the camera in the mode in which it was calibrated)"
         )
 

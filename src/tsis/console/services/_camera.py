@@ -66,8 +66,8 @@ class SettingsCache:
             acquisition = self._acquisition()
             if acquisition is None or acquisition.lost:
                 return
-            settings = tuple(each for each in acquisition.settings() if each.name != FORCE_SETTING)
-            values = {each.name: each.value for each in settings}
+            settings = tuple(setting for setting in acquisition.settings() if setting.name != FORCE_SETTING)
+            values = {setting.name: setting.value for setting in settings}
             differ = acquisition is self._seen[0] and values != self._values
             self._seen, self._values = (acquisition, settings), values
         except TsisError:  # it went this moment
@@ -224,7 +224,7 @@ class CameraController:
         """Change a setting now and after each reconnection; errors as `Acquisition.adjust`."""
         acquisition = self._streaming()
         if present := self.settings():
-            require_one_of("setting", name, [each.name for each in present])
+            require_one_of("setting", name, [item.name for item in present])
         acquisition.adjust(name, value)
         self._wanted[name] = float(value)
         self._changed()
@@ -289,20 +289,20 @@ class CameraController:
         of, end, change_s = self._change
         skipped = UNDER_WAY if self.choice.is_virtual else IN_CAMERAS
         # Frames that waited for this computer come in one go: not only so many, but so much later.
-        place, after_s = (end + skipped, change_s + (skipped - 1) * period_s) if of is acquisition else (0, 0.0)
-        patience_s = max(FRESH_S, 2 * LATE_FRAMES * period_s)
-        until_s = time.monotonic() + patience_s
+        position, after_s = (end + skipped, change_s + (skipped - 1) * period_s) if of is acquisition else (0, 0.0)
+        timeout_s = max(FRESH_S, 2 * LATE_FRAMES * period_s)
+        until_s = time.monotonic() + timeout_s
         while (left_s := until_s - time.monotonic()) > 0:
             if acquisition.lost or acquisition.ring.closed:
                 raise CameraError(f"{acquisition.name} is away; nothing was saved (wait until it is back)")
-            if not acquisition.ring.wait(place, min(left_s, 0.1)):
+            if not acquisition.ring.wait(position, min(left_s, 0.1)):
                 continue
-            place, arrival = acquisition.ring.end, acquisition.latest()
-            if arrival is None or arrival.connection != acquisition.connection:
+            position, received = acquisition.ring.end, acquisition.latest()
+            if received is None or received.connection != acquisition.connection:
                 continue  # of before it was lost
-            if arrival.arrived_s >= after_s:
-                return arrival
-        raise CameraError(f"{acquisition.name} must bring a frame within {patience_s:g} s; got none (is it running?)")
+            if received.arrived_s >= after_s:
+                return received
+        raise CameraError(f"{acquisition.name} must bring a frame within {timeout_s:g} s; got none (is it running?)")
 
     def _changed(self) -> None:
         self._mark()
@@ -327,13 +327,13 @@ class CameraController:
     def _connector(self) -> Callable[[], Camera]:
         if not self.choice.is_virtual:
             return partial(self._connect_to, self.choice.spec)
-        stage = VirtualSubject(self.choice) if self.stage is None else self.stage
+        subject = VirtualSubject(self.choice) if self.stage is None else self.stage
         assert self.force_n is not None
         if self.stage is None:
             # Solved before it streams: a camera that brings no frame for seconds counts as lost.
-            stage.hold(self.role, self.force_n)
-            self.stage = stage
-        return stage.connect
+            subject.hold(self.role, self.force_n)
+            self.stage = subject
+        return subject.connect
 
 
 def _period_s(acquisition: Acquisition) -> float:

@@ -85,19 +85,19 @@ class ControlLock:
             raise InputError(f"name must be 1 to {LONGEST_OWNER_NAME} characters that can be shown; got {name!r:.80}")
         require_number("held_s", held_s, SHORTEST_LOCK_S, LONGEST_LOCK_S, hint="seconds")
         with self._lock:
-            held = self._present()
-            other = held is not None and held.identity != identity
-            if held is not None and other and not over:
-                raise self._held_by(held, identity)
-            self._taken_from = held.identity if held is not None and other else self._taken_from
+            stored = self._present()
+            other = stored is not None and stored.identity != identity
+            if stored is not None and other and not over:
+                raise self._held_by(stored, identity)
+            self._taken_from = stored.identity if stored is not None and other else self._taken_from
             self._holder, self._held_s = Owner(identity=identity, name=name), held_s
             self._heard_s = self._clock()
 
     def heard_of(self, identity: str) -> None:
         """Say that the holder is still there; of anybody else it changes nothing."""
         with self._lock:
-            held = self._present()
-            if held is not None and held.identity == identity:
+            stored = self._present()
+            if stored is not None and stored.identity == identity:
                 self._heard_s = self._clock()
 
     def release(self, identity: str) -> None:
@@ -109,11 +109,11 @@ class ControlLock:
     def require(self, identity: str) -> None:
         """Refuse an act of who does not hold the camera, with `ControlError`."""
         with self._lock:
-            held = self._present()
-            if held is None:
+            stored = self._present()
+            if stored is None:
                 raise ControlError("nobody holds the camera; take it first")
-            if held.identity != identity:
-                raise self._held_by(held, identity)
+            if stored.identity != identity:
+                raise self._held_by(stored, identity)
             self._heard_s = self._clock()
 
     @contextmanager
@@ -136,10 +136,10 @@ class ControlLock:
             self._holder = None
         return self._holder
 
-    def _held_by(self, holder: Owner, identity: str) -> ControlError:
+    def _held_by(self, owner: Owner, identity: str) -> ControlError:
         if identity == self._taken_from:
-            return ControlError(f"{holder.name} has taken the camera over; watch, or take it back")
-        return ControlError(f"the camera is held by {holder.name}; watch, or take it over")
+            return ControlError(f"{owner.name} has taken the camera over; watch, or take it back")
+        return ControlError(f"the camera is held by {owner.name}; watch, or take it over")
 
 
 COMMAND_TIMEOUT_S = 2.0  # for which an act waits for the one before
@@ -179,10 +179,10 @@ class Commands:
         self,
         control: ControlLock,
         *,
-        patience_s: float = COMMAND_TIMEOUT_S,
+        timeout_s: float = COMMAND_TIMEOUT_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._control, self._patience_s, self._clock = control, patience_s, clock
+        self._control, self._patience_s, self._clock = control, timeout_s, clock
         self._one = threading.Lock()
         self._doing: tuple[str, float] | None = None  # what, and since when
         self._closed = False

@@ -51,24 +51,24 @@ def estimate_target(
     InputError, CalibrationError, NotCalibratedError
         As the estimates themselves.
     """
-    dossier = store.dossier(store.target(number))
-    chosen = newest_presses(dossier, kind) if presses is None else _named(dossier, presses)
+    record = store.dossier(store.target(number))
+    chosen = newest_presses(record, kind) if presses is None else _named(record, presses)
     probe, calibration = _terms(chosen, number)
-    answer = estimate_stored(
-        dossier,
+    response = estimate_stored(
+        record,
         EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options or {}),
         progress=progress,
     )
     if progress is not None:
         progress(1, 1)
     return store.add_estimate(
-        dossier.target,
-        answer.estimate,
+        record.target,
+        response.estimate,
         kind=kind,
         presses=chosen,
         probe=probe,
-        calibration=dossier.calibrations[calibration],
-        options=answer.options,
+        calibration=record.calibrations[calibration],
+        options=response.options,
         environment=environment(),
     )
 
@@ -96,7 +96,7 @@ def require_estimable(
     """Refuse what no estimate can be begun with; parameters as of `estimate_target`, `InputError` says why."""
     require_one_of("kind of estimate", kind, ESTIMATES)
     require_options(kind, options)
-    if presses is not None and not (len(presses) > 0 and all(isinstance(each, str) for each in presses)):
+    if presses is not None and not (len(presses) > 0 and all(isinstance(press, str) for press in presses)):
         raise InputError(f"presses must be identities of presses, one at least; got {presses!r:.80}")
     store.target(require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target"))
 
@@ -106,14 +106,14 @@ def estimate_title(number: int) -> str:
     return f"estimate of target {number}"
 
 
-def newest_presses(dossier: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
+def newest_presses(record: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
     """Of each role and force the newest press, of those with the probe and the calibration of the newest one.
 
     Presses whose force nobody wrote down are all taken: the force line tells them apart. Those at 0 N touch nothing,
     and no estimate can use them.
     """
     roles = ("target", REFERENCES[kind])
-    used = [press for press in dossier.presses if press.role in roles and press.force_n != 0]
+    used = [press for press in record.presses if press.role in roles and press.force_n != 0]
     on_target = [press for press in used if press.role == "target"]
     if not on_target:
         return ()
@@ -125,22 +125,22 @@ def newest_presses(dossier: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
     return tuple(press for press in used if press in newest.values())
 
 
-def _named(dossier: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress, ...]:
-    held = {press.id: press for press in dossier.presses}
+def _named(record: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress, ...]:
+    by_name = {press.id: press for press in record.presses}
     for identity in identities:
-        if identity not in held:
-            raise RecordsError(f"presses must be those of target {dossier.target.number}; {identity!r:.40} is none")
-    return tuple(held[identity] for identity in identities)
+        if identity not in by_name:
+            raise RecordsError(f"presses must be those of target {record.target.number}; {identity!r:.40} is none")
+    return tuple(by_name[identity] for identity in identities)
 
 
 def _terms(presses: Sequence[StoredPress], number: int) -> tuple[str, str]:
     """The probe and the calibration that all presses share."""
     if not presses:
         raise RecordsError(f"target {number} must have a press on the target to be estimated; it has none (take one)")
-    found = {(press.probe, press.calibration) for press in presses}
-    if len(found) > 1:
+    result = {(press.probe, press.calibration) for press in presses}
+    if len(result) > 1:
         raise RecordsError("presses must be of one probe under one calibration; these are of several (choose fewer)")
-    probe, calibration = found.pop()
+    probe, calibration = result.pop()
     if calibration is None:
         raise RecordsError("presses must have been taken under a calibration to be estimated; these were not")
     return probe, calibration

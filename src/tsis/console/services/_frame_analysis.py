@@ -111,7 +111,7 @@ def analyse_frame(
     flags, after = watch.step(state, frame, None if force is None else force.value_n)
     counts = histogram(frame)
     clipped = float(np.count_nonzero(frame.pixels >= frame.full_scale) / frame.pixels.size)
-    sight = FrameAnalysis(
+    analysis = FrameAnalysis(
         number=number,
         flags=flags,
         force=force,
@@ -121,7 +121,7 @@ def analyse_frame(
         clipped_share=clipped,
         warnings=exposure_warnings(counts, clipped),
     )
-    return sight, after
+    return analysis, after
 
 
 def histogram(frame: Frame) -> NDArray[np.int64]:
@@ -133,11 +133,11 @@ def histogram(frame: Frame) -> NDArray[np.int64]:
     return np.asarray(counts.ravel(), dtype=np.int64)
 
 
-def exposure_warnings(counts: NDArray[np.int64], clipped_share: float) -> tuple[str, ...]:
+def exposure_warnings(counts: NDArray[np.int64], clipped_fraction: float) -> tuple[str, ...]:
     """What is wrong with the exposure, and the cure."""
     bright = int(np.searchsorted(np.cumsum(counts), BRIGHT_QUANTILE * counts.sum())) / BINS
-    if clipped_share > CLIPPED:
-        return (f"{clipped_share:.1%} of the pixels are at full scale: shorten the exposure or lower the gain",)
+    if clipped_fraction > CLIPPED:
+        return (f"{clipped_fraction:.1%} of the pixels are at full scale: shorten the exposure or lower the gain",)
     if bright < DIM:
         return (f"the frame uses {bright:.0%} of the scale: lengthen the exposure, or press",)
     return ()
@@ -163,7 +163,7 @@ def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView 
     total = float(weight.sum())
     if total <= 0.0:
         return None
-    across, down = (np.arange(count, dtype=float) for count in (small.shape[1], small.shape[0]))
+    span, down = (np.arange(count, dtype=float) for count in (small.shape[1], small.shape[0]))
     rows, columns = frame.pixels.shape
     back = columns / small.shape[1], rows / small.shape[0]
 
@@ -172,7 +172,7 @@ def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView 
 
     step = max(1, len(patch.contour_px) // OUTLINE_POINTS)
     return ContactView(
-        centroid_px=full_size(float(weight.sum(axis=0) @ across) / total, float(weight.sum(axis=1) @ down) / total),
+        centroid_px=full_size(float(weight.sum(axis=0) @ span) / total, float(weight.sum(axis=1) @ down) / total),
         outline_px=tuple(full_size(float(x), float(y)) for x, y in patch.contour_px[::step]),
     )
 

@@ -73,7 +73,7 @@ class Instrument:
             terms.workspace / "calibrations",
             control=self.control,
             jobs=self.jobs,
-            desk=self.desk,
+            camera_controller=self.desk,
             gauge=lambda: self._gauge,
         )
         self._watcher = Watcher(lambda: self.desk.acquisition, lambda: self._in_force.now().compared, self._force)
@@ -108,15 +108,15 @@ class Instrument:
     def state(self) -> InstrumentState:
         """Everything that pages show; it never waits for the camera nor for an act."""
         in_force, gauge, sequence = self._in_force.now(), self._gauge, self._acts.sequence
-        known, camera = in_force.known, camera_state(self.desk, in_force.scale)
+        given, camera = in_force.known, camera_state(self.desk, in_force.scale)
         return InstrumentState(
             camera=camera,
             target=self._target,
             role=self.desk.role,
             roles=self.desk.roles,
             force_n=self.desk.force_n,
-            calibration="" if known is None else known.known.name,
-            calibration_identity="" if known is None else known.identity,
+            calibration="" if given is None else given.known.name,
+            calibration_identity="" if given is None else given.identity,
             sight=self.sight,
             holder=self.control.holder(),
             sequence=None if sequence is None else sequence.state(),
@@ -177,10 +177,10 @@ class Instrument:
             When it would be another role than that of the sequence under way.
         """
         with self._acts.act(by, "moving the probe" if self.desk.choice.is_virtual else "noting the press"):
-            wanted, force_n = self.desk.wanted(role, force_n, forget=forget)
-            if wanted != self.desk.role:
+            requested, force_n = self.desk.wanted(role, force_n, forget=forget)
+            if requested != self.desk.role:
                 self._acts.require_no_sequence("something else can be pressed")
-            self.desk.hold(wanted, force_n)
+            self.desk.hold(requested, force_n)
             self._watcher.begin_anew()
 
     def forget_force(self, *, by: str) -> None:
@@ -189,7 +189,7 @@ class Instrument:
         if not self.desk.choice.is_virtual:
             self.hold(forget=True, by=by)
 
-    def use_calibration(self, known: UsableCalibration | None, *, by: str) -> None:
+    def use_calibration(self, calibration: UsableCalibration | None, *, by: str) -> None:
         """Put a calibration in force; None for the virtual probe's own, or none.
 
         Raises
@@ -198,7 +198,7 @@ class Instrument:
             When it is expired, or of another probe, camera, setting or size of frames than what runs.
         """
         with self._acts.act(by, "putting a calibration in force", instead="another calibration can be put in force"):
-            self._in_force.use(known)
+            self._in_force.use(calibration)
             self._watcher.begin_anew()
 
     def use_gauge(self, log: ForceLog | None, *, by: str) -> None:
@@ -225,10 +225,10 @@ class Instrument:
         require_one_of("colour map", map_name, COLOUR_MAPS)
         with self._acts.act(by, "keeping a press"):
             self.desk.look()  # somebody may have changed a setting elsewhere
-            arrival, gauge = self.desk.fresh(), self._gauge
-            force = self._force(arrival) if gauge is None else gauge_force(gauge, arrival)
+            received, gauge = self.desk.fresh(), self._gauge
+            force = self._force(received) if gauge is None else gauge_force(gauge, received)
             return save_press(
-                press_to_save(arrival, desk=self.desk, in_force=self._in_force.now(), force=force),
+                press_to_save(received, camera_controller=self.desk, in_force=self._in_force.now(), force=force),
                 number=self._target,
                 workspace=self.terms.workspace,
                 store=self.store,
@@ -298,5 +298,5 @@ class Instrument:
         self.desk.look()  # somebody may have changed a setting elsewhere
         return {"role": self.desk.role, **self._in_force.now().told()}
 
-    def _force(self, arrival: ReceivedFrame) -> PressForce | None:
-        return force_at(arrival, self._gauge, self.desk.force_n)
+    def _force(self, frame: ReceivedFrame) -> PressForce | None:
+        return force_at(frame, self._gauge, self.desk.force_n)

@@ -101,11 +101,11 @@ class Job:
 
     def without_result(self) -> Job:
         """The same job that is over, for those who ask for it later; what it returned is with those who hold it."""
-        told = Job(self.title, follows_camera=self.follows_camera)
-        state, told.identity = self.state(), self.identity
-        told._status, told._done, told._total, told._sentence = state.status, state.done, state.total, state.sentence
-        told._finished.set()
-        return told
+        job = Job(self.title, follows_camera=self.follows_camera)
+        state, job.identity = self.state(), self.identity
+        job._status, job._done, job._total, job._sentence = state.status, state.done, state.total, state.sentence
+        job._finished.set()
+        return job
 
     @property
     def ending(self) -> bool:
@@ -125,10 +125,10 @@ class Job:
         with self._lock:
             self._done, self._total = done, total
 
-    def say(self, sentence: str) -> None:
+    def say(self, message: str) -> None:
         """Tell what came out, for people."""
         with self._lock:
-            self._sentence = sentence
+            self._sentence = message
 
     def advance(self, done: int, total: int) -> None:
         """Tell (steps done, steps in all), and leave when it was asked to end: the ``progress`` of calls.
@@ -145,24 +145,24 @@ class Job:
     def run(self, work: Callable[[Job], Any]) -> None:
         """Do the work, before `finish`; an error of whatever kind becomes its sentence."""
         status = DONE
-        sentence: str | None = None
+        message: str | None = None
         try:
             self.advance(0, 0)
             self._result = work(self)
         except JobCancelled:
-            status, sentence = ENDED, f"{self.title}: ended as you asked"
+            status, message = ENDED, f"{self.title}: ended as you asked"
         except TsisError as error:
-            status, sentence = FAILED, _words(error)
+            status, message = FAILED, _words(error)
         except BaseException as error:  # whatever it was, nobody else would ever hear of it
             _log.exception("a job failed: %s", self.title)
-            status, sentence = FAILED, f"{self.title} failed: {type(error).__name__}: {_words(error)}"
+            status, message = FAILED, f"{self.title} failed: {type(error).__name__}: {_words(error)}"
         try:
             self._after()
         except Exception:
             _log.exception("what follows a job failed: %s", self.title)
         with self._lock:
             self._status = status
-            self._sentence = self._sentence if sentence is None else sentence
+            self._sentence = self._sentence if message is None else message
 
     def finish(self) -> None:
         """Let those go on who wait for it."""
@@ -213,7 +213,7 @@ class Jobs:
         with self._lock:
             if self._closed:
                 raise ControlError("the console is being ended; nothing can be begun any more (start it again)")
-            running = sum(each.state().running for each in self._jobs.values())
+            running = sum(job.state().running for job in self._jobs.values())
             if not at_once and running >= REMEMBERED:
                 raise ControlError(f"at most {REMEMBERED} jobs may wait at once; wait until one is done")
             self._jobs[job.identity] = job
@@ -241,7 +241,7 @@ class Jobs:
             jobs = list(self._jobs.values())
         return tuple(job.state() for job in jobs)
 
-    def close(self, *, patience_s: float = CLOSE_S) -> None:
+    def close(self, *, timeout_s: float = CLOSE_S) -> None:
         """Ask all to end, take no more, and wait a while for those that are under way."""
         with self._lock:
             self._closed = True
@@ -251,7 +251,7 @@ class Jobs:
             job.end()
         for job, work in waiting:
             self._run(job, work)  # which ends before its first step
-        until_s = time.monotonic() + patience_s
+        until_s = time.monotonic() + timeout_s
         for job in jobs:
             job.wait(max(0.0, until_s - time.monotonic()))
 
@@ -294,7 +294,7 @@ def _thread(target: Callable[..., None], *given: object) -> None:
 def _words(error: BaseException) -> str:
     """What an error says, in one line; errors of libraries may say nothing, too much, or fail to say it."""
     try:
-        words = " ".join(str(error).split())
+        text = " ".join(str(error).split())
     except Exception:
-        words = ""
-    return words[:LONGEST_SENTENCE] or "it did not say why"
+        text = ""
+    return text[:LONGEST_SENTENCE] or "it did not say why"

@@ -23,20 +23,20 @@ GAUGE_WAIT_S = 1.0
 STORE_LOOKED_AT_S = 1.0  # the state is asked for often, and the disk need not be
 
 
-def force_at(arrival: ReceivedFrame, log: ForceLog | None, typed_n: float | None) -> PressForce | None:
+def force_at(frame: ReceivedFrame, log: ForceLog | None, typed_n: float | None) -> PressForce | None:
     """The force of a press that is looked at: the newest reading, for a live view does not wait for the next one."""
     if log is not None:
-        readings = log.readings(since_s=arrival.arrived_s - HOLDS_S)
+        readings = log.readings(since_s=frame.arrived_s - HOLDS_S)
         return PressForce(value_n=max(0.0, readings[-1].force_n), source="gauge") if readings else None
-    if arrival.frame.settings.get("source") == "virtual" and FORCE_SETTING in arrival.frame.settings:
-        return PressForce(value_n=float(arrival.frame.settings[FORCE_SETTING]), source="virtual")
+    if frame.frame.settings.get("source") == "virtual" and FORCE_SETTING in frame.frame.settings:
+        return PressForce(value_n=float(frame.frame.settings[FORCE_SETTING]), source="virtual")
     return None if typed_n is None else PressForce(value_n=typed_n, source="typed")
 
 
-def gauge_force(log: ForceLog, arrival: ReceivedFrame, *, wait_s: float = GAUGE_WAIT_S) -> PressForce:
+def gauge_force(log: ForceLog, frame: ReceivedFrame, *, wait_s: float = GAUGE_WAIT_S) -> PressForce:
     """The gauge's force at a frame that is kept, once the reading after it has come; `GaugeError` when none comes."""
-    log.wait_until(arrival.arrived_s, timeout_s=wait_s)
-    return PressForce(value_n=max(0.0, log.at(arrival.arrived_s).force_n), source="gauge")
+    log.wait_until(frame.arrived_s, timeout_s=wait_s)
+    return PressForce(value_n=max(0.0, log.at(frame.arrived_s).force_n), source="gauge")
 
 
 class StoreCheck:
@@ -56,8 +56,8 @@ class StoreCheck:
 
     def trouble(self) -> str:
         """Where it is gone from; empty while it is there."""
-        now, (seen_s, gone) = self._clock(), self._seen
-        if now - seen_s >= STORE_LOOKED_AT_S:
+        now, (last_seen_s, gone) = self._clock(), self._seen
+        if now - last_seen_s >= STORE_LOOKED_AT_S:
             gone = self._store.database.moved()
             self._seen = now, gone
         return printable_path(self._store.folder) if gone else ""
@@ -81,20 +81,20 @@ def trouble_messages(
     store_gone
         Where the store is gone from; empty while it is there.
     """
-    found = []
+    results = []
     if store_gone:
-        found.append(
+        results.append(
             f"The store in {store_gone} was moved or replaced since it was opened, and nothing can be kept: "
             "put it back, or start anew."
         )
     if camera.lost:
         why = f": {camera.failure}" if camera.failure else ""
-        found.append(f"The camera is away{why}. It is being connected anew; what was kept is safe.")
+        results.append(f"The camera is away{why}. It is being connected anew; what was kept is safe.")
     gauge = None if log is None else log.state()
     if gauge is not None and not gauge.running:
-        found.append(f"The gauge is away: {gauge.error or 'its readings were ended'}.")
+        results.append(f"The gauge is away: {gauge.error or 'its readings were ended'}.")
     if unfit:
-        found.append(f"The calibration is not in force, and presses are kept without one: {unfit}.")
+        results.append(f"The calibration is not in force, and presses are kept without one: {unfit}.")
     if watching:
-        found.append(f"The press cannot be judged: {watching}.")
-    return tuple(found)
+        results.append(f"The press cannot be judged: {watching}.")
+    return tuple(results)

@@ -102,9 +102,9 @@ def begin_sequence(
     forces = _Forces(gauge, typed_n)
 
     def about_all() -> dict[str, Any]:
-        told = {} if gauge is None else {"gauge": {"frames_without_force": forces.without, **asdict(gauge.state())}}
+        reported = {} if gauge is None else {"gauge": {"frames_without_force": forces.without, **asdict(gauge.state())}}
         differing = {f"{name}_at_end": value for name, value in about().items() if value != begun[name]}
-        return {"target": terms.target, **begun, **differing, **told}
+        return {"target": terms.target, **begun, **differing, **reported}
 
     def work(job: Job) -> dict[str, Any]:
         report = record(
@@ -114,7 +114,7 @@ def begin_sequence(
             frames=terms.frames,
             seconds=terms.seconds,
             stopped=lambda: job.ending,
-            progress=lambda kept, passed_s: _tell(job, terms, kept, passed_s),
+            progress=lambda saved, passed_s: _tell(job, terms, saved, passed_s),
             beside=FurtherColumns(names=forces.NAMES, of=forces.of),
             about=about_all,
         )
@@ -137,23 +137,23 @@ class _Forces:
         self._gauge, self._typed_n = gauge, typed_n
         self._wait_s, self.without = GAUGE_WAIT_S, 0
 
-    def of(self, arrival: ReceivedFrame) -> tuple[str, str]:
+    def of(self, frame: ReceivedFrame) -> tuple[str, str]:
         """The columns of a frame."""
         if self._gauge is None:
-            seen = force_at(arrival, None, self._typed_n())
-            return ("", "") if seen is None else (f"{seen.value_n:.6f}", seen.source)
+            observed = force_at(frame, None, self._typed_n())
+            return ("", "") if observed is None else (f"{observed.value_n:.6f}", observed.source)
         try:
-            found = gauge_force(self._gauge, arrival, wait_s=self._wait_s)
+            result = gauge_force(self._gauge, frame, wait_s=self._wait_s)
         except GaugeError:
             self._wait_s = 0.0  # a gauge that is silent must not hold up the frames
             self.without += 1
             return "", ""
         self._wait_s = GAUGE_WAIT_S
-        return f"{found.value_n:.6f}", found.source
+        return f"{result.value_n:.6f}", result.source
 
 
-def _made(wanted: Path) -> Path:
-    folder = free_folder(wanted)
+def _made(requested: Path) -> Path:
+    folder = free_folder(requested)
     try:
         folder.mkdir(parents=True)
     except OSError as error:
@@ -163,8 +163,8 @@ def _made(wanted: Path) -> Path:
     return folder
 
 
-def _tell(job: Job, terms: SequenceRequest, kept: int, passed_s: float) -> None:
+def _tell(job: Job, terms: SequenceRequest, saved: int, passed_s: float) -> None:
     if terms.frames is not None:
-        job.tell(kept, terms.frames)
+        job.tell(saved, terms.frames)
     elif terms.seconds is not None:
         job.tell(int(TENTHS * min(passed_s, terms.seconds)), int(TENTHS * terms.seconds))

@@ -140,30 +140,28 @@ def save_press(taken: PressToSave, *, number: int, workspace: Path, store: Store
 
 
 def press_to_save(
-    arrival: ReceivedFrame, *, desk: CameraController, in_force: ActiveCalibration, force: PressForce | None
+    frame: ReceivedFrame, *, camera_controller: CameraController, in_force: ActiveCalibration, force: PressForce | None
 ) -> PressToSave:
     """A frame that came as a press of what the desk holds, under the calibration in force."""
-    stage = desk.stage
+    subject = camera_controller.stage
     return PressToSave(
-        frame=arrival.frame,
-        when=_moment(arrival),
-        image=arrival.frame.tactile_image(
-            mm_per_pixel=in_force.scale, force_n=None if force is None else force.value_n
-        ),
+        frame=frame.frame,
+        when=_moment(frame),
+        image=frame.frame.tactile_image(mm_per_pixel=in_force.scale, force_n=None if force is None else force.value_n),
         force=force,
-        role=desk.role,
+        role=camera_controller.role,
         probe=in_force.probe,
         calibration=in_force.known,
         reference=in_force.reference,
-        name="" if stage is None else stage.name,
-        truth={} if stage is None else stage.truth,
-        virtual=stage is not None,
+        name="" if subject is None else subject.name,
+        truth={} if subject is None else subject.truth,
+        virtual=subject is not None,
     )
 
 
-def _moment(arrival: ReceivedFrame) -> datetime:
+def _moment(frame: ReceivedFrame) -> datetime:
     """When a frame came, with the zone of this place."""
-    return datetime.now().astimezone() - timedelta(seconds=max(0.0, time.monotonic() - arrival.arrived_s))
+    return datetime.now().astimezone() - timedelta(seconds=max(0.0, time.monotonic() - frame.arrived_s))
 
 
 def _target(store: Store, taken: PressToSave, number: int) -> tuple[Target, tuple[str, ...]]:
@@ -197,7 +195,7 @@ def _require_same_phantom(store: Store, taken: PressToSave, number: int) -> None
 
 def _phantom_words(name: str, truth: Mapping[str, float]) -> str:
     """A phantom by its name and what is in it, for two may have the same name."""
-    values = ", ".join(f"{each} {value:g}" for each, value in sorted(truth.items()))
+    values = ", ".join(f"{name} {value:g}" for name, value in sorted(truth.items()))
     return f"{name or 'another phantom'} ({values or 'no inclusion'})"
 
 

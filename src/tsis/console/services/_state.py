@@ -111,18 +111,18 @@ class InstrumentState:
         return self.camera.choice.is_virtual and self.role == UNTOUCHED
 
 
-def camera_state(desk: CameraController, mm_per_pixel: tuple[float, float] | None) -> CameraState:
+def camera_state(camera_controller: CameraController, mm_per_pixel: tuple[float, float] | None) -> CameraState:
     """How the camera on a desk is; it never waits for the camera.
 
     Parameters
     ----------
-    desk
+    camera_controller
         Where it is.
     mm_per_pixel
         Size (x, y) of a pixel on the face; None when nobody knows it.
     """
     # Asked once: it may be stopped, or be another one, the moment after.
-    acquisition, choice = desk.acquisition, desk.choice
+    acquisition, choice = camera_controller.acquisition, camera_controller.choice
     if acquisition is None:
         return CameraState(choice=choice, mm_per_pixel=mm_per_pixel)
     account, latest, mode, failure = acquisition.account(), acquisition.latest(), acquisition.mode, acquisition.failure
@@ -131,7 +131,7 @@ def camera_state(desk: CameraController, mm_per_pixel: tuple[float, float] | Non
         choice=choice,
         name=acquisition.name,
         mode="" if mode is None else mode.label,
-        modes=tuple(each.label for each in acquisition.modes),
+        modes=tuple(mode.label for mode in acquisition.modes),
         running=True,
         lost=acquisition.lost or acquisition.ended,
         failure="" if failure is None else str(failure),
@@ -143,5 +143,5 @@ def camera_state(desk: CameraController, mm_per_pixel: tuple[float, float] | Non
         columns=columns,
         full_scale=0.0 if latest is None else latest.frame.full_scale,
         mm_per_pixel=mm_per_pixel,
-        settings=desk.settings(),
+        settings=camera_controller.settings(),
     )

@@ -244,8 +244,8 @@ class VirtualSubject:
         """What is known of the rig, which holds at the camera's usual settings."""
         response, sensor = self._rig.calibration, self._rig.sensor
         settings = {"exposure_ms": USUAL_MS, "gain": 0.0, "brightness": sensor.background_grey}
-        known = ProbeCalibration(name=response.name, probe=self.probe.name, settings=settings, response=response)
-        return UsableCalibration(known=known, identity=calibration_sha256(known))
+        calibration = ProbeCalibration(name=response.name, probe=self.probe.name, settings=settings, response=response)
+        return UsableCalibration(known=calibration, identity=calibration_sha256(calibration))
 
     def _lying(self, role: str) -> Phantom | SoftSphere:
         return self._objects[TARGET if role == UNTOUCHED else role]

@@ -73,28 +73,28 @@ class Watcher:
 
     def _run(self) -> None:
         watch: PressWatch | None = None
-        state, untouched, place = WatchState(), None, 0
+        state, untouched, position = WatchState(), None, 0
         followed: Acquisition | None = None
         while not self._closing.wait(EVERY_S):
             acquisition = self._acquisition()
             away = acquisition is not None and (acquisition.lost or acquisition.ended)
             if acquisition is not followed or away or self._anew.is_set():
                 self._anew.clear()
-                followed, watch, state, place = acquisition, None, WatchState(), 0
+                followed, watch, state, position = acquisition, None, WatchState(), 0
                 self._sight, self._failure = None, ""
             if acquisition is not None and away:
-                place = acquisition.ring.end  # those before are of a press that nobody sees any more
+                position = acquisition.ring.end  # those before are of a press that nobody sees any more
                 continue
-            if acquisition is None or not acquisition.ring.wait(place, WAIT_S):
+            if acquisition is None or not acquisition.ring.wait(position, WAIT_S):
                 continue
-            arrival, place = acquisition.latest(), acquisition.ring.end
-            if arrival is None:
+            received, position = acquisition.latest(), acquisition.ring.end
+            if received is None:
                 continue
             try:
                 if watch is None:
-                    watch, untouched = self._guard(arrival)
+                    watch, untouched = self._guard(received)
                 self._sight, state = analyse_frame(
-                    watch, state, arrival.frame, number=place, force=self._force(arrival), untouched=untouched
+                    watch, state, received.frame, number=position, force=self._force(received), untouched=untouched
                 )
                 self._failure = ""
             except TsisError as error:  # e.g. a calibration of another size; the live view goes on without flags
@@ -104,13 +104,13 @@ class Watcher:
 
     def _fail(self, error: Exception) -> None:
         """Go on with the live view; the log is told once."""
-        sentence = f"frames cannot be judged for a reason that nobody foresaw: {type(error).__name__}: {error}"
-        if sentence != self._failure:
+        message = f"frames cannot be judged for a reason that nobody foresaw: {type(error).__name__}: {error}"
+        if message != self._failure:
             _log.exception("a frame could not be judged")
-        self._sight, self._failure = None, sentence
+        self._sight, self._failure = None, message
 
-    def _guard(self, arrival: ReceivedFrame) -> tuple[PressWatch, NDArray[np.float64] | None]:
+    def _guard(self, frame: ReceivedFrame) -> tuple[PressWatch, NDArray[np.float64] | None]:
         reference, scale = self._reference()
-        shape = FrameShape.of(arrival.frame.tactile_image(mm_per_pixel=scale))
-        known = reference.untouched
-        return PressWatch(shape, reference=reference), None if known is None else reduced(known.grey)
+        shape = FrameShape.of(frame.frame.tactile_image(mm_per_pixel=scale))
+        given = reference.untouched
+        return PressWatch(shape, reference=reference), None if given is None else reduced(given.grey)

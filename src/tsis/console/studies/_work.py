@@ -39,7 +39,7 @@ def job_of(jobs: Jobs, name: str) -> JobState | None:
     return next((state for state in reversed(jobs.states()) if state.title in titles), None)
 
 
-def begin_reading(jobs: Jobs, shelf: StudyRepository, name: str, *, operator: str) -> Job:
+def begin_reading(jobs: Jobs, study_repository: StudyRepository, name: str, *, operator: str) -> Job:
     """Have the virtual probe read what an operator has still to read.
 
     Raises
@@ -54,14 +54,14 @@ def begin_reading(jobs: Jobs, shelf: StudyRepository, name: str, *, operator: st
     require_short_name("operator", operator)
     with _begin:
         _require_free(jobs, name)
-        study = shelf.study(name)
+        study = study_repository.study(name)
         if study.unblinded is not None:
             raise RecordsError("readings must come before a study is unblinded; this one is")
         return jobs.begin(reading_title(name), partial(_read, study.folder, operator))
 
 
 def begin_publishing(
-    jobs: Jobs, shelf: StudyRepository, name: str, *, by: str, although_incomplete: bool = False
+    jobs: Jobs, study_repository: StudyRepository, name: str, *, by: str, although_incomplete: bool = False
 ) -> Job:
     """Unblind a study where it is blind still, analyse it and write its report.
 
@@ -77,18 +77,18 @@ def begin_publishing(
     require_short_name("name", by)
     with _begin:
         _require_free(jobs, name)
-        study = shelf.study(name)
+        study = study_repository.study(name)
         _require_readings(study, although_incomplete)
         return jobs.begin(publishing_title(name), partial(_publish, study.folder, by, although_incomplete))
 
 
 def unread(study: Study) -> tuple[tuple[str, int], ...]:
     """Devices that have read some targets and not all, with the number of those they lack."""
-    found = []
+    results = []
     for device in study.devices:
         read = {reading.code for reading in study.readings if reading.device == device}
-        found.append((device, len(study.plan.codes) - len(read)))
-    return tuple((device, left) for device, left in found if left)
+        results.append((device, len(study.plan.codes) - len(read)))
+    return tuple((device, left) for device, left in results if left)
 
 
 def _require_free(jobs: Jobs, name: str) -> None:
@@ -121,8 +121,8 @@ def _read(folder: Path, operator: str, job: Job) -> None:
     done = press_study(
         open_study(folder), operator=operator, preparing=preparing, progress=progress, ended=lambda: job.ending
     )
-    said = f"{done.entered} readings entered, {done.undecided} of them undecided; {done.left} left."
-    job.say(f"{said} What was read is kept: run it again to go on." if done.left else said)
+    message = f"{done.entered} readings entered, {done.undecided} of them undecided; {done.left} left."
+    job.say(f"{message} What was read is kept: run it again to go on." if done.left else message)
 
 
 def _publish(folder: Path, by: str, although_incomplete: bool, job: Job) -> None:

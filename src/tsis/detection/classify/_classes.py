@@ -69,11 +69,11 @@ class ClassSplit:
     @property
     def names(self) -> tuple[str, str, str]:
         """Of the three classes, in the order of their labels 0, 1 and 2."""
-        wanted = " and ".join(f"{SIDES[name][1]} {limit:g} {SIDES[name][0]}" for name, limit in self.limits.items())
+        requested = " and ".join(f"{SIDES[name][1]} {limit:g} {SIDES[name][0]}" for name, limit in self.limits.items())
         if len(self.limits) > 1:
-            return "none", f"not {wanted}", wanted
+            return "none", f"not {requested}", requested
         (name, limit), *_ = self.limits.items()
-        return "none", f"{SIDES[name][2]} {limit:g} {SIDES[name][0]}", wanted
+        return "none", f"{SIDES[name][2]} {limit:g} {SIDES[name][0]}", requested
 
     def label(self, inclusion: Inclusion | None) -> int:
         """The class of a target by its truth: 0, 1 or 2; what lies on a limit is of class 1."""
@@ -89,4 +89,4 @@ class ClassSplit:
 
     def labels(self, truth: Sequence[Inclusion | None]) -> list[int]:
         """The class of each target."""
-        return [self.label(one) for one in truth]
+        return [self.label(item) for item in truth]

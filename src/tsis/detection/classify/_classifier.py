@@ -92,14 +92,14 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
     InputError
         When it has no probability of an inclusion, or no samples of diameter, depth and modulus.
     """
-    found = presence(estimate, prior=prior)
+    result = presence(estimate, prior=prior)
     draws = require_integer("draws", draws, 1, 10**6)
     missing = [name for name in PARAMETERS if name not in estimate.samples]
     if missing:
         raise InputError(f"estimate must hold samples of {', '.join(PARAMETERS)}; it has none of {', '.join(missing)}")
     every = np.column_stack([estimate.samples[name] for name in PARAMETERS])
     evenly = np.linspace(0, len(every) - 1, min(draws, len(every))).round().astype(int)
-    return TargetEvidence(samples=every[evenly], log_ratio=found.log_likelihood_ratio)
+    return TargetEvidence(samples=every[evenly], log_ratio=result.log_likelihood_ratio)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -151,7 +151,8 @@ class TrainingSet:
                 f"readings and truth must be equally many, one a target; got {len(readings)} and {len(truth)}"
             )
         return cls(
-            features=np.array([one.at_mean for one in readings]), labels=np.array(split.labels(truth), dtype=int)
+            features=np.array([reading.at_mean for reading in readings]),
+            labels=np.array(split.labels(truth), dtype=int),
         )
 
 
@@ -245,8 +246,8 @@ class Classifier:
 
     def probabilities(self, features: ArrayLike) -> NDArray[np.float64]:
         """Probability of each class, shape (n, 3), at given features, shape (n, 4), as in `TrainingSet`."""
-        told: NDArray[np.float64] = self.model.predict_proba(require_array("features", features, ndim=2))
-        return told
+        reported: NDArray[np.float64] = self.model.predict_proba(require_array("features", features, ndim=2))
+        return reported
 
     def classify(self, reading: TargetEvidence) -> Classified:
         """Probabilities of the classes of a target.

@@ -105,28 +105,29 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
         classifier = train_classifier(
             _training(content["targets"]), ClassSplit(**content["split"]), ClassifierSettings(**content["settings"])
         )
-        kept = require_array("probabilities", content["probabilities"], ndim=2)
+        selected = require_array("probabilities", content["probabilities"], ndim=2)
     except (InputError, TypeError) as error:
         raise FileInputError(f"{printable_path(path)} must hold a classifier; {_reason(error)}") from error
-    found = _few(classifier)
-    if kept.shape != found.shape:
+    result = _few(classifier)
+    if selected.shape != result.shape:
         raise FileInputError(
-            f"{printable_path(path)} must hold {found.shape[0]} rows of {CLASSES} probabilities; got shape {kept.shape}"
+            f"{printable_path(path)} must hold {result.shape[0]} rows of {CLASSES} probabilities; got shape "
+            f"{selected.shape}"
         )
-    apart = float(np.abs(kept - found).max())
-    if apart <= SAME:
+    difference = float(np.abs(selected - result).max())
+    if difference <= SAME:
         return classifier
-    made, here = content["made_with"], _versions()
-    if made == here:
+    created, here = content["made_with"], _versions()
+    if created == here:
         raise FileInputError(
             f"{printable_path(path)} must give the probabilities that it holds; they differ by up to "
-            f"{apart:.2g}, though the "
+            f"{difference:.2g}, though the "
             "same versions made it: train the classifier again"
         )
-    versions = ", ".join(f"{name} {made[name]} then and {here[name]} now" for name in here if made[name] != here[name])
-    note = (
-        f"Fitted again, the classifier's probabilities differ by up to {apart:.2g} from those of its file: {versions}."
+    versions = ", ".join(
+        f"{name} {created[name]} then and {here[name]} now" for name in here if created[name] != here[name]
     )
+    note = f"Fitted again, the classifier's probabilities differ by up to {difference:.2g} from those of its file: {versions}."
     return replace(classifier, notes=(note,))
 
 
@@ -145,8 +146,8 @@ def _versions() -> dict[str, str]:
 def _few(classifier: Classifier) -> NDArray[np.float64]:
     """Probabilities of a few targets, evenly through the training's."""
     features = classifier.training.features
-    places = np.linspace(0, len(features) - 1, min(COMPARED, len(features))).round().astype(int)
-    return classifier.probabilities(features[places])
+    positions = np.linspace(0, len(features) - 1, min(COMPARED, len(features))).round().astype(int)
+    return classifier.probabilities(features[positions])
 
 
 def _spelled(content: dict[str, Any]) -> bytes:
@@ -169,10 +170,12 @@ def _check_form(content: dict[str, Any], path: Path) -> None:
         raise FileInputError(
             f"{printable_path(path)} must hold {', '.join(sorted(KEYS))}; {other!r:.40} is missing or unknown"
         )
-    made = content["made_with"]
-    told = isinstance(made, dict) and set(made) == set(_versions())
-    if not told or not all(isinstance(one, str) and len(one) < 40 and one.isprintable() for one in made.values()):
-        raise FileInputError(f"{printable_path(path)} must name the versions it was made with; got {made!r:.80}")
+    created = content["made_with"]
+    reported = isinstance(created, dict) and set(created) == set(_versions())
+    if not reported or not all(
+        isinstance(item, str) and len(item) < 40 and item.isprintable() for item in created.values()
+    ):
+        raise FileInputError(f"{printable_path(path)} must name the versions it was made with; got {created!r:.80}")
     try:
         same = (
             classifier_sha256({name: value for name, value in content.items() if name != "sha256"}) == content["sha256"]

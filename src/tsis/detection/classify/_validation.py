@@ -94,8 +94,8 @@ class Validation:
 
 def log_loss(probabilities: NDArray[np.float64], labels: NDArray[np.int64]) -> float:
     """Mean negative log of the probability of the true class."""
-    said = probabilities[np.arange(len(labels)), labels]
-    return float(-np.log(np.maximum(said, LEAST)).mean())
+    message = probabilities[np.arange(len(labels)), labels]
+    return float(-np.log(np.maximum(message, LEAST)).mean())
 
 
 def brier(probabilities: NDArray[np.float64], labels: NDArray[np.int64]) -> float:
@@ -142,14 +142,14 @@ def cross_validate(
 
     parts = StratifiedKFold(folds, shuffle=True, random_state=settings.seed)
     mean, single = np.empty((2, len(readings), CLASSES))
-    for done, (kept, out) in enumerate(parts.split(training.features, training.labels)):
+    for done, (part, out) in enumerate(parts.split(training.features, training.labels)):
         fitted = train_classifier(
-            TrainingSet(features=training.features[kept], labels=training.labels[kept]), split, settings
+            TrainingSet(features=training.features[part], labels=training.labels[part]), split, settings
         )
         single[out] = fitted.probabilities(training.features[out])
         rows = [readings[index].rows for index in out]
-        ends = np.cumsum([len(one) for one in rows])[:-1]
-        mean[out] = [one.mean(axis=0) for one in np.split(fitted.probabilities(np.concatenate(rows)), ends)]
+        ends = np.cumsum([len(row) for row in rows])[:-1]
+        mean[out] = [part.mean(axis=0) for part in np.split(fitted.probabilities(np.concatenate(rows)), ends)]
         if progress is not None:
             progress(done + 1, folds)
     if not np.isfinite(mean).all():

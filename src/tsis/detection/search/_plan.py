@@ -91,10 +91,10 @@ class ScanPlan:
     @property
     def positions_mm(self) -> NDArray[np.float64]:
         """Places (x, y) of the presses in their order, from a corner of the area, shape (presses, 2)."""
-        across = (np.arange(self.strips) + 0.5) * self.strip_spacing_mm
+        span = (np.arange(self.strips) + 0.5) * self.strip_spacing_mm
         along = (np.arange(self.presses_a_strip) + 0.5) * self.press_spacing_mm
         both = [along if index % 2 == 0 else along[::-1] for index in range(self.strips)]
-        return np.column_stack([np.repeat(across, self.presses_a_strip), np.concatenate(both)])
+        return np.column_stack([np.repeat(span, self.presses_a_strip), np.concatenate(both)])
 
     @property
     def travel_mm(self) -> float:
@@ -182,8 +182,8 @@ def scan_plan(
     )
 
 
-def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, reach_mm: float) -> ScanPlan:
-    """The plan of fewest presses in which no place is farther from a press than ``reach_mm``.
+def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_mm: float) -> ScanPlan:
+    """The plan of fewest presses in which no place is farther from a press than ``extent_mm``.
 
     Every number of strips that could be best is tried; of equals the one whose worst place is nearest is taken.
 
@@ -193,7 +193,7 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, reach_mm
         The area, in [1, 5000] mm.
     radius_mm
         Of the probe's face, in [0.5, 500].
-    reach_mm
+    extent_mm
         How far beside the axis the wanted inclusion is still found, in [0.05, 500].
 
     Raises
@@ -208,7 +208,7 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, reach_mm
     (18, 15, 2.99)
     """
     _check_area(width_mm, height_mm, radius_mm)
-    widest = 2 * require_number("reach_mm", reach_mm, 0.05, FARTHEST_MM, hint="millimetres")
+    widest = 2 * require_number("reach_mm", extent_mm, 0.05, FARTHEST_MM, hint="millimetres")
     fewest_along = _cells(height_mm, widest)
     best: tuple[int, float, int, int] | None = None
     strips = max(1, math.ceil(width_mm / widest * (1 - ROUNDING)))
@@ -217,12 +217,12 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, reach_mm
         if along > 1e-6 * widest:
             presses_a_strip = _cells(height_mm, along)
             worst = math.hypot(width_mm / strips, height_mm / presses_a_strip)
-            found = (strips * presses_a_strip, worst, strips, presses_a_strip)
-            best = found if best is None else min(best, found)
+            result = (strips * presses_a_strip, worst, strips, presses_a_strip)
+            best = result if best is None else min(best, result)
         strips += 1
     if best[0] > MOST_PRESSES:
         raise InputError(
-            f"reach_mm must be larger for this area: {reach_mm:g} would take {best[0]} presses of {MOST_PRESSES}"
+            f"reach_mm must be larger for this area: {extent_mm:g} would take {best[0]} presses of {MOST_PRESSES}"
         )
     return ScanPlan(
         width_mm=width_mm, height_mm=height_mm, strips=best[2], presses_a_strip=best[3], radius_mm=radius_mm
@@ -243,26 +243,26 @@ SIZES_MM = (0.5, 15.0)  # between which the smallest inclusion is looked for
 STEPS = 200
 
 
-def widest_spacing_mm(reach_mm: float) -> float:
-    """Spacing of a square grid of presses between which nothing is farther than ``reach_mm`` from one: its root 2.
+def widest_spacing_mm(extent_mm: float) -> float:
+    """Spacing of a square grid of presses between which nothing is farther than ``extent_mm`` from one: its root 2.
 
     Both are in mm, the reach in [0, 500]; else `InputError` is raised.
     """
-    return math.sqrt(2) * require_number("reach_mm", reach_mm, 0.0, FARTHEST_MM, hint="millimetres")
+    return math.sqrt(2) * require_number("reach_mm", extent_mm, 0.0, FARTHEST_MM, hint="millimetres")
 
 
 def smallest_found_mm(
-    plan: ScanPlan, reach: Reach, depth_mm: float, *, sizes_mm: tuple[float, float] = SIZES_MM
+    plan: ScanPlan, detection_range: Reach, depth_mm: float, *, sizes_mm: tuple[float, float] = SIZES_MM
 ) -> float | None:
     """Diameter from which on a plan cannot miss an inclusion, wherever between the presses it lies.
 
-    "Cannot miss" means: with at least the probability that ``reach`` is for, by the nearest press alone.
+    "Cannot miss" means: with at least the probability that ``detection_range`` is for, by the nearest press alone.
 
     Parameters
     ----------
     plan
         Where is pressed.
-    reach
+    detection_range
         Function of diameter and depth in mm that gives the distance from the axis up to which it is found, mm.
     depth_mm
         Depth of its top.
@@ -282,10 +282,10 @@ def smallest_found_mm(
     low, high = require_pair("sizes_mm", sizes_mm)
     require_number("the low end of sizes_mm", low, 0.1, 100.0)
     require_number("the high end of sizes_mm", high, low, 100.0)
-    checked = _checked(reach)
+    checked = _checked(detection_range)
     enough = plan.worst_distance_mm * (1 - ROUNDING)
     tried = np.linspace(low, high, STEPS)
-    missed = [one for one in tried.tolist() if checked(one, depth_mm) < enough]
+    missed = [item for item in tried.tolist() if checked(item, depth_mm) < enough]
     if not missed:
         return low
     if missed[-1] == high:
@@ -301,8 +301,10 @@ def _turning(holds: Callable[[float], bool], below: float, above: float) -> floa
     return above
 
 
-def _checked(reach: Reach) -> Reach:
+def _checked(detection_range: Reach) -> Reach:
     def asked(diameter_mm: float, depth_mm: float) -> float:
-        return require_number("what reach gives", reach(diameter_mm, depth_mm), 0.0, FARTHEST_MM, hint="millimetres")
+        return require_number(
+            "what reach gives", detection_range(diameter_mm, depth_mm), 0.0, FARTHEST_MM, hint="millimetres"
+        )
 
     return asked

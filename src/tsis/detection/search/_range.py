@@ -66,14 +66,14 @@ class ReachTable:
     def __post_init__(self) -> None:
         for name in ("diameter_mm", "depth_mm"):
             object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
-        reach = require_array("reach_mm", self.reach_mm, ndim=2)
+        detection_range = require_array("reach_mm", self.reach_mm, ndim=2)
         shape = (len(self.diameter_mm), len(self.depth_mm))
-        if reach.shape != shape or reach.min() < 0 or reach.max() > FARTHEST_MM:
+        if detection_range.shape != shape or detection_range.min() < 0 or detection_range.max() > FARTHEST_MM:
             raise InputError(
                 f"reach_mm must have the shape {shape} of sizes and depths and lie in [0, {FARTHEST_MM:g}]; got shape "
-                f"{reach.shape}, {reach.min():g} to {reach.max():g}"
+                f"{detection_range.shape}, {detection_range.min():g} to {detection_range.max():g}"
             )
-        object.__setattr__(self, "reach_mm", reach)
+        object.__setattr__(self, "reach_mm", detection_range)
         object.__setattr__(self, "probability", require_number("probability", self.probability, 1e-6, 1 - 1e-6))
 
     def __call__(self, diameter_mm: float, depth_mm: float) -> float:
@@ -86,7 +86,7 @@ class ReachTable:
         return float(np.interp(diameter, self.diameter_mm, by_size))
 
 
-def reach_of_trials(offset_mm: ArrayLike, found: ArrayLike, *, probability: float = 0.9) -> float:
+def reach_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probability: float = 0.9) -> float:
     """Reach by trials on inclusions of one kind at many distances from the axis.
 
     The share of those found is fitted by a step function that does not rise with the distance (isotonic regression);
@@ -97,7 +97,7 @@ def reach_of_trials(offset_mm: ArrayLike, found: ArrayLike, *, probability: floa
     ----------
     offset_mm
         Distances from the axis, shape (trials,), not negative.
-    found
+    result
         Whether the inclusion was found, booleans of shape (trials,).
     probability
         Wanted, in (0, 1).
@@ -117,16 +117,16 @@ def reach_of_trials(offset_mm: ArrayLike, found: ArrayLike, *, probability: floa
     4.0
     """
     away = require_array("offset_mm", offset_mm, ndim=1)
-    seen = booleans("found", found)
-    same_length("offset_mm", away, "found", seen)
+    observed = booleans("found", result)
+    same_length("offset_mm", away, "found", observed)
     if away.min() < 0:
         raise InputError(f"offset_mm must not be negative; got {away.min():g}")
     require_number("probability", probability, 1e-6, 1 - 1e-6)
     from sklearn.isotonic import IsotonicRegression
 
-    fitted = IsotonicRegression(increasing=False).fit(away, seen.astype(float))
-    share = fitted.predict(np.sort(away))
-    inside = np.sort(away)[share >= probability - 1e-12]
+    fitted = IsotonicRegression(increasing=False).fit(away, observed.astype(float))
+    fraction = fitted.predict(np.sort(away))
+    inside = np.sort(away)[fraction >= probability - 1e-12]
     return float(inside[-1]) if len(inside) else 0.0
 
 
@@ -155,9 +155,11 @@ def read_reach(path: str | os.PathLike[str], *, probability: float = 0.9) -> Rea
             f"{len(depths)} depths once; got "
             f"{len(rows)} rows"
         )
-    reach = [[cells[float(size), float(depth)] for depth in depths] for size in sizes]
+    detection_range = [[cells[float(size), float(depth)] for depth in depths] for size in sizes]
     try:
-        return ReachTable(diameter_mm=sizes, depth_mm=depths, reach_mm=np.array(reach), probability=probability)
+        return ReachTable(
+            diameter_mm=sizes, depth_mm=depths, reach_mm=np.array(detection_range), probability=probability
+        )
     except InputError as error:
         raise FileInputError(f"{printable_path(path)}: {error}") from error
 
@@ -176,8 +178,8 @@ def measured_reach(probe: str) -> ReachTable | None:
     >>> measured_reach("tsis-2011") is None
     True
     """
-    held = {path.stem: path for path in REACHES.glob("*.csv")}
-    return read_reach(held[probe]) if probe in held else None
+    by_name = {path.stem: path for path in REACHES.glob("*.csv")}
+    return read_reach(by_name[probe]) if probe in by_name else None
 
 
 def _numbers(content: bytes, name: str) -> list[tuple[float, ...]]:

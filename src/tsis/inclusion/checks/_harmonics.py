@@ -83,9 +83,9 @@ def shading_harmonics(
     radius_mm
         Radius of each ring.
     """
-    share = radius_mm / radius_mm[-1]
-    raised = [DENT_MM * share**power * growth * grey for power in (0, 2, 4)]
-    tilted = [SLOPE * share**power * flux * grey for power in (1, 3)]
+    fraction = radius_mm / radius_mm[-1]
+    raised = [DENT_MM * fraction**power * growth * grey for power in (0, 2, 4)]
+    tilted = [SLOPE * fraction**power * flux * grey for power in (1, 3)]
     return raised + tilted
 
 
@@ -94,7 +94,7 @@ def unevenness(
     variance: NDArray[np.float64],
     radius_mm: NDArray[np.float64],
     *,
-    known: list[NDArray[np.complex128]],
+    given: list[NDArray[np.complex128]],
 ) -> Unevenness:
     """Compare the harmonics of rings with their noise.
 
@@ -106,12 +106,12 @@ def unevenness(
         Variances of their real and imaginary parts, shape (2, rings), positive.
     radius_mm
         Radius of each ring.
-    known
+    given
         Harmonics that innocent causes make, each times an unknown normal number of variance one.
     """
     covariance = np.diag(variance.ravel())
-    if known:
-        causes = np.array([np.concatenate([cause.real, cause.imag]) for cause in known])
+    if given:
+        causes = np.array([np.concatenate([cause.real, cause.imag]) for cause in given])
         covariance += causes.T @ causes
     both = np.concatenate([values.real, values.imag])
     square = float(both @ cho_solve(cho_factor(covariance), both))

@@ -61,22 +61,22 @@ def image_findings(
     shown = [sector_means(frame, probe=probe, calibration=calibration) for frame in frames]
     for frame, sectors in zip(frames, shown, strict=True):
         check_contact(frame, sectors, probe=probe, calibration=calibration)
-    plain = shown[len(targets) :]
-    nearest = [_nearest(target, references, plain) for target in targets]
+    reference = shown[len(targets) :]
+    nearest = [_nearest(target, references, reference) for target in targets]
     return [
         *saturated_findings(frames, shown),
         *cropped,
-        *tilt_findings(plain, calibration),
+        *tilt_findings(reference, calibration),
         *roundness_findings(shown[: len(targets)], nearest, calibration),
     ]
 
 
-def _nearest(target: TactileImage, references: Sequence[TactileImage], plain: Sequence[Sectors]) -> Sectors | None:
+def _nearest(target: TactileImage, references: Sequence[TactileImage], sectorses: Sequence[Sectors]) -> Sectors | None:
     """The reference of the force nearest to that of the target."""
     if not references:
         return None
-    apart = [abs((one.force_n or 0.0) - (target.force_n or 0.0)) for one in references]
-    return plain[int(np.argmin(apart))]
+    difference = [abs((reference.force_n or 0.0) - (target.force_n or 0.0)) for reference in references]
+    return sectorses[int(np.argmin(difference))]
 
 
 def check_contact(frame: TactileImage, sectors: Sectors, *, probe: Probe, calibration: Calibration) -> None:
@@ -117,15 +117,16 @@ def check_contact(frame: TactileImage, sectors: Sectors, *, probe: Probe, calibr
 
 def saturated_findings(frames: Sequence[TactileImage], shown: Sequence[Sectors]) -> list[tuple[str, str]]:
     """Flag ``saturated`` with the largest share of clipped pixels inside the disc that profiles are read from."""
-    shares = [float(one.clipped.sum() / one.grid.count.sum()) for one in shown]
-    worst = int(np.argmax(shares))
-    if shares[worst] == 0.0:
+    fractions = [float(item.clipped.sum() / item.grid.count.sum()) for item in shown]
+    worst = int(np.argmax(fractions))
+    if fractions[worst] == 0.0:
         return []
     frame = frames[worst]
     return [
         (
             "saturated",
-            f"{100 * shares[worst]:.2g} % of the pixels that the profile is read from clip at {frame.full_scale:g} in "
+            f"{100 * fractions[worst]:.2g} % of the pixels that the profile is read from clip at "
+            f"{frame.full_scale:g} in "
             f"{frame.name or 'an image'!r}: expose shorter or press less.",
         )
     ]
@@ -140,8 +141,8 @@ def cropped_findings(frame: TactileImage, probe: Probe) -> list[tuple[str, str]]
         When more than half of a ring in the inner half of the disc lies outside.
     """
     edges = ring_edges(probe)
-    seen = ring_visibility(frame, edges)
-    inner = seen[: len(seen) // 2]
+    observed = ring_visibility(frame, edges)
+    inner = observed[: len(observed) // 2]
     if inner.min() < LEAST_SEEN:
         ring = int(np.argmin(inner))
         raise InputError(
@@ -150,7 +151,7 @@ def cropped_findings(frame: TactileImage, probe: Probe) -> list[tuple[str, str]]
             "the probe in the picture"
         )
     area = np.diff(edges**2)
-    missing = float(1 - (seen * area).sum() / area.sum())
+    missing = float(1 - (observed * area).sum() / area.sum())
     if missing <= MISSING:
         return []
     return [

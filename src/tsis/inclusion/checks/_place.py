@@ -121,7 +121,7 @@ class _Cells:
     variance: NDArray[np.float64]
 
 
-def _cells(target: TactileImage, reference: TactileImage, known: Calibration, radius_mm: float) -> _Cells:
+def _cells(target: TactileImage, reference: TactileImage, calibration: Calibration, radius_mm: float) -> _Cells:
     """The cells inside the rings of the estimate in which no pixel is clipped."""
     (sx, sy), (ax, ay) = target.scale(), target.axis()
     size = max(1, round(CELL_MM / sy)), max(1, round(CELL_MM / sx))
@@ -130,26 +130,28 @@ def _cells(target: TactileImage, reference: TactileImage, known: Calibration, ra
         raise _too_little(0)
     x = (_means(np.arange(columns)[None, :], (1, size[1]))[0] - ax) * sx
     y = (_means(np.arange(rows)[:, None], (size[0], 1))[:, 0] - ay) * sy
-    pressed, plain = (_means(frame.grey, size) - known.background_grey for frame in (target, reference))
+    pressed, plain = (_means(frame.grey, size) - calibration.background_grey for frame in (target, reference))
     brightest = _brightest(target, reference, size)
-    light = np.ones_like(plain) if known.light is None else known.light.at(x, y)
+    light = np.ones_like(plain) if calibration.light is None else calibration.light.at(x, y)
     inside = (np.hypot(x, y[:, None]) < OUTER_SHARE * radius_mm) & (brightest < target.full_scale)
     inside &= light > DARKEST * light.max()
     if inside.sum() < FEWEST_CELLS:
         raise _too_little(int(inside.sum()))
-    across, down = (grid[inside] for grid in np.meshgrid(x, y))
+    span, down = (grid[inside] for grid in np.meshgrid(x, y))
     pressed, plain, light = pressed[inside], plain[inside], light[inside]
-    pixel = 2 * known.read_noise_grey**2 + known.shot_noise_grey * np.maximum(pressed + plain, 0.0) + 2 / 12
-    ring = known.repeatability_sd**2 * (pressed**2 + plain**2) + known.pattern_sd**2 * (pressed - plain) ** 2
+    pixel = 2 * calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(pressed + plain, 0.0) + 2 / 12
+    ring = (
+        calibration.repeatability_sd**2 * (pressed**2 + plain**2) + calibration.pattern_sd**2 * (pressed - plain) ** 2
+    )
     # What a ring's mean errs by is what its cells err by together, over the root of their number.
     width, area = OUTER_SHARE * radius_mm / RINGS, size[0] * sy * size[1] * sx
-    cells_a_ring = np.maximum(2 * np.pi * np.hypot(across, down) * width / area, 1.0)
+    cells_a_ring = np.maximum(2 * np.pi * np.hypot(span, down) * width / area, 1.0)
     variance = (pixel / (size[0] * size[1]) + cells_a_ring * ring) / light**2
     # Its own noise, which is also in the change, would make a share of the plain press out of nothing.
-    basis = chebyshev.chebvander(_unit(across**2 + down**2), DEGREE) / np.sqrt(variance)[:, None]
+    basis = chebyshev.chebvander(_unit(span**2 + down**2), DEGREE) / np.sqrt(variance)[:, None]
     smooth = np.linalg.lstsq(basis, plain / light / np.sqrt(variance), rcond=None)[0]
     return _Cells(
-        x_mm=across,
+        x_mm=span,
         y_mm=down,
         change=(pressed - plain) / light,
         plain=basis @ smooth * np.sqrt(variance),
@@ -194,23 +196,23 @@ def _step(cells: _Cells, centre: NDArray[np.float64]) -> tuple[NDArray[np.float6
     basis = chebyshev.chebvander(unit, DEGREE)
     coarse = np.column_stack([basis, cells.plain])
     weight = 1 / cells.variance
-    known = np.zeros(coarse.shape[1])
-    known[-1] = PLAIN_SD**-2
-    spread = np.linalg.inv(coarse.T @ (weight[:, None] * coarse) + np.diag(known))
+    given = np.zeros(coarse.shape[1])
+    given[-1] = PLAIN_SD**-2
+    spread = np.linalg.inv(coarse.T @ (weight[:, None] * coarse) + np.diag(given))
     fitted = spread @ (coarse.T @ (weight * cells.change))
     # Derivative by the squared distance; that by x is 2 x times it.
     steep = chebyshev.chebvander(unit, DEGREE - 1) @ chebyshev.chebder(np.eye(DEGREE + 1)) * by_unit
     by_squared = steep @ fitted[:-1]
-    moved = np.column_stack([-2 * x * by_squared, -2 * y * by_squared])
+    shifted = np.column_stack([-2 * x * by_squared, -2 * y * by_squared])
     residual = cells.change - coarse @ fitted
     # What the round part can follow of a shift tells nothing about it.
-    free = moved - coarse @ (spread @ (coarse.T @ (weight[:, None] * moved)))
-    told = free.T @ (weight[:, None] * free)
+    free = shifted - coarse @ (spread @ (coarse.T @ (weight[:, None] * shifted)))
+    reported = free.T @ (weight[:, None] * free)
     noise = 2 * np.einsum("n,nk,kl,nl->", weight * squared, steep, spread[:-1, :-1], steep, optimize=True)
-    information = np.trace(told) / 2 - noise
+    information = np.trace(reported) / 2 - noise
     if information < DISTINCT * noise:
         return np.zeros(2), np.inf
-    shift = np.linalg.solve(told, free.T @ (weight * residual))
+    shift = np.linalg.solve(reported, free.T @ (weight * residual))
     left = residual - free @ shift
     misfit = float(weight @ left**2) / (len(left) - DEGREE - 4)
     return shift, float(np.sqrt(max(misfit, 1.0) / information))

@@ -49,15 +49,15 @@ def roundness(target: Sectors, reference: Sectors | None, calibration: Calibrati
     change = target.grey if reference is None else target.grey - reference.grey
     radius, first = target.grid.ring_radius_mm[use], harmonic(change, 1)[use]
     off_axis = [OFFSET_MM / 4 * part for part in (np.gradient(first, radius), first / radius)]
-    known = [turned * part for part in off_axis for turned in (1, 1j)]
-    known += shading_harmonics(
+    existing = [rotated * part for part in off_axis for rotated in (1, 1j)]
+    existing += shading_harmonics(
         target.grey.mean(axis=1)[use],
         harmonic(target.grid.growth_per_mm, 2)[use],
         harmonic(target.grid.flux, 2)[use],
         radius,
     )
     variance = harmonic_variance(change, frames, calibration, order=2)[:, use]
-    return unevenness(harmonic(change, 2)[use], variance, radius, known=known)
+    return unevenness(harmonic(change, 2)[use], variance, radius, given=existing)
 
 
 def harmonic_variance(
@@ -69,11 +69,11 @@ def harmonic_variance(
     pattern and the error of the light scale with what is shown; pixel noise and repeatability add up over the frames.
     """
     fixed = calibration.pattern_sd**2 + frames[0].grid.light_sd ** 2
-    alike = fixed * shown.mean(axis=1) ** 2
+    correlation = fixed * shown.mean(axis=1) ** 2
     for frame in frames:
-        alike = alike + (calibration.repeatability_sd * frame.grey.mean(axis=1)) ** 2
+        correlation = correlation + (calibration.repeatability_sd * frame.grey.mean(axis=1)) ** 2
     pixels = np.sum([frame.variance for frame in frames], axis=0)
-    return np.asarray(2 * alike + harmonic_noise(pixels, order))
+    return np.asarray(2 * correlation + harmonic_noise(pixels, order))
 
 
 def roundness_findings(
@@ -90,9 +90,9 @@ def roundness_findings(
     calibration
         Sizes of the errors.
     """
-    found = [roundness(*pair, calibration) for pair in zip(targets, references, strict=True)]
-    seen = [one for one in found if one is not None]
-    if not seen:
+    results = [roundness(*pair, calibration) for pair in zip(targets, references, strict=True)]
+    observed = [item for item in results if item is not None]
+    if not observed:
         return [
             (
                 "roundness_not_checked",
@@ -100,8 +100,8 @@ def roundness_findings(
                 "without clipping.",
             )
         ]
-    worst = min(seen, key=lambda one: (one.chance, -one.over_noise))
-    if worst.chance >= IMPROBABLE / len(seen):
+    worst = min(observed, key=lambda item: (item.chance, -item.over_noise))
+    if worst.chance >= IMPROBABLE / len(observed):
         return []
     return [
         (
@@ -117,32 +117,34 @@ def roundness_findings(
 AXIS_MM = 0.1  # standard deviation of where in the picture the probe's axis is believed to be
 
 
-def tilt_evidence(plain: Sectors, calibration: Calibration) -> Unevenness | None:
+def tilt_evidence(sectors: Sectors, calibration: Calibration) -> Unevenness | None:
     """How far the first harmonic of a press on plain tissue is from noise; None when too few rings are whole.
 
     An axis believed at a slightly wrong place shifts the picture over the light: that is no tilt.
     """
-    use = plain.usable
+    use = sectors.usable
     use[:FIRST_RING] = False
     if use.sum() < FEWEST:
         return None
-    grid, grey = plain.grid, plain.grey.mean(axis=1)
+    grid, grey = sectors.grid, sectors.grey.mean(axis=1)
     radius = grid.ring_radius_mm
     lit = grid.light.sum(axis=1) / np.maximum(grid.count.sum(axis=1), 1)
     shifted = AXIS_MM * (np.gradient((grey * lit)[use], radius[use]) / lit[use]).astype(complex)
     growth, flux = harmonic(grid.growth_per_mm, 1)[use], harmonic(grid.flux, 1)[use]
-    known = [shifted, 1j * shifted, *shading_harmonics(grey[use], growth, flux, radius[use])]
-    variance = harmonic_variance(plain.grey, [plain], calibration, order=1)[:, use]
-    return unevenness(harmonic(plain.grey, 1)[use], variance, radius[use], known=known)
+    existing = [shifted, 1j * shifted, *shading_harmonics(grey[use], growth, flux, radius[use])]
+    variance = harmonic_variance(sectors.grey, [sectors], calibration, order=1)[:, use]
+    return unevenness(harmonic(sectors.grey, 1)[use], variance, radius[use], given=existing)
 
 
 def tilt_findings(references: Sequence[Sectors], calibration: Calibration) -> list[tuple[str, str]]:
     """Flag ``tilted`` for the reference press that leans most."""
-    seen = [one for one in (tilt_evidence(plain, calibration) for plain in references) if one is not None]
-    if not seen:
+    observed = [
+        item for item in (tilt_evidence(reference, calibration) for reference in references) if item is not None
+    ]
+    if not observed:
         return []
-    worst = min(seen, key=lambda one: (one.chance, -one.over_noise))
-    if worst.chance >= IMPROBABLE / len(seen):
+    worst = min(observed, key=lambda item: (item.chance, -item.over_noise))
+    if worst.chance >= IMPROBABLE / len(observed):
         return []
     return [
         (

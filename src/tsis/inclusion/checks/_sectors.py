@@ -104,8 +104,8 @@ class Sectors:
 
 def sector_means(frame: TactileImage, *, probe: Probe, calibration: Calibration) -> Sectors:
     """Means over rings and sectors of a frame, of the part of the face that profiles are read from."""
-    reach = OUTER_SHARE * probe.radius_mm
-    grid = _grid(_geometry(frame, reach), calibration.light)
+    extent = OUTER_SHARE * probe.radius_mm
+    grid = _grid(_geometry(frame, extent), calibration.light)
     sums, clipped = _gather(frame.grey.ravel(), grid.place, frame.full_scale)
     total = sums.reshape(RINGS, SECTORS)
     count, light = np.maximum(grid.count, 1), np.where(grid.light > 0, grid.light, 1.0)
@@ -126,27 +126,27 @@ def sector_means(frame: TactileImage, *, probe: Probe, calibration: Calibration)
 def _slope(above: NDArray[np.float64], grid: SectorGrid) -> NDArray[np.float64]:
     """Slope along the radius of the grey at even light, from its sums over rings; those not seen are as the last."""
     light, ring = grid.light.sum(axis=1), np.arange(RINGS)
-    seen = light > 0
-    if not seen.any():
+    observed = light > 0
+    if not observed.any():
         return np.zeros(RINGS)
-    grey = np.interp(ring, ring[seen], above[seen] / light[seen])
+    grey = np.interp(ring, ring[observed], above[observed] / light[observed])
     return np.asarray(np.gradient(grey, grid.reach_mm / RINGS))
 
 
 @compiled
 def _gather(
-    grey: NDArray[np.float64], place: NDArray[np.uint8], full_scale: float
+    grey: NDArray[np.float64], position: NDArray[np.uint8], full_scale: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Sum of the grey levels and number of clipped pixels in each sector, in one pass."""
     total = np.zeros(RINGS * SECTORS + 1)
     clipped = np.zeros(RINGS * SECTORS + 1, dtype=np.int64)
     # Neighbours mostly share a sector: their sum stays in a register until the sector changes.
-    here, glow, clips = place[0], 0.0, 0
+    here, glow, clips = position[0], 0.0, 0
     for pixel in range(len(grey)):
-        if place[pixel] != here:
+        if position[pixel] != here:
             total[here] += glow
             clipped[here] += clips
-            here, glow, clips = place[pixel], 0.0, 0
+            here, glow, clips = position[pixel], 0.0, 0
         glow += grey[pixel]
         clips += grey[pixel] >= full_scale
     total[here] += glow
@@ -170,29 +170,29 @@ def ring_visibility(frame: TactileImage, edges_mm: NDArray[np.float64]) -> NDArr
     return np.asarray(_visible(_geometry(frame, float(edges_mm[-1])), edges_mm.tobytes()).mean(axis=1))
 
 
-def _geometry(frame: TactileImage, reach: float) -> _Geometry:
+def _geometry(frame: TactileImage, extent: float) -> _Geometry:
     rows, columns = frame.grey.shape
-    return (rows, columns), frame.scale(), frame.axis(), reach
+    return (rows, columns), frame.scale(), frame.axis(), extent
 
 
-def _sums(place: NDArray[np.uint8], values: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def _sums(position: NDArray[np.uint8], values: NDArray[np.float64] | None) -> NDArray[np.float64]:
     """Sums of ``values``, or numbers of pixels, over rings and sectors."""
-    found = np.bincount(place, weights=values, minlength=RINGS * SECTORS + 1)[: RINGS * SECTORS]
-    return np.asarray(found.reshape(RINGS, SECTORS), dtype=float)
+    result = np.bincount(position, weights=values, minlength=RINGS * SECTORS + 1)[: RINGS * SECTORS]
+    return np.asarray(result.reshape(RINGS, SECTORS), dtype=float)
 
 
 @lru_cache(maxsize=8)  # the frames of one camera share it
 def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
-    (rows, columns), scale, axis, reach = geometry
+    (rows, columns), scale, axis, extent = geometry
     x, y = (np.arange(columns) - axis[0]) * scale[0], (np.arange(rows) - axis[1]) * scale[1]
     radius = np.hypot(x, y[:, None])
-    ring = np.floor(radius * (RINGS / reach)).astype(np.intp)
+    ring = np.floor(radius * (RINGS / extent)).astype(np.intp)
     turn = np.arctan2(y[:, None], x[None, :]) / (2 * np.pi) % 1.0
     sector = np.minimum((turn * SECTORS).astype(np.intp), SECTORS - 1)
-    place = np.where(ring < RINGS, ring * SECTORS + sector, RINGS * SECTORS).ravel().astype(np.uint8)
-    count = _sums(place, None)
+    position = np.where(ring < RINGS, ring * SECTORS + sector, RINGS * SECTORS).ravel().astype(np.uint8)
+    count = _sums(position, None)
 
-    edges = np.linspace(0.0, reach, RINGS + 1)
+    edges = np.linspace(0.0, extent, RINGS + 1)
     area = np.pi * np.diff(edges**2)
     if light is None:
         lit, growth, flux = np.ones_like(radius), np.zeros_like(radius), np.zeros_like(radius)
@@ -203,17 +203,17 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
         # Rays are counted node by node of the map, so that the error of a ring's mean falls with its nodes.
         node = float(np.diff(light.x_mm).mean() * np.diff(light.y_mm).mean())
         light_sd = light.error / np.sqrt(np.maximum(area / node, 1.0))
-    total = _sums(place, lit.ravel())
+    total = _sums(position, lit.ravel())
     divisor = np.where(total > 0, total, 1.0)
 
     def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return _sums(place, (lit * values).ravel()) / divisor
+        return _sums(position, (lit * values).ravel()) / divisor
 
     level = total / np.maximum(count, 1)
-    seen = _visible(geometry, edges.tobytes()).reshape(RINGS, SECTORS, -1).mean(axis=2)
-    whole = (seen >= WHOLE) & (count > 0) & (level > DARKEST * level.max())
+    observed = _visible(geometry, edges.tobytes()).reshape(RINGS, SECTORS, -1).mean(axis=2)
+    whole = (observed >= WHOLE) & (count > 0) & (level > DARKEST * level.max())
     return SectorGrid(
-        place=place,
+        place=position,
         count=count,
         whole=whole.all(axis=1),
         light=total,
@@ -221,7 +221,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
         growth_per_mm=mean(growth),
         flux=mean(flux),
         light_sd=light_sd,
-        reach_mm=reach,
+        reach_mm=extent,
     )
 
 
@@ -231,8 +231,8 @@ def _visible(geometry: _Geometry, edges: bytes) -> NDArray[np.float64]:
     (rows, columns), scale, axis, _ = geometry
     angle = (np.arange(FINE_ANGLES) + 0.5) * (2 * np.pi / FINE_ANGLES)
     squares = np.frombuffer(edges) ** 2
-    share = (np.arange(FINE_RADII) + 0.5) / FINE_RADII
-    radius = np.sqrt(squares[:-1, None] + np.diff(squares)[:, None] * share)[:, :, None]
+    fraction = (np.arange(FINE_RADII) + 0.5) / FINE_RADII
+    radius = np.sqrt(squares[:-1, None] + np.diff(squares)[:, None] * fraction)[:, :, None]
     column, row = axis[0] + radius * np.cos(angle) / scale[0], axis[1] + radius * np.sin(angle) / scale[1]
     inside = (column >= -0.5) & (column <= columns - 0.5) & (row >= -0.5) & (row <= rows - 0.5)
     return np.asarray(inside.mean(axis=1))

@@ -49,15 +49,15 @@ def design_of(view: PlannedView) -> Design:
     )
 
 
-def score(told: ProtocolInformation, criterion: str) -> float:
+def score(protocol_information: ProtocolInformation, criterion: str) -> float:
     """What a design should make small: a parameter's expected error, or of ``"all"`` the mean log product of the sd."""
     require_one_of("criterion", criterion, CRITERIA)
-    return told.log_sd if criterion == "all" else told.rmse[criterion]
+    return protocol_information.log_sd if criterion == "all" else protocol_information.rmse[criterion]
 
 
 def rank_designs(designs: Sequence[Design], criterion: str = "all") -> tuple[Design, ...]:
     """Best first; those that break a limit come after all that keep them."""
-    return tuple(sorted(designs, key=lambda one: (bool(one.limits.broken), score(one.information, criterion))))
+    return tuple(sorted(designs, key=lambda item: (bool(item.limits.broken), score(item.information, criterion))))
 
 
 def design_alternatives(planned: Protocol, aspect: Aspect) -> tuple[Protocol, ...]:
@@ -127,8 +127,8 @@ def _repeated(planned: Protocol) -> Iterator[Protocol]:
 
 
 def _referred(planned: Protocol) -> Iterator[Protocol]:
-    for wanted, name in ((True, "with a reference"), (False, "without a reference")):
-        presses = tuple(replace(press, with_reference=wanted) for press in planned.presses)
+    for requested, name in ((True, "with a reference"), (False, "without a reference")):
+        presses = tuple(replace(press, with_reference=requested) for press in planned.presses)
         yield replace(planned, presses=presses, name=name)
 
 
@@ -164,13 +164,13 @@ def calibration_for(probe: Probe, *, of: Probe, calibration: Calibration, traced
         Whether to light the face by the lamps, which takes seconds a probe; else the calibration's own light is kept.
     """
     stiffer = probe.layers[0].young_kpa / of.layers[0].young_kpa
-    found = replace(calibration, saturation_kpa=calibration.saturation_kpa * stiffer, probe="")
+    result = replace(calibration, saturation_kpa=calibration.saturation_kpa * stiffer, probe="")
     if not traced:
-        return found
+        return result
     light = irradiance(probe).near_undented()
     before = 1.0 if calibration.light is None else float(calibration.light.relative.max())
-    gain = found.gain_grey_per_kpa * before / float(light.relative.max())
-    return replace(found, light=light, gain_grey_per_kpa=gain)
+    gain = result.gain_grey_per_kpa * before / float(light.relative.max())
+    return replace(result, light=light, gain_grey_per_kpa=gain)
 
 
 def compare_designs(
@@ -204,8 +204,8 @@ def compare_designs(
     for done, protocol in enumerate(protocols):
         if progress is not None:
             progress(done, len(protocols))
-        known = calibration_for(protocol.probe, of=of, calibration=calibration, traced=traced)
-        view = planned_view(protocol, prior=prior, calibration=known, sensor=sensor, degrees=degrees)
+        given = calibration_for(protocol.probe, of=of, calibration=calibration, traced=traced)
+        view = planned_view(protocol, prior=prior, calibration=given, sensor=sensor, degrees=degrees)
         designs.append(design_of(view))
     if progress is not None:
         progress(len(protocols), len(protocols))

@@ -86,13 +86,13 @@ class ProtocolInformation:
         posterior often fills. The uniform priors of diameter and depth count as normal ones of the same variance.
         """
         factor = contrast_factor(self.inclusions[:, 2] / self.prior.tissue_young_kpa)
-        told = self.matrix.copy()
+        reported = self.matrix.copy()
         slope = 1 / _factor_slope(self.inclusions[:, 2], self.prior.tissue_young_kpa)
-        told[:, 2] *= slope[:, None]
-        told[:, :, 2] *= slope[:, None]
-        sizes = np.linalg.inv(told[:, :2, :2] + np.diag(self.prior_sd[:2] ** -2))
-        along = np.einsum("nij,nj->ni", sizes, told[:, :2, 2])  # what one of the factor is taken for in the sizes
-        precision = told[:, 2, 2] - np.einsum("ni,ni->n", told[:, :2, 2], along)
+        reported[:, 2] *= slope[:, None]
+        reported[:, :, 2] *= slope[:, None]
+        sizes = np.linalg.inv(reported[:, :2, :2] + np.diag(self.prior_sd[:2] ** -2))
+        along = np.einsum("nij,nj->ni", sizes, reported[:, :2, 2])  # what one of the factor is taken for in the sizes
+        precision = reported[:, 2, 2] - np.einsum("ni,ni->n", reported[:, :2, 2], along)
         young = np.linspace(*self.prior.young_kpa, CELLS)
         at = contrast_factor(young / self.prior.tissue_young_kpa)
         weight = np.exp(-0.5 * precision[:, None] * (at - factor[:, None]) ** 2)
@@ -148,8 +148,8 @@ class PlannedView:
 
     def grey(self, inclusions: NDArray[np.float64] | None) -> NDArray[np.float64]:
         """Expected grey levels as the camera sees them, shape (n, frames, rings); None is plain tissue, n = 1."""
-        seen = self.model.grey(inclusions, self.start) * self.model.level
-        return np.asarray(seen + self.model.calibration.background_grey)
+        observed = self.model.grey(inclusions, self.start) * self.model.level
+        return np.asarray(observed + self.model.calibration.background_grey)
 
     @property
     def start(self) -> NDArray[np.float64]:
@@ -158,14 +158,14 @@ class PlannedView:
 
     def likelihood(self, inclusion: NDArray[np.float64]) -> InclusionLikelihood:
         """Of the frames that the model itself makes of an inclusion (3,), without an error."""
-        known, level = self.model.calibration, self.model.level
+        given, level = self.model.calibration, self.model.level
         grey = self.model.grey(inclusion[None], self.start)[0]
-        seen = grey * level
-        pixel = known.read_noise_grey**2 + known.shot_noise_grey * np.maximum(seen, 0.0) + 1 / 12
+        observed = grey * level
+        pixel = given.read_noise_grey**2 + given.shot_noise_grey * np.maximum(observed, 0.0) + 1 / 12
         variance = (
             pixel / (self.protocol.frames_each * np.maximum(self.count, 1) * level**2) + (MODEL_ERROR * grey) ** 2
         )
-        usable = (self.count > 0) & (seen + known.background_grey < self.sensor.full_scale)
+        usable = (self.count > 0) & (observed + given.background_grey < self.sensor.full_scale)
         return InclusionLikelihood(self.model, Profiles(grey=grey, variance=variance, usable=usable))
 
     def information(self, inclusion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -257,7 +257,7 @@ def view_of(
     """Make a protocol ready whose presses are known."""
     edges, dark = ring_edges(protocol.probe), np.zeros((sensor.rows, sensor.columns))
     blank = TactileImage(grey=dark, mm_per_pixel=sensor.mm_per_pixel, full_scale=sensor.full_scale)
-    seen = replace(calibration, read_noise_grey=sensor.read_noise_grey, shot_noise_grey=sensor.shot_noise_grey)
+    observed = replace(calibration, read_noise_grey=sensor.read_noise_grey, shot_noise_grey=sensor.shot_noise_grey)
     light = ring_light(blank, calibration, edges)
     targets = [press.force_n for press in protocol.presses]
     references = [press.force_n for press in protocol.presses if press.with_reference]
@@ -265,7 +265,7 @@ def view_of(
         rings=ring_answers(surrogate, edges, light.level),
         level=light.level,
         shading=light.shading,
-        calibration=_averaged(seen, protocol.frames_each),
+        calibration=_averaged(observed, protocol.frames_each),
         prior=prior,
         force_n=np.array(targets + references),
         is_reference=np.array([False] * len(targets) + [True] * len(references)),
@@ -282,12 +282,12 @@ def _averaged(calibration: Calibration, frames: int) -> Calibration:
 
     The likelihood is linear in the errors, so that the mean of repeats says all that the repeats say.
     """
-    share = 1 / np.sqrt(frames)
+    fraction = 1 / np.sqrt(frames)
     return replace(
         calibration,
-        repeatability_sd=share * calibration.repeatability_sd,
-        force_sd=share * calibration.force_sd,
-        offset_sd=share * calibration.offset_sd,
+        repeatability_sd=fraction * calibration.repeatability_sd,
+        force_sd=fraction * calibration.force_sd,
+        offset_sd=fraction * calibration.offset_sd,
     )
 
 

@@ -55,27 +55,27 @@ class DesignLimits:
     @property
     def broken(self) -> dict[str, str]:
         """What is broken, by name: strain, contact, saturation or view; one sentence each."""
-        slack, said = 1 + ROUNDING, dict[str, str]()
+        slack, findings = 1 + ROUNDING, dict[str, str]()
         if self.strain > STRAIN_LIMIT * slack:
-            said["strain"] = (
+            findings["strain"] = (
                 f"The nominal strain is {self.strain:.2f}; small strain takes {STRAIN_LIMIT:g}: press less."
             )
         if self.least_force_n * slack < self.covering_force_n:
-            said["contact"] = (
+            findings["contact"] = (
                 f"At {self.least_force_n:.2g} N the face touches plain tissue only in part; from "
                 f"{self.covering_force_n:.2g} N on it touches as a whole: press more."
             )
         if self.brightest_grey >= self.full_scale:
-            said["saturation"] = (
+            findings["saturation"] = (
                 f"The brightest place has {self.brightest_grey:.0f} grey levels; the camera clips at "
                 f"{self.full_scale:g}: expose less."
             )
         if self.read_mm > self.view_mm * slack:
-            said["view"] = (
+            findings["view"] = (
                 f"The face is read over {self.read_mm:.1f} mm; the picture shows {self.view_mm:.1f} mm: use another "
                 "lens."
             )
-        return said
+        return findings
 
 
 def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> DesignLimits:
@@ -87,7 +87,8 @@ def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> DesignLimit
         strain=at_none + max(forces) * per_newton,
         least_force_n=min(forces),
         covering_force_n=_covers(view, None),
-        whole_share=sum(_covers(view, one) <= min(forces) * (1 + ROUNDING) for one in inclusions) / len(inclusions),
+        whole_share=sum(_covers(view, inclusion) <= min(forces) * (1 + ROUNDING) for inclusion in inclusions)
+        / len(inclusions),
         brightest_grey=float(max(view.grey(None).max(), view.grey(inclusions).max())),
         full_scale=sensor.full_scale,
         read_mm=2 * OUTER_SHARE * view.protocol.probe.radius_mm,

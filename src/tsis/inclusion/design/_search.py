@@ -80,9 +80,9 @@ class _Forces:
     low_by: str
     high_by: str
 
-    def at(self, shares: NDArray[np.float64]) -> tuple[float, ...]:
+    def at(self, fractions: NDArray[np.float64]) -> tuple[float, ...]:
         """Forces at shares, in [0, 1], of the range's logarithm, the weakest first."""
-        forces = self.low_n * (self.high_n / self.low_n) ** np.sort(np.clip(shares, 0.0, 1.0))
+        forces = self.low_n * (self.high_n / self.low_n) ** np.sort(np.clip(fractions, 0.0, 1.0))
         return tuple(forces.tolist())
 
 
@@ -135,9 +135,9 @@ def optimise_design(
 
     def view_at(octaves: NDArray[np.float64]) -> PlannedView:
         probe = with_moduli(planned.probe, _moduli(planned.probe, octaves))
-        known = calibration_for(probe, of=planned.probe, calibration=calibration, traced=traced)
+        given = calibration_for(probe, of=planned.probe, calibration=calibration, traced=traced)
         return planned_view(
-            replace(planned, probe=probe), prior=prior, calibration=known, sensor=sensor, degrees=degrees
+            replace(planned, probe=probe), prior=prior, calibration=given, sensor=sensor, degrees=degrees
         )
 
     def judge(octaves: NDArray[np.float64]) -> float:
@@ -161,7 +161,7 @@ def optimise_design(
         bounds=[(-OCTAVES, OCTAVES)] * 2,
         options={"maxfev": evaluations, "initial_simplex": simplex, "xatol": 0.05, "fatol": 1e-3},
     )
-    value, octaves, view, forces = min(tried, key=lambda one: one[0])
+    value, octaves, view, forces = min(tried, key=lambda item: item[0])
     if value == HOPELESS:
         raise InputError(
             f"forces must exist at which the whole face touches within every limit; got none for {len(tried)} stacks "
@@ -230,33 +230,33 @@ def _pressed_best(
 ) -> tuple[float, PlannedView]:
     """The best forces for one stack, and their score."""
 
-    def value(shares: NDArray[np.float64]) -> float:
-        return score(information_of(at_forces(view, forces.at(shares)), inclusions), criterion)
+    def value(fractions: NDArray[np.float64]) -> float:
+        return score(information_of(at_forces(view, forces.at(fractions)), inclusions), criterion)
 
     count = len(view.protocol.presses)
     start = np.linspace(0.0, 1.0, count + 1)[1:] if count > 1 else np.array([0.8])
     simplex = np.vstack([start, *(start + 0.3 * np.where(start > 0.6, -1, 1) * row for row in np.eye(count))])
-    found = minimize(
+    result = minimize(
         value,
         start,
         method="Nelder-Mead",
         bounds=[(0.0, 1.0)] * count,
         options={"maxfev": FORCE_EVALUATIONS, "initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-3},
     )
-    return float(found.fun), at_forces(view, forces.at(found.x))
+    return float(result.fun), at_forces(view, forces.at(result.x))
 
 
 def _binding(best: Design, octaves: NDArray[np.float64], forces: _Forces) -> tuple[str, ...]:
     """Names of what holds the best design, in the order of forces, moduli and what is broken all the same."""
     span = np.log(forces.high_n / forces.low_n)
-    pressed, held = best.protocol.forces_n, []
+    pressed, stored = best.protocol.forces_n, []
     if np.log(max(pressed) / forces.low_n) > (1 - AT_END) * span:
-        held.append(forces.high_by)
+        stored.append(forces.high_by)
     if np.log(min(pressed) / forces.low_n) < AT_END * span:
-        held.append(forces.low_by)
-    reach = (1 - AT_END) * OCTAVES
-    if abs(octaves[0]) > reach:
-        held.append("softest" if octaves[0] < 0 else "stiffest")
-    if abs(octaves[1]) > reach:
-        held.append("gradient")
-    return tuple(dict.fromkeys([*held, *best.limits.broken]))
+        stored.append(forces.low_by)
+    extent = (1 - AT_END) * OCTAVES
+    if abs(octaves[0]) > extent:
+        stored.append("softest" if octaves[0] < 0 else "stiffest")
+    if abs(octaves[1]) > extent:
+        stored.append("gradient")
+    return tuple(dict.fromkeys([*stored, *best.limits.broken]))

@@ -47,14 +47,14 @@ def centroid_noise_mm(part: LitPart, change: LightChange, frame: TactileImage) -
     grey, threshold = change.image.grey, part.threshold_grey
     step = max(change.noise_grey, LEAST_STEP * threshold)
     near = ndimage.binary_dilation(part.mask, iterations=EDGE_PX)
-    answer = np.zeros(grey.shape)
+    response = np.zeros(grey.shape)
     for side in (step, -step):
         counted = np.where(near & (grey + side >= threshold), grey + side, 0.0)
-        answer += counted / (2.0 * side)
+        response += counted / (2.0 * side)
     x = (np.arange(grey.shape[1])[None, :] - part.centroid_px[0]) * sx
     y = (np.arange(grey.shape[0])[:, None] - part.centroid_px[1]) * sy
     # The blur that the change went through is its own transpose, so it may act on the answer instead of the noise.
-    pull = sum(float(np.square(change.raised * smoothed(answer * along)).sum()) for along in (x, y))
+    pull = sum(float(np.square(change.raised * smoothed(response * along)).sum()) for along in (x, y))
     return float(pixel_noise(frame.grey) * np.sqrt(pull / 2.0) / part.total_grey)
 
 
@@ -155,17 +155,17 @@ def mobility(
     lit = [lit_part(change, threshold_grey) for change in changes]
     position = np.array([_position_mm(part, frame) for part, frame in zip(lit, frames, strict=True)])
     step = np.hypot(*np.diff(position, axis=0).T)
-    seen = np.isfinite(position[:, 0])
-    spread = [centroid_noise_mm(*one) for one in zip(lit, changes, frames, strict=True) if one[0].centroid_px]
+    observed = np.isfinite(position[:, 0])
+    spread = [centroid_noise_mm(*item) for item in zip(lit, changes, frames, strict=True) if item[0].centroid_px]
     noise = float(np.mean(spread)) if spread else 0.0
     any_step = bool(np.isfinite(step).any())
-    excursion = float(pdist(position[seen]).max()) if any_step else None
+    excursion = float(pdist(position[observed]).max()) if any_step else None
     wrong = {
-        "contact_lost": not seen.all() and bool(seen.any()),
-        "repeated_frames": any(np.array_equal(one.grey, other.grey) for one, other in pairwise(frames)),
+        "contact_lost": not observed.all() and bool(observed.any()),
+        "repeated_frames": any(np.array_equal(item.grey, other.grey) for item, other in pairwise(frames)),
         "no_movement": excursion is not None and excursion <= CLEAR_MOVEMENT * noise,
     }
-    flags = [flag for part in lit for flag in part.flags if flag != "no_contact" or not seen.any()]
+    flags = [flag for part in lit for flag in part.flags if flag != "no_contact" or not observed.any()]
     return Mobility(
         position_mm=position,
         step_mm=step,

@@ -59,12 +59,12 @@ class Layers:
 
     def matrices(self, weights: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """One matrix a layer, shape (units, units below + 1); the last column is the bias."""
-        found, start = [], 0
+        result, start = [], 0
         for below, above in pairwise(self.sizes):
             size = (below + 1) * above
-            found.append(weights[start : start + size].reshape(above, below + 1))
+            result.append(weights[start : start + size].reshape(above, below + 1))
             start += size
-        return found
+        return result
 
     def random_weights(self, rng: np.random.Generator) -> NDArray[np.float64]:
         """Normal weights that leave a layer's units as spread as those below it, and no bias."""
@@ -79,48 +79,48 @@ class Layers:
 def activations(layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """What every layer says, shape (n, units) each: the inputs first, the network's outputs last."""
     *hidden, last = layers.matrices(weights)
-    found = [inputs]
+    results = [inputs]
     for matrix in hidden:
         # tanh overflows nowhere: 1 / (1 + exp(-z)) = (1 + tanh(z / 2)) / 2
-        found.append(0.5 + 0.5 * np.tanh(0.5 * (found[-1] @ matrix[:, :-1].T + matrix[:, -1])))
-    found.append(found[-1] @ last[:, :-1].T + last[:, -1])
-    return found
+        results.append(0.5 + 0.5 * np.tanh(0.5 * (results[-1] @ matrix[:, :-1].T + matrix[:, -1])))
+    results.append(results[-1] @ last[:, :-1].T + last[:, -1])
+    return results
 
 
 def mean_square(
     layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np.float64], targets: NDArray[np.float64]
 ) -> tuple[float, NDArray[np.float64]]:
     """Mean square error over samples and outputs, and its gradient by the weights."""
-    said = activations(layers, weights, inputs)
-    residual = said[-1] - targets
+    findings = activations(layers, weights, inputs)
+    residual = findings[-1] - targets
     error = (2.0 / residual.size) * residual[:, None, :]
     gradient = [
         np.append(change[:, 0].T @ below, change[:, 0].sum(axis=0)[:, None], axis=1).ravel()
-        for change, below in _backwards(layers, weights, said, error)
+        for change, below in _backwards(layers, weights, findings, error)
     ]
     return float(np.mean(residual**2)), np.concatenate(gradient[::-1])
 
 
 def jacobian(layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivatives of the outputs by the weights, shape (n, outputs, weights)."""
-    said = activations(layers, weights, inputs)
+    findings = activations(layers, weights, inputs)
     every = np.broadcast_to(np.eye(layers.outputs), (len(inputs), layers.outputs, layers.outputs))
     parts = []
-    for change, below in _backwards(layers, weights, said, every):
+    for change, below in _backwards(layers, weights, findings, every):
         with_bias = np.append(below, np.ones((len(below), 1)), axis=1)
         parts.append((change[..., None] * with_bias[:, None, None, :]).reshape(*change.shape[:2], -1))
     return np.concatenate(parts[::-1], axis=-1)
 
 
 def _backwards(
-    layers: Layers, weights: NDArray[np.float64], said: list[NDArray[np.float64]], at_outputs: NDArray[np.float64]
+    layers: Layers, weights: NDArray[np.float64], messages: list[NDArray[np.float64]], at_outputs: NDArray[np.float64]
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """From the last layer to the first: derivatives by the sums that its units take, (n, k, units), and its inputs.
 
     ``at_outputs`` holds k directions in the outputs for each sample, shape (n, k, outputs).
     """
     change = at_outputs
-    for matrix, below in zip(reversed(layers.matrices(weights)), reversed(said[:-1]), strict=True):
+    for matrix, below in zip(reversed(layers.matrices(weights)), reversed(messages[:-1]), strict=True):
         yield change, below
         change = (change @ matrix[:, :-1]) * (below * (1.0 - below))[:, None, :]
 

@@ -76,9 +76,9 @@ class OutputReading:
         object.__setattr__(self, "edges_mm", edges)
         require_number("threshold_share", self.threshold_share, 1e-6, 10.0)
 
-    def __call__(self, profiles: ArrayLike, plain: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, profiles: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
         """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) beside that of plain tissue (rings,)."""
-        values, base = require_array("profiles", profiles, ndim=2), require_array("plain", plain, ndim=1)
+        values, base = require_array("profiles", profiles, ndim=2), require_array("plain", reference, ndim=1)
         rings = len(self.edges_mm) - 1
         if values.shape[1] != rings or base.shape != (rings,):
             raise InputError(f"profiles and plain must have {rings} rings; got {values.shape} and {base.shape}")
@@ -98,14 +98,14 @@ class OutputReading:
         return np.concatenate([(PchipInterpolator(middles, part, axis=1)(inside) > level) @ area for part in parts])
 
 
-def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANGED_SHARE) -> OutputReading:
+def change_reading(*, extent_mm: float = REACH_MM, threshold_fraction: float = CHANGED_SHARE) -> OutputReading:
     """Read the change against plain tissue, away from the rim.
 
     Parameters
     ----------
-    reach_mm
+    extent_mm
         Radius on the face, mm, in [0.1, 200].
-    threshold_share
+    threshold_fraction
         Change that counts as deformed, over plain tissue's mean.
 
     Raises
@@ -113,18 +113,20 @@ def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANG
     InputError
         When a number lies outside its range.
     """
-    reach = require_number("reach_mm", reach_mm, 0.1, 200.0, hint="millimetres")
-    return OutputReading(edges_mm=np.linspace(0.0, reach, RINGS + 1), subtract=True, threshold_share=threshold_share)
+    extent = require_number("reach_mm", extent_mm, 0.1, 200.0, hint="millimetres")
+    return OutputReading(
+        edges_mm=np.linspace(0.0, extent, RINGS + 1), subtract=True, threshold_share=threshold_fraction
+    )
 
 
-def printed_reading(probe: Probe, *, threshold_share: float = PRESSED_SHARE) -> OutputReading:
+def printed_reading(probe: Probe, *, threshold_fraction: float = PRESSED_SHARE) -> OutputReading:
     """Read the whole face and subtract nothing, as section 6.3 says.
 
     Parameters
     ----------
     probe
         Whose face is read, from the axis to the rim.
-    threshold_share
+    threshold_fraction
         Grey level that counts as deformed, over the mean of plain tissue.
 
     Raises
@@ -134,7 +136,7 @@ def printed_reading(probe: Probe, *, threshold_share: float = PRESSED_SHARE) -> 
     """
     require_type("probe", probe, Probe)
     edges = np.linspace(0.0, probe.radius_mm, RINGS + 1)
-    return OutputReading(edges_mm=edges, subtract=False, threshold_share=threshold_share)
+    return OutputReading(edges_mm=edges, subtract=False, threshold_share=threshold_fraction)
 
 
 def simulated_outputs(
@@ -297,5 +299,5 @@ def _ring_means(frame: TactileImage, edges_mm: NDArray[np.float64], calibration:
         light = calibration.light.at((np.arange(columns) - x) * wide, (np.arange(rows) - y) * high)
     clipped = frame.grey >= frame.full_scale
     lit = replace(frame, grey=np.where(clipped, frame.full_scale, light))  # leaves the same pixels out
-    seen, light_there = (radial_profile(one, edges_mm=edges_mm).mean_grey for one in (frame, lit))
-    return np.asarray((seen - calibration.background_grey) / np.where(light_there > 0, light_there, np.nan))
+    observed, light_there = (radial_profile(item, edges_mm=edges_mm).mean_grey for item in (frame, lit))
+    return np.asarray((observed - calibration.background_grey) / np.where(light_there > 0, light_there, np.nan))

@@ -185,7 +185,7 @@ def train_network(
     hidden: Sequence[int] = (10,),
     method: str = "scg",
     iterations: int = 1000,
-    patience: int = 6,
+    timeouts: int = 6,
 ) -> tuple[Network, NetworkTraining]:
     """Train a network on samples; section 6.3.3.
 
@@ -204,7 +204,7 @@ def train_network(
         least as many values in ``targets`` as there are weights.
     iterations
         Steps at most, in [1, 1e6].
-    patience
+    timeouts
         Steps without a smaller validation error after which training stops, in [1, 1e6].
 
     Returns
@@ -229,15 +229,15 @@ def train_network(
     require_type("rng", rng, np.random.Generator)
     require_one_of("training method", method, MINIMISERS)
     iterations = int(require_number("iterations", iterations, 1, 1_000_000))
-    patience = int(require_number("patience", patience, 1, 1_000_000))
-    given, wanted = _samples("inputs", inputs, "targets", targets)
+    timeouts = int(require_number("patience", timeouts, 1, 1_000_000))
+    given, requested = _samples("inputs", inputs, "targets", targets)
     if not isinstance(hidden, Sequence):
         raise InputError(f"hidden must be a sequence of layer sizes, like (10,); got {hidden!r}")
-    layers = Layers(inputs=given.shape[1], hidden=tuple(hidden), outputs=wanted.shape[1])
-    _check_size(layers, wanted, method)
-    input_span, output_span = Span.of("inputs", given), Span.of("targets", wanted)
-    x, y = input_span.inwards(given), output_span.inwards(wanted)
-    watch = _Watch(error=_validation_error(layers, validation, input_span, output_span), patience=patience)
+    layers = Layers(inputs=given.shape[1], hidden=tuple(hidden), outputs=requested.shape[1])
+    _check_size(layers, requested, method)
+    input_span, output_span = Span.of("inputs", given), Span.of("targets", requested)
+    x, y = input_span.inwards(given), output_span.inwards(requested)
+    watch = _Watch(error=_validation_error(layers, validation, input_span, output_span), patience=timeouts)
     start = layers.random_weights(rng)
     watch(start)
     ran_out = MINIMISERS[method](layers, x, y, start, iterations, watch)
@@ -251,9 +251,9 @@ def train_network(
     )
 
 
-def _samples(first: str, given: ArrayLike, second: str, wanted: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+def _samples(first: str, given: ArrayLike, second: str, requested: ArrayLike) -> tuple[NDArray[np.float64], ...]:
     """Two tables with one row a sample each."""
-    tables = require_array(first, given, ndim=2), require_array(second, wanted, ndim=2)
+    tables = require_array(first, given, ndim=2), require_array(second, requested, ndim=2)
     if len(tables[0]) != len(tables[1]):
         raise InputError(f"{first} and {second} must have as many rows; got {len(tables[0])} and {len(tables[1])}")
     return tables
@@ -283,13 +283,13 @@ def _validation_error(
         return None
     if not (isinstance(validation, tuple) and len(validation) == 2):
         raise InputError(f"validation must be a pair (inputs, targets); got {validation!r:.80}")
-    given, wanted = _samples("validation inputs", validation[0], "validation targets", validation[1])
-    if (given.shape[1], wanted.shape[1]) != (layers.inputs, layers.outputs):
+    given, requested = _samples("validation inputs", validation[0], "validation targets", validation[1])
+    if (given.shape[1], requested.shape[1]) != (layers.inputs, layers.outputs):
         raise InputError(
             f"validation must have {layers.inputs} columns and {layers.outputs}; "
-            f"got {given.shape[1]} and {wanted.shape[1]}"
+            f"got {given.shape[1]} and {requested.shape[1]}"
         )
-    x, y = input_span.inwards(given), output_span.inwards(wanted)
+    x, y = input_span.inwards(given), output_span.inwards(requested)
     return lambda weights: float(np.mean((activations(layers, weights, x)[-1] - y) ** 2))
 
 
@@ -302,10 +302,10 @@ def _by_conjugate_gradients(
     watch: _Watch,
 ) -> bool:
     """Descend; True when the iterations ran out."""
-    found = scaled_conjugate_gradient(
+    result = scaled_conjugate_gradient(
         lambda weights: mean_square(layers, weights, x, y), start, iterations=iterations, stop=watch
     )
-    return found.reason == "iterations"
+    return result.reason == "iterations"
 
 
 def _by_levenberg_marquardt(
@@ -330,11 +330,11 @@ def _by_levenberg_marquardt(
         return jacobian(layers, weights, x).reshape(y.size, layers.weights)
 
     try:
-        found = least_squares(residual, start, jac=slopes, method="lm")
+        result = least_squares(residual, start, jac=slopes, method="lm")
     except _Enough:
         return not watch.tired
-    watch(found.x)
-    return not found.success
+    watch(result.x)
+    return not result.success
 
 
 MINIMISERS = {"scg": _by_conjugate_gradients, "lm": _by_levenberg_marquardt}

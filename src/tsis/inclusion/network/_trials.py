@@ -63,13 +63,13 @@ def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
         raise InputError(f"measured and simulated must have one shape, two rows or more; got {x.shape} and {y.shape}")
     check_varies("measured", x)
     check_varies("simulated", y)
-    from_mean, wanted = x - x.mean(axis=0), y - y.mean(axis=0)
-    slope = (from_mean * wanted).sum(axis=0) / (from_mean**2).sum(axis=0)
-    left = ((wanted - slope * from_mean) ** 2).sum(axis=0)
+    from_mean, requested = x - x.mean(axis=0), y - y.mean(axis=0)
+    slope = (from_mean * requested).sum(axis=0) / (from_mean**2).sum(axis=0)
+    left = ((requested - slope * from_mean) ** 2).sum(axis=0)
     return LinearMapping(
         slope=slope,
         intercept=y.mean(axis=0) - slope * x.mean(axis=0),
-        r_squared=1.0 - left / (wanted**2).sum(axis=0),
+        r_squared=1.0 - left / (requested**2).sum(axis=0),
     )
 
 
@@ -90,7 +90,7 @@ def leave_one_out_mapping(measured: ArrayLike, simulated: ArrayLike) -> NDArray[
     if x.shape != y.shape or len(x) < 3:
         raise InputError(f"measured and simulated must have one shape, three rows or more; got {x.shape}, {y.shape}")
     others = ~np.eye(len(x), dtype=bool)
-    return np.concatenate([fit_mapping(x[keep], y[keep])(x[~keep]) for keep in others])
+    return np.concatenate([fit_mapping(x[save], y[save])(x[~save]) for save in others])
 
 
 TRIALS = 100
@@ -107,7 +107,7 @@ def estimate_by_networks(
     validated: int = VALIDATED,
     hidden: Sequence[int] = (10,),
     method: str = "scg",
-    patience: int = 6,
+    timeouts: int = 6,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.float64]:
     """Estimates by networks that differ in their first weights and in which samples stop their training.
@@ -138,31 +138,31 @@ def estimate_by_networks(
     InputError
         When tables are not finite, do not fit together or do not vary.
     """
-    given, wanted = require_array("inputs", inputs, ndim=2), require_array("targets", targets, ndim=2)
-    if len(given) != len(wanted):
-        raise InputError(f"inputs and targets must have as many rows; got {len(given)} and {len(wanted)}")
+    given, requested = require_array("inputs", inputs, ndim=2), require_array("targets", targets, ndim=2)
+    if len(given) != len(requested):
+        raise InputError(f"inputs and targets must have as many rows; got {len(given)} and {len(requested)}")
     trials = int(require_number("trials", trials, 1, 100_000))
     validated = int(require_number("validated", validated, 1, max(1, len(given) - 2), hint="two samples must be left"))
     rows = require_array("unknown", unknown, ndim=2)
-    if trials * len(rows) * wanted.shape[1] > MOST_VALUES:
+    if trials * len(rows) * requested.shape[1] > MOST_VALUES:
         raise InputError(
             f"trials times rows of unknown times outputs must be at most {MOST_VALUES:g}; "
-            f"got {trials} x {len(rows)} x {wanted.shape[1]} (give fewer at a time)"
+            f"got {trials} x {len(rows)} x {requested.shape[1]} (give fewer at a time)"
         )
-    found = []
+    results = []
     for trial in range(trials):
         order = rng.permutation(len(given))
-        held, trained = order[:validated], order[validated:]
+        stored, trained = order[:validated], order[validated:]
         network, _ = train_network(
             given[trained],
-            wanted[trained],
+            requested[trained],
             rng=rng,
-            validation=(given[held], wanted[held]),
+            validation=(given[stored], requested[stored]),
             hidden=hidden,
             method=method,
-            patience=patience,
+            timeouts=timeouts,
         )
-        found.append(network(rows))
+        results.append(network(rows))
         if progress is not None:
             progress(trial + 1, trials)
-    return np.array(found)
+    return np.array(results)

@@ -142,15 +142,15 @@ class InclusionPosterior:
 def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) -> InclusionPosterior:
     """Find the posterior."""
     chart, nuisance = SignalChart(prior=prior, bend_mm=np.zeros(2)), likelihood.start
-    place, near = (prior.low + prior.high) / 2, None
+    position, near = (prior.low + prior.high) / 2, None
     for _ in range(LINEARISATIONS):
-        grid = _search(likelihood.near(place, nuisance), chart, COARSE, near, finest=1)
+        grid = _search(likelihood.near(position, nuisance), chart, COARSE, near, finest=1)
         inclusions = chart.inclusions(grid.cells.points)
-        place = chart.inclusions(grid.mean()[None])[0]
-        nuisance = likelihood.within(likelihood(place[None], nuisance).nuisance[0])
+        position = chart.inclusions(grid.mean()[None])[0]
+        nuisance = likelihood.within(likelihood(position[None], nuisance).nuisance[0])
         chart = chart.straightened(inclusions, grid.weight)
         near = box_around(chart.points(inclusions), grid.log_density, grid.cells.edges)
-    nearby = likelihood.near(place, nuisance)
+    nearby = likelihood.near(position, nuisance)
     grid = _corrected(_search(nearby, chart, CELLS, near), likelihood, nearby, chart, nuisance)
     middle = chart.inclusions(grid.mean()[None])[0]
     log_volume = float(np.log(prior.high - prior.low).sum())

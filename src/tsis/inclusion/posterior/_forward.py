@@ -71,26 +71,26 @@ class ForwardModel:
 
     def nuisance_sd(self, mean_grey: NDArray[np.float64]) -> NDArray[np.float64]:
         """Prior standard deviations of the nuisances; ``mean_grey`` (frames,), as seen, scales the offsets."""
-        known = self.calibration
+        given = self.calibration
         shared = [
-            known.gain_sd,
+            given.gain_sd,
             self.prior.tissue_young_sd,
             self.prior.thickness_sd,
-            known.site_sd,
-            known.probe_young_sd,
+            given.site_sd,
+            given.probe_young_sd,
             self.prior.poisson_sd,
             self.spread_sd,
-            *TERMS * [known.shading_sd],
+            *TERMS * [given.shading_sd],
         ]
-        forces = np.full(len(self.force_n), known.force_sd)
-        return np.concatenate([shared, forces, known.offset_sd * mean_grey])
+        forces = np.full(len(self.force_n), given.force_sd)
+        return np.concatenate([shared, forces, given.offset_sd * mean_grey])
 
     def grey(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
         """Grey profiles, shape (n, frames, rings), of inclusions (n, 3) of diameter, depth and modulus.
 
         None stands for plain tissue, and gives n = 1.
         """
-        presses = {plain: self._press(inclusions, nuisance, plain=plain) for plain in self._shown()}
+        presses = {reference: self._press(inclusions, nuisance, reference=reference) for reference in self._shown()}
         count = 1 if inclusions is None else len(inclusions)
         grey = np.empty((count, len(self.force_n), self.rings.count))
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
@@ -120,17 +120,20 @@ class ForwardModel:
         frames, count = len(self.force_n), 1 if inclusions is None else len(inclusions)
         grey = np.empty((count, frames, self.rings.count))
         slopes = np.zeros((*grey.shape, len(nuisance)))
-        presses = {plain: self._press(inclusions, nuisance, plain=plain) for plain in self._shown()}
-        changes = {plain: self._changes(inclusions, nuisance, presses[plain], plain=plain) for plain in self._shown()}
+        presses = {reference: self._press(inclusions, nuisance, reference=reference) for reference in self._shown()}
+        changes = {
+            reference: self._changes(inclusions, nuisance, presses[reference], reference=reference)
+            for reference in self._shown()
+        }
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
-            plain, gain = bool(self.is_reference[frame]), np.exp(nuisance[GAIN]) * self._remaining(push)
-            light, by_answer, by_shade = self._light(self.rings.under(push, presses[plain]), nuisance[SHADE])
+            reference, gain = bool(self.is_reference[frame]), np.exp(nuisance[GAIN]) * self._remaining(push)
+            light, by_answer, by_shade = self._light(self.rings.under(push, presses[reference]), nuisance[SHADE])
             grey[:, frame] = gain * light + offset / self.level
             slopes[:, frame, :, GAIN] = gain * light
-            for place, change in changes[plain].items():
-                slopes[:, frame, :, place] = gain * _along(by_answer, self.rings.under(push, change))
+            for name, change in changes[reference].items():
+                slopes[:, frame, :, name] = gain * _along(by_answer, self.rings.under(push, change))
             slopes[:, frame, :, SHADE] = gain * by_shade
-            by_force = push * self.rings.per_newton(presses[plain])
+            by_force = push * self.rings.per_newton(presses[reference])
             lost = 1 - self._remaining(push)
             slopes[:, frame, :, SHARED + frame] = gain * (_along(by_answer, by_force) - lost * light)
             slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
@@ -145,13 +148,13 @@ class ForwardModel:
         high = np.full(SHARED + 2 * len(self.force_n), np.inf)
         low = -high
         box = self.rings.answer.box
-        for place, ends, middle in (
+        for position, ends, middle in (
             (TISSUE, box.tissue_young_kpa, self.prior.tissue_young_kpa),
             (THICKNESS, box.thickness_mm, self.prior.thickness_mm),
         ):
-            low[place], high[place] = np.log(np.array(ends) / middle)
-        for place in (POISSON, SPREAD):
-            low[place] = high[place] = 0.0
+            low[position], high[position] = np.log(np.array(ends) / middle)
+        for position in (POISSON, SPREAD):
+            low[position] = high[position] = 0.0
         return low, high
 
     def table(self, nuisance: NDArray[np.float64]) -> TissueSurrogate:
@@ -175,15 +178,15 @@ class ForwardModel:
         return list(zip(force.tolist(), nuisance[SHARED + frames :].tolist(), strict=True))
 
     def _press(
-        self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64], *, plain: bool
+        self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64], *, reference: bool
     ) -> NDArray[np.float64]:
-        """What the rings answer to a press, (n, answers), on the target or on the reference site's ``plain`` tissue."""
-        shown = None if plain else inclusions
-        found = self._at(nuisance[TISSUE] + plain * nuisance[SITE], nuisance[THICKNESS], nuisance[PROBE], shown)
+        """What the rings answer to a press, (n, answers), on the target or on the reference site's ``reference`` tissue."""
+        shown = None if reference else inclusions
+        result = self._at(nuisance[TISSUE] + reference * nuisance[SITE], nuisance[THICKNESS], nuisance[PROBE], shown)
         if not nuisance[[POISSON, SPREAD]].any():
-            return found
-        by_poisson, by_spread = self._linear(inclusions, plain=plain)
-        return np.asarray(found + nuisance[POISSON] * by_poisson + nuisance[SPREAD] * by_spread)
+            return result
+        by_poisson, by_spread = self._linear(inclusions, reference=reference)
+        return np.asarray(result + nuisance[POISSON] * by_poisson + nuisance[SPREAD] * by_spread)
 
     def _changes(
         self,
@@ -191,13 +194,17 @@ class ForwardModel:
         nuisance: NDArray[np.float64],
         press: NDArray[np.float64],
         *,
-        plain: bool,
+        reference: bool,
     ) -> dict[int, NDArray[np.float64]]:
         """Derivatives of the rings' answers by the nuisances that change the press."""
-        shown = None if plain else inclusions
-        by_poisson, by_spread = self._linear(inclusions, plain=plain)
+        shown = None if reference else inclusions
+        by_poisson, by_spread = self._linear(inclusions, reference=reference)
         press = press - nuisance[POISSON] * by_poisson - nuisance[SPREAD] * by_spread
-        here = (float(nuisance[TISSUE] + plain * nuisance[SITE]), float(nuisance[THICKNESS]), float(nuisance[PROBE]))
+        here = (
+            float(nuisance[TISSUE] + reference * nuisance[SITE]),
+            float(nuisance[THICKNESS]),
+            float(nuisance[PROBE]),
+        )
 
         def by(tissue: float, thickness: float, probe: float) -> NDArray[np.float64]:
             there = self._at(here[0] + tissue, here[1] + thickness, here[2] + probe, shown)
@@ -207,7 +214,7 @@ class ForwardModel:
         return {
             TISSUE: by_tissue,
             THICKNESS: by(0.0, STEP, 0.0),
-            SITE: by_tissue if plain else np.zeros_like(by_tissue),
+            SITE: by_tissue if reference else np.zeros_like(by_tissue),
             PROBE: by(0.0, 0.0, STEP),
             POISSON: by_poisson,
             SPREAD: by_spread,
@@ -224,10 +231,12 @@ class ForwardModel:
         return self.rings.stiffened(stiffer, self.rings.on(tissue, thickness, shown))
 
     def _linear(
-        self, inclusions: NDArray[np.float64] | None, *, plain: bool
+        self, inclusions: NDArray[np.float64] | None, *, reference: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Derivatives by Poisson's ratio and by the spread, in which the answers are taken as linear."""
-        return self.rings.linear(self.prior.tissue_young_kpa, self.prior.thickness_mm, None if plain else inclusions)
+        return self.rings.linear(
+            self.prior.tissue_young_kpa, self.prior.thickness_mm, None if reference else inclusions
+        )
 
     def _light(
         self, press: NDArray[np.float64], emphasis: NDArray[np.float64]

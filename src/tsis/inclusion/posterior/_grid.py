@@ -62,15 +62,15 @@ def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: i
         return GridCells(centre=centre, edges=edges, points=centre, share=np.ones(len(centre)))
     corners = _corners_inside(origin, axes, per_axis, support)
     centre, corners = centre[corners > 0], corners[corners > 0]
-    points, share = centre.copy(), np.ones(len(centre))
+    points, fraction = centre.copy(), np.ones(len(centre))
     cut = corners < CORNERS
     inner = centre[cut][:, None] + INNER @ edges
     inside = support(inner.reshape(-1, 3)).reshape(-1, len(INNER)).astype(float)
     count = inside.sum(axis=1)
-    share[cut] = count / len(INNER)
+    fraction[cut] = count / len(INNER)
     points[cut] += (inside / np.maximum(count, 1.0)[:, None]) @ INNER @ edges
-    some = share > 0
-    return GridCells(centre=centre[some], edges=edges, points=points[some], share=share[some])
+    some = fraction > 0
+    return GridCells(centre=centre[some], edges=edges, points=points[some], share=fraction[some])
 
 
 def _corners_inside(
@@ -147,13 +147,13 @@ class Grid:
         """``count`` equally weighted samples by a Sobol sequence, shape (count, 3): the same every time."""
         unit = scipy.stats.qmc.Sobol(4, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count] + 0.5 / count
         chosen = np.minimum(np.searchsorted(np.cumsum(self.weight), unit[:, 0] % 1.0), len(self.weight) - 1)
-        place, centre = unit[:, 1:], self.cells.centre[chosen]
+        position, centre = unit[:, 1:], self.cells.centre[chosen]
         for _ in range(TRIES):
-            drawn = centre + (place % 1.0 - 0.5) @ self.cells.edges
+            drawn = centre + (position % 1.0 - 0.5) @ self.cells.edges
             inside = self.support(drawn)
             if inside.all():
                 return drawn
-            place = np.where(inside[:, None], place, place + ELSEWHERE)
+            position = np.where(inside[:, None], position, position + ELSEWHERE)
         return np.where(inside[:, None], drawn, self.cells.points[chosen])
 
 
@@ -201,8 +201,8 @@ def refine(
     start = None if near is None else look(near, finder)
     if start is None or not start.holds:
         start = look((low, np.diag(high - low)), max(finder, FEWEST))
-    answer = look(*_find(look, start, (low, high), (per_axis, finest * per_axis)))
-    return Grid(cells=answer.cells, log_density=answer.log_density, support=support)
+    response = look(*_find(look, start, (low, high), (per_axis, finest * per_axis)))
+    return Grid(cells=response.cells, log_density=response.log_density, support=support)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -226,8 +226,8 @@ class _Look:
         if not len(self.cells.centre):
             return False
         origin, axes = self.box
-        place = (self.cells.centre - origin) @ np.linalg.inv(axes)
-        outermost = (np.abs(place - 0.5) > 0.5 - 1 / self.per_axis).any(axis=1) & (self.cells.share == 1.0)
+        position = (self.cells.centre - origin) @ np.linalg.inv(axes)
+        outermost = (np.abs(position - 0.5) > 0.5 - 1 / self.per_axis).any(axis=1) & (self.cells.share == 1.0)
         return not outermost.any() or float(self.log_weight[outermost].max()) < FAINT
 
 
@@ -248,27 +248,27 @@ def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], ed
 
 
 def _find(
-    look: Callable[[SlantedBox, int], _Look],
-    found: _Look,
+    view: Callable[[SlantedBox, int], _Look],
+    result: _Look,
     ends: tuple[NDArray[np.float64], NDArray[np.float64]],
     counts: tuple[int, int],
 ) -> tuple[SlantedBox, int]:
     """The box that holds a density and no more, and cells along its axes; ``counts`` are the wanted and the most."""
-    (fine, most), per_axis = counts, found.per_axis
+    (fine, most), per_axis = counts, result.per_axis
     resolved = False
     for _ in range(STEPS):
-        log_weight = found.log_weight
+        log_weight = result.log_weight
         power = _temper(log_weight, min(ENOUGH_SHARE * per_axis**3, len(log_weight) / 2))
-        box = _sheared_box(found.cells, log_weight, power, *ends)
+        box = _sheared_box(result.cells, log_weight, power, *ends)
         # One more grid at temperature one: the last that was tempered is too wide for the density itself.
         if resolved and power == 1.0:
             break
         resolved = power == 1.0
-        if power < 1.0 and abs(np.linalg.det(box[1])) > STUCK * abs(np.linalg.det(found.box[1])):
+        if power < 1.0 and abs(np.linalg.det(box[1])) > STUCK * abs(np.linalg.det(result.box[1])):
             if per_axis >= most:
                 break
             per_axis = min(3 * per_axis // 2, most)
-        found = look(box, per_axis)
+        result = view(box, per_axis)
     return box, max(per_axis, fine)
 
 

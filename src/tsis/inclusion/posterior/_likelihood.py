@@ -22,9 +22,9 @@ def least_sd(information: NDArray[np.float64]) -> NDArray[np.float64]:
     Infinite for all of them where some combination of them is not told at all.
     """
     values, directions = np.linalg.eigh(information)
-    told = values[..., :1] > np.finfo(float).eps * values[..., -1:]  # they ascend
-    variance = np.einsum("...ij,...j->...i", directions**2, 1 / np.where(told, values, 1.0))
-    return np.asarray(np.where(told, np.sqrt(variance), np.inf))
+    reported = values[..., :1] > np.finfo(float).eps * values[..., -1:]  # they ascend
+    variance = np.einsum("...ij,...j->...i", directions**2, 1 / np.where(reported, values, 1.0))
+    return np.asarray(np.where(reported, np.sqrt(variance), np.inf))
 
 
 NEGLIGIBLE_SIZE = 1e-2  # of a residual, in units of its noise, over all inclusions
@@ -75,8 +75,8 @@ class InclusionLikelihood:
         )
         self._sd = model.nuisance_sd(np.maximum(means, 1e-6))
         self._use = np.flatnonzero(data.usable.ravel())
-        alike = np.eye(data.grey.shape[1]) if model.alike is None else model.alike
-        covariance = noise_covariance(data, model.calibration, alike)[np.ix_(self._use, self._use)]
+        correlation = np.eye(data.grey.shape[1]) if model.alike is None else model.alike
+        covariance = noise_covariance(data, model.calibration, correlation)[np.ix_(self._use, self._use)]
         self._whitening = solve_triangular(cholesky(covariance, lower=True), np.eye(len(self._use)), lower=True)
         self.start = np.zeros(len(self._sd))
 
@@ -85,28 +85,28 @@ class InclusionLikelihood:
         grey, slopes = self.model.profiles(inclusions, nuisance)
         white = self._whiten(self._data.grey - grey)
         # With eta = nuisance + step, y - m(nuisance) = J step, and the prior pulls eta, not the step, to zero.
-        turned = self._whiten(slopes) * self._sd
-        return _fit(white + turned @ self._units(nuisance), turned, self._sd)
+        rotated = self._whiten(slopes) * self._sd
+        return _fit(white + rotated @ self._units(nuisance), rotated, self._sd)
 
     def near(self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> LinearisedLikelihood:
         """The likelihood with the derivatives by the nuisances at one inclusion (3,) taken to hold everywhere."""
         _, slopes = self.model.profiles(inclusion[None], nuisance)
-        turned = self._whiten(slopes)[0] * self._sd
-        root = cholesky(turned @ turned.T + np.eye(len(turned)), lower=True)
-        start = turned @ self._units(nuisance)
+        rotated = self._whiten(slopes)[0] * self._sd
+        root = cholesky(rotated @ rotated.T + np.eye(len(rotated)), lower=True)
+        start = rotated @ self._units(nuisance)
 
         def residual(inclusions: NDArray[np.float64] | None) -> NDArray[np.float64]:
             white = self._whiten(self._data.grey - self.model.grey(inclusions, nuisance)) + start
             return np.asarray(solve_triangular(root, white.T, lower=True).T)
 
         table = self.model.table(nuisance)
-        plain, at_nodes = residual(None)[0], residual(table.nodes())
+        reference, at_nodes = residual(None)[0], residual(table.nodes())
         # Few directions of the residual depend on the inclusion; the rest is a constant.
-        _, size, directions = np.linalg.svd(at_nodes - plain, full_matrices=False)
-        kept = directions[: max(1, int((size > NEGLIGIBLE_SIZE).sum()))]
-        rest = plain - kept.T @ (kept @ plain)
+        _, size, directions = np.linalg.svd(at_nodes - reference, full_matrices=False)
+        selected = directions[: max(1, int((size > NEGLIGIBLE_SIZE).sum()))]
+        rest = reference - selected.T @ (selected @ reference)
         return LinearisedLikelihood(
-            residual=table.through(kept @ plain, at_nodes @ kept.T),
+            residual=table.through(selected @ reference, at_nodes @ selected.T),
             constant=float(-0.5 * rest @ rest - np.log(np.diag(root)).sum()),
         )
 
@@ -118,14 +118,14 @@ class InclusionLikelihood:
         Every nuisance is integrated out of both.
         """
         grey, slopes = self.model.profiles(inclusion[None], nuisance)
-        turned = self._whiten(slopes) * self._sd
+        rotated = self._whiten(slopes) * self._sd
         white = self._whiten(self._data.grey - grey)
         steps = np.diag(DERIVATIVE_STEP * inclusion)
         ends = self.model.grey(np.concatenate([inclusion + steps, inclusion - steps]), nuisance)
         change = self._whiten(ends[:3] - ends[3:]) / (2 * np.diag(steps))[:, None]
-        root = cholesky(turned[0] @ turned[0].T + np.eye(turned.shape[1]), lower=True)
-        told = solve_triangular(root, change.T, lower=True)
-        return _fit(white + turned @ self._units(nuisance), turned, self._sd), told.T @ told
+        root = cholesky(rotated[0] @ rotated[0].T + np.eye(rotated.shape[1]), lower=True)
+        triangular = solve_triangular(root, change.T, lower=True)
+        return _fit(white + rotated @ self._units(nuisance), rotated, self._sd), triangular.T @ triangular
 
     def within(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
         """The nearest nuisances at which to linearise: believable, inside the surrogate's box, and 0 where linear."""
@@ -164,24 +164,24 @@ class LinearisedLikelihood:
         return np.asarray(self.constant - 0.5 * np.einsum("nk,nk->n", residual, residual))
 
 
-def _fit(white: NDArray[np.float64], turned: NDArray[np.float64], sd: NDArray[np.float64]) -> LikelihoodFit:
-    """Integrate the nuisances out of whitened residuals (n, m), linear in them by ``turned`` (n, m, nuisances)."""
-    normal = np.swapaxes(turned, 1, 2) @ turned + np.eye(len(sd))
-    right = np.swapaxes(turned, 1, 2) @ white[:, :, None]
+def _fit(white: NDArray[np.float64], rotated: NDArray[np.float64], sd: NDArray[np.float64]) -> LikelihoodFit:
+    """Integrate the nuisances out of whitened residuals (n, m), linear in them by ``rotated`` (n, m, nuisances)."""
+    normal = np.swapaxes(rotated, 1, 2) @ rotated + np.eye(len(sd))
+    right = np.swapaxes(rotated, 1, 2) @ white[:, :, None]
     best = np.asarray(np.linalg.solve(normal, right)[:, :, 0], dtype=float)
     square = (white**2).sum(axis=1) - (right[:, :, 0] * best).sum(axis=1)
     _, log_determinant = np.linalg.slogdet(normal)
     return LikelihoodFit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * sd, misfit=square)
 
 
-def noise_covariance(data: Profiles, calibration: Calibration, alike: NDArray[np.float64]) -> NDArray[np.float64]:
+def noise_covariance(data: Profiles, calibration: Calibration, correlation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance of the ring means, shape (frames * rings, frames * rings).
 
-    The fixed pattern is common to all frames, repeatability is each press's own, and both are ``alike`` in rings that
+    The fixed pattern is common to all frames, repeatability is each press's own, and both are ``correlation`` in rings that
     lie near each other, (rings, rings); the noise of pixels and the error of the press model are each ring's own.
     """
     frames, rings = data.grey.shape
     between = np.full((frames, frames), calibration.pattern_sd**2) + calibration.repeatability_sd**2 * np.eye(frames)
-    covariance = data.grey.ravel()[:, None] * data.grey.ravel() * np.kron(between, alike)
+    covariance = data.grey.ravel()[:, None] * data.grey.ravel() * np.kron(between, correlation)
     covariance[np.diag_indices(frames * rings)] += data.variance.ravel()
     return np.asarray(covariance)

@@ -60,6 +60,6 @@ def off_axis_profile(radius_mm: NDArray[np.float64], offset_mm: float) -> NDArra
     angle = np.pi * (np.arange(TURNS) + 0.5) / TURNS
     away = np.hypot(radius_mm[:, None] - offset_mm * np.cos(angle), offset_mm * np.sin(angle))
     moving = hats(radius_mm, np.minimum(radius_mm, MOVES * edge))
-    moved = hats(radius_mm, np.minimum(away, MOVES * edge).ravel()).reshape(*away.shape, -1).mean(axis=1)
+    shifted = hats(radius_mm, np.minimum(away, MOVES * edge).ravel()).reshape(*away.shape, -1).mean(axis=1)
     growth = 1 / (1 - (offset_mm / edge) ** 2)
-    return np.asarray(np.eye(len(radius_mm)) - moving + growth * moved)
+    return np.asarray(np.eye(len(radius_mm)) - moving + growth * shifted)

@@ -75,21 +75,21 @@ class RingAnswers:
             return by_poisson, np.zeros_like(by_poisson)
         return by_poisson, _evaluate(self.by_spread, tissue_young_kpa, thickness_mm, inclusions)
 
-    def stiffened(self, factor: float, answers: NDArray[np.float64]) -> NDArray[np.float64]:
+    def stiffened(self, factor: float, responses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Answers of a probe stiffer by ``factor`` on tissue stiffer by it: pressures and force share their unit."""
         per_newton = np.repeat([1.0, 1 / factor, 1 / factor], self.count)
         if not self.is_domed:
-            return np.asarray(answers * per_newton)
-        return np.asarray(answers * np.concatenate([per_newton, np.repeat([factor, 1.0, 1.0], self.count)]))
+            return np.asarray(responses * per_newton)
+        return np.asarray(responses * np.concatenate([per_newton, np.repeat([factor, 1.0, 1.0], self.count)]))
 
-    def per_newton(self, answers: NDArray[np.float64]) -> NDArray[np.float64]:
+    def per_newton(self, responses: NDArray[np.float64]) -> NDArray[np.float64]:
         """What one more newton does, shape (n, 3 rings)."""
-        return answers[..., : ANSWERS * self.count]
+        return responses[..., : ANSWERS * self.count]
 
-    def under(self, force_n: float, answers: NDArray[np.float64]) -> NDArray[np.float64]:
+    def under(self, force_n: float, responses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pressures, displacements and slopes under a force, shape (n, 3 rings)."""
-        pressed = np.asarray(force_n * self.per_newton(answers))
-        return pressed + answers[..., ANSWERS * self.count :] if self.is_domed else pressed
+        pressed = np.asarray(force_n * self.per_newton(responses))
+        return pressed + responses[..., ANSWERS * self.count :] if self.is_domed else pressed
 
 
 def _evaluate(
@@ -129,13 +129,13 @@ def ring_answers(
     slopes = means @ np.gradient(centred, surrogate.radius_mm, axis=0)
 
     def mapped(
-        parts: FullContactParts | FullContactSurrogate, plain: NDArray[np.float64], change: NDArray[np.float64]
+        parts: FullContactParts | FullContactSurrogate, reference: NDArray[np.float64], change: NDArray[np.float64]
     ) -> Surrogate:
         first, *others = [
-            _mapped_apart(answer, rows @ plain, rows @ change)
+            _mapped_apart(response, rows @ reference, rows @ change)
             for part in (parts.unit, parts.shape)
             if part is not None
-            for answer, rows in (
+            for response, rows in (
                 (part.pressure_kpa, means),
                 (part.face_displacement_mm, means),
                 (part.face_displacement_mm, slopes),
@@ -151,9 +151,9 @@ def ring_answers(
     )
 
 
-def _mapped_apart(answer: Surrogate, plain: NDArray[np.float64], change: NDArray[np.float64]) -> Surrogate:
+def _mapped_apart(surrogate: Surrogate, reference: NDArray[np.float64], change: NDArray[np.float64]) -> Surrogate:
     """Plain tissue by one linear map and the change by an inclusion by another."""
-    return replace(answer.mapped(change), plain=answer.plain @ plain.T)
+    return replace(surrogate.mapped(change), plain=surrogate.plain @ reference.T)
 
 
 def ring_means(
@@ -181,11 +181,11 @@ def ring_correlation(edges_mm: NDArray[np.float64], grain_mm: float) -> NDArray[
     x, weight = np.polynomial.legendre.leggauss(POINTS)
     half = np.diff(edges_mm)[:, None] / 2
     radius = edges_mm[:-1, None] + half * (x + 1)
-    share = radius * weight
-    share /= share.sum(axis=1, keepdims=True)
-    apart = np.abs(radius[:, :, None, None] - radius) / grain_mm
-    spline = np.maximum(2 - apart, 0.0) ** 3 / 6 - 4 * np.maximum(1 - apart, 0.0) ** 3 / 6
-    return np.asarray(np.einsum("ap,bq,apbq->ab", share, share, 1.5 * spline))
+    fraction = radius * weight
+    fraction /= fraction.sum(axis=1, keepdims=True)
+    difference = np.abs(radius[:, :, None, None] - radius) / grain_mm
+    spline = np.maximum(2 - difference, 0.0) ** 3 / 6 - 4 * np.maximum(1 - difference, 0.0) ** 3 / 6
+    return np.asarray(np.einsum("ap,bq,apbq->ab", fraction, fraction, 1.5 * spline))
 
 
 TERMS = 3  # of the emphasis along the radius

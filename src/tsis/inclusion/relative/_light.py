@@ -195,12 +195,12 @@ def lit_part(change: LightChange, threshold_grey: float | None) -> LitPart:
     full_scale = change.image.full_scale
     least = SOURCE_THRESHOLD * full_scale if threshold_grey is None else threshold_grey
     require_number("threshold_grey", least, 1e-6 * full_scale, full_scale, hint="above zero")
-    found = binary_features(change.image, least)
-    lit = found.contact and found.equivalent_diameter_px >= LEAST_WIDTH_PX
-    mask = found.patch.mask & lit
+    result = binary_features(change.image, least)
+    lit = result.contact and result.equivalent_diameter_px >= LEAST_WIDTH_PX
+    mask = result.patch.mask & lit
     wrong = {
         "no_contact": not lit,
-        "cropped": lit and found.cropped,
+        "cropped": lit and result.cropped,
         "saturated": bool(change.clipped[mask].any()),
         "noisy": change.is_drowned(least),
     }
@@ -208,8 +208,8 @@ def lit_part(change: LightChange, threshold_grey: float | None) -> LitPart:
     row, column = ndimage.center_of_mass(light) if lit else (0.0, 0.0)
     return LitPart(
         mask=mask,
-        area_mm2=(found.area_mm2 or 0.0) * lit,
-        diameter_mm=(found.equivalent_diameter_mm or 0.0) * lit,
+        area_mm2=(result.area_mm2 or 0.0) * lit,
+        diameter_mm=(result.equivalent_diameter_mm or 0.0) * lit,
         centroid_px=(float(column), float(row)) if lit else None,
         total_grey=float(light.sum()),
         threshold_grey=float(least),

@@ -100,7 +100,7 @@ class RelativeReading:
     def __str__(self) -> str:
         value = "nothing to read" if self.value is None else f"{self.value:.4g} {self.unit}"
         lines = [f"{self.quantity}: {value} (against {self.against})"]
-        lines += [f"  assumed: {sentence}" for sentence in self.assumptions]
+        lines += [f"  assumed: {assumption}" for assumption in self.assumptions]
         lines += [f"  {flag}: {note}" for flag, note in zip(self.flags, self.notes, strict=True)]
         return "\n".join([*lines, RESEARCH_USE_ONLY])
 

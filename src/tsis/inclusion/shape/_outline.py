@@ -122,29 +122,29 @@ def object_shape(
     assumptions = (*ASSUMPTIONS, COMPARED_WITH[against], equal_light_assumption(calibration))
     if levels.object_grey - levels.background_grey <= NOISE_FACTOR * change.noise_grey:
         return _nothing(levels, against, assumptions)
-    found = binary_features(change.image, levels.threshold_grey)
-    if not found.contact:
+    result = binary_features(change.image, levels.threshold_grey)
+    if not result.contact:
         return _nothing(levels, against, assumptions)
     scale, axis = image.scale(), image.axis()
     return ObjectShape(
         levels=levels,
-        area_mm2=found.area_mm2,
-        centre_mm=found.centroid_mm,
-        semi_axes_mm=found.semi_axes_mm,
-        angle_deg=found.angle_deg,
-        eccentricity=found.eccentricity,
-        circularity=found.circularity,
-        contour_mm=(found.patch.contour_px - axis) * scale,
+        area_mm2=result.area_mm2,
+        centre_mm=result.centroid_mm,
+        semi_axes_mm=result.semi_axes_mm,
+        angle_deg=result.angle_deg,
+        eccentricity=result.eccentricity,
+        circularity=result.circularity,
+        contour_mm=(result.patch.contour_px - axis) * scale,
         against=against,
         assumptions=assumptions,
-        flags=_flags(change, levels, found),
+        flags=_flags(change, levels, result),
     )
 
 
-def _flags(change: LightChange, levels: TwoMeans, found: Features) -> tuple[str, ...]:
+def _flags(change: LightChange, levels: TwoMeans, features: Features) -> tuple[str, ...]:
     wrong = {
-        "cropped": found.cropped,
-        "saturated": bool(change.clipped[found.patch.mask].any()),
+        "cropped": features.cropped,
+        "saturated": bool(change.clipped[features.patch.mask].any()),
         "corners_lit": levels.corners_grey >= levels.threshold_grey,
     }
     return tuple(flag for flag, is_so in wrong.items() if is_so)

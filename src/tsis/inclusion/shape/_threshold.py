@@ -73,8 +73,8 @@ def two_means(grey: ArrayLike) -> TwoMeans:
     low, high, below = corners, float(others), -1
     while True:
         cut = (low + high) / 2.0
-        found = int(np.searchsorted(ascending, cut))
-        if found in (0, count, below):  # one class only, or no pixel changed sides
+        result = int(np.searchsorted(ascending, cut))
+        if result in (0, count, below):  # one class only, or no pixel changed sides
             return TwoMeans(background_grey=low, object_grey=high, threshold_grey=cut, corners_grey=corners)
-        below = found
+        below = result
         low, high = float(sums[below] / below), float((sums[-1] - sums[below]) / (count - below))

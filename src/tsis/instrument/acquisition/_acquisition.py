@@ -263,11 +263,11 @@ class Acquisition:
             self._intake.failure = error  # it had not begun to stream
 
     def _watch_over(self) -> None:
-        tried_s = looked_s = self._clock()
+        tried_s = checked_s = self._clock()
         while not self._stopping.wait(WATCH_STEP_S) and not self._ended.is_set():
-            before_s, looked_s = looked_s, self._clock()
-            if looked_s - before_s > OVERSLEPT_S:
-                self._awake_s = looked_s
+            before_s, checked_s = checked_s, self._clock()
+            if checked_s - before_s > OVERSLEPT_S:
+                self._awake_s = checked_s
             if self._intake.streaming:
                 self._require_sound()
                 tried_s = self._clock()

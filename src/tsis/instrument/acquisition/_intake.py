@@ -234,13 +234,13 @@ class Intake:
             )
 
     def _require_alike(self, frame: Frame) -> None:
-        found = (frame.pixels.shape, frame.full_scale)
+        result = (frame.pixels.shape, frame.full_scale)
         if self._shape is None:
-            self._shape = found
-        elif found != self._shape:
+            self._shape = result
+        elif result != self._shape:
             raise ImageMismatchError(
                 f"frames of one stream must be alike; the first had {_described(*self._shape)}, "
-                f"frame {frame.sequence} has {_described(*found)} (did another program change the camera's mode?)"
+                f"frame {frame.sequence} has {_described(*result)} (did another program change the camera's mode?)"
             )
 
     def _note_return(self, now_s: float) -> None:

@@ -86,11 +86,11 @@ class FrameRing:
         with self._changed:
             return self._changed.wait_for(self.has_room, timeout_s)
 
-    def put(self, arrival: ReceivedFrame) -> None:
+    def put(self, frame: ReceivedFrame) -> None:
         """Add a frame and wake who waits for it."""
         with self._changed:
-            self._held.append(arrival)
-            self._bytes += arrival.frame.pixels.nbytes
+            self._held.append(frame)
+            self._bytes += frame.frame.pixels.nbytes
             while len(self._held) > self.capacity or (len(self._held) > 1 and self._bytes > self._most_bytes):
                 self._bytes -= self._held.popleft().frame.pixels.nbytes
             self._put += 1
@@ -107,14 +107,14 @@ class FrameRing:
         with self._changed:
             return self._held[-1] if self._held else None
 
-    def wait(self, place: int, timeout_s: float) -> bool:
-        """Wait until a frame lies at or after ``place``, the ring is closed or the time is over; True for a frame."""
+    def wait(self, index: int, timeout_s: float) -> bool:
+        """Wait until a frame lies at or after ``index``, the ring is closed or the time is over; True for a frame."""
         with self._changed:
-            self._changed.wait_for(lambda: self._put > place or self._closed, timeout_s)
-            return self._put > place
+            self._changed.wait_for(lambda: self._put > index or self._closed, timeout_s)
+            return self._put > index
 
-    def read(self, place: int) -> tuple[tuple[ReceivedFrame, ...], int, int]:
-        """Read everything from ``place`` on.
+    def read(self, index: int) -> tuple[tuple[ReceivedFrame, ...], int, int]:
+        """Read everything from ``index`` on.
 
         Returns
         -------
@@ -122,8 +122,8 @@ class FrameRing:
         """
         with self._changed:
             oldest = self._put - len(self._held)
-            skipped = max(0, oldest - place)
-            fresh = tuple(self._held)[max(0, place - oldest) :]
+            skipped = max(0, oldest - index)
+            fresh = tuple(self._held)[max(0, index - oldest) :]
             self._read_to = self._put
             self._changed.notify_all()
             return fresh, self._put, skipped

@@ -163,12 +163,12 @@ def _listed(path: Path) -> tuple[Path, ...]:
         if not path.is_dir():
             file_size(path)  # says what is wrong, if anything
             return (path,)
-        found = [entry for entry in path.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES]
+        results = [entry for entry in path.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES]
     except (OSError, ValueError) as error:
         if isinstance(error, FileInputError):
             raise
         raise FileInputError(f"{printable_path(path)} must be a readable file or folder; got: {error}") from error
-    files = [entry for entry in found if not entry.name.startswith(".")]
+    files = [entry for entry in results if not entry.name.startswith(".")]
     if not files:
         kinds = ", ".join(sorted(IMAGE_SUFFIXES))
         raise FileInputError(f"{printable_path(path)} must hold at least one image ({kinds}); got none")

@@ -166,11 +166,11 @@ class OpenCVDevice:
         present = {setting.name: setting for setting in self.settings()}
         if not present:
             raise CameraError(f"{self.name} has no setting called {name!r}; it has none at all")
-        wanted = present[require_one_of("setting", name, present)].checked(value)
+        requested = present[require_one_of("setting", name, present)].checked(value)
         with self._one_call:
-            taken = self._opened().set(_PROPERTIES[name], wanted)
+            taken = self._opened().set(_PROPERTIES[name], requested)
         if not taken:
-            raise CameraError(f"{self.name} does not take {name} = {wanted:g}")
+            raise CameraError(f"{self.name} does not take {name} = {requested:g}")
 
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames; a ``mode`` other than the present one is asked for and checked."""

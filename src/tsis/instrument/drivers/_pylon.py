@@ -145,19 +145,21 @@ class _PylonLink:
 def _opened(identity: str) -> _PylonLink:
     factory, failures = _pylon().TlFactory.GetInstance(), _genicam().GenericException
     devices = factory.EnumerateDevices()
-    wanted = [one for one in devices if not identity or identity in (one.GetSerialNumber(), _given_name(one))]
-    if not wanted:
-        raise none_found("pylon", identity, [one.GetSerialNumber() for one in devices])
-    serial = wanted[0].GetSerialNumber()
+    requested = [
+        device for device in devices if not identity or identity in (device.GetSerialNumber(), _given_name(device))
+    ]
+    if not requested:
+        raise none_found("pylon", identity, [device.GetSerialNumber() for device in devices])
+    serial = requested[0].GetSerialNumber()
     camera = None
     try:
-        camera = _pylon().InstantCamera(factory.CreateDevice(wanted[0]))
+        camera = _pylon().InstantCamera(factory.CreateDevice(requested[0]))
         camera.Open()
         return _PylonLink(camera, serial)
     except failures as error:
         busy = False
         with contextlib.suppress(failures):
-            busy = not factory.IsDeviceAccessible(wanted[0])
+            busy = not factory.IsDeviceAccessible(requested[0])
         with contextlib.suppress(failures):
             if camera is not None:
                 camera.DestroyDevice()

@@ -104,24 +104,24 @@ class VideoFile(StoredFrames):
         self._require_started()
         declared = int(self._opened().get(cv2.CAP_PROP_FRAME_COUNT))
         # one frame is held back: the last one of a file that is cut short may be decoded from half its bytes
-        held, read = self._next(0), 1
-        while held is not None and self._running.is_set():
+        stored, read = self._next(0), 1
+        while stored is not None and self._running.is_set():
             following = self._next(read)
             if following is None:
                 break
-            yield held
-            held, read = following, read + 1
+            yield stored
+            stored, read = following, read + 1
         if not self._running.is_set():
             return
-        delivered = read if held is not None else 0
+        delivered = read if stored is not None else 0
         if delivered + max(1.0, _COUNT_TOLERANCE * declared) <= declared:
             self._lost = True
             raise FileInputError(
                 f"{printable_path(self._path)} declares {declared} frames and is cut short after "
                 f"{max(delivered - 1, 0)}"
             )
-        if held is not None:
-            yield held
+        if stored is not None:
+            yield stored
 
     def stop(self) -> None:
         """End the stream and close the file."""

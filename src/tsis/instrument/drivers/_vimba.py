@@ -180,9 +180,9 @@ def _wanted(system: Any, identity: str) -> Any:
 def _system() -> Iterator[Any]:
     """The library's own system, started with its first use and ended with its last."""
     vmbpy = _vmbpy()
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as stored:
         try:
-            system = held.enter_context(vmbpy.VmbSystem.get_instance())
+            system = stored.enter_context(vmbpy.VmbSystem.get_instance())
         except vmbpy.VmbTransportLayerError as error:
             raise CameraError(
                 "the camera source vimba needs the transport layers of Vimba X and found none; "

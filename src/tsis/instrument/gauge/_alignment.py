@@ -40,9 +40,9 @@ def reading_noise(times: NDArray[np.float64], forces: NDArray[np.float64]) -> tu
     """
     count = len(times) - _SPAN + 1
     rows = np.arange(count)[:, None] + np.arange(_SPAN)
-    apart = times[rows][:, :, None] - times[rows][:, None, :]
-    apart[:, np.arange(_SPAN), np.arange(_SPAN)] = 1.0
-    weights = 1.0 / apart.prod(axis=2)  # of the third divided difference
+    difference = times[rows][:, :, None] - times[rows][:, None, :]
+    difference[:, np.arange(_SPAN), np.arange(_SPAN)] = 1.0
+    weights = 1.0 / difference.prod(axis=2)  # of the third divided difference
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     combinations = np.zeros((count, len(times)))
     np.put_along_axis(combinations, rows, weights, axis=1)

@@ -109,8 +109,8 @@ def find_latency(
     """
     require_number("longest_s", longest_s, 1e-3, 60.0)
     frames = _series("frame", require_array("frame_times_s", frame_times_s, ndim=1), frame_sums)
-    forces = _series("reading", [each.time_s for each in readings], [each.force_n for each in readings])
-    step_n = max(each.resolution_n for each in readings)
+    forces = _series("reading", [reading.time_s for reading in readings], [reading.force_n for reading in readings])
+    step_n = max(reading.resolution_n for reading in readings)
     _refuse_flat("force", *forces, step=step_n, cure="press and release while both run")
     _refuse_flat("sum of grey levels", *frames, step=0.0, cure="let the camera see the press")
     intervals = [float(np.median(np.diff(times))) for times, _ in (frames, forces)]
@@ -119,13 +119,13 @@ def find_latency(
     lit = _rate(frames, origin, step, smoothing)
     pressed = _rate(forces, origin, step, smoothing)
     first, last = forces[0][0] + longest_s + smoothing, forces[0][-1] - longest_s - smoothing
-    kept = (lit[0] >= first - origin) & (lit[0] <= last - origin)
-    if step * np.count_nonzero(kept) < 4 * longest_s:
+    selected = (lit[0] >= first - origin) & (lit[0] <= last - origin)
+    if step * np.count_nonzero(selected) < 4 * longest_s:
         raise GaugeError(
             f"frames and readings must overlap for more than {6 * longest_s:g} s to find delays up to {longest_s:g} s; "
             "record longer, or lower longest_s"
         )
-    return _highest(lit[0][kept], lit[1][kept], pressed, longest_s, step)
+    return _highest(lit[0][selected], lit[1][selected], pressed, longest_s, step)
 
 
 def _series(what: str, times: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
@@ -150,7 +150,7 @@ def _noise(times: Floats, values: Floats) -> float:
     """Median over stretches, so that the moments of a press that bend do not count."""
     stretches = max(len(times) // 12, 1)
     pairs = zip(np.array_split(times, stretches), np.array_split(values, stretches), strict=True)
-    return float(np.median([reading_noise(each, value)[0] for each, value in pairs]))
+    return float(np.median([reading_noise(item, value)[0] for item, value in pairs]))
 
 
 def _rate(series: tuple[Floats, Floats], origin: float, step: float, smoothing: float) -> tuple[Floats, Floats]:
@@ -168,8 +168,8 @@ def _rate(series: tuple[Floats, Floats], origin: float, step: float, smoothing: 
 
 
 def _highest(times: Floats, lit: Floats, pressed: tuple[Floats, Floats], longest_s: float, step: float) -> Latency:
-    reach = int(longest_s / step)
-    delays = step * np.arange(-reach, reach + 1, dtype=float)
+    extent = int(longest_s / step)
+    delays = step * np.arange(-extent, extent + 1, dtype=float)
     starts = len(times) * np.arange(_STRETCHES) // _STRETCHES
     # Sums over each stretch, of which those over all but one are differences.
     shifted = [np.interp(times + delay, *pressed) for delay in delays]
@@ -181,8 +181,8 @@ def _highest(times: Floats, lit: Floats, pressed: tuple[Floats, Floats], longest
     best, height = _peak(delays, sign * correlation)
     _refuse_unclear(delays, sign * correlation, best, height, longest_s)
     left_out = [_peak(delays, sign * _correlation(without[:, :, k]))[0] for k in range(_STRETCHES)]
-    share = (_STRETCHES - 1) / _STRETCHES
-    sd = float(np.sqrt(share * np.sum((np.array(left_out) - np.mean(left_out)) ** 2)))
+    fraction = (_STRETCHES - 1) / _STRETCHES
+    sd = float(np.sqrt(fraction * np.sum((np.array(left_out) - np.mean(left_out)) ** 2)))
     return Latency(latency_s=best, sd_s=sd, degrees_of_freedom=_STRETCHES - 1, correlation=height)
 
 

@@ -114,10 +114,10 @@ def force_unit(unit: str) -> str:
     InputError
         When it is not one of the forces in `NEWTONS`.
     """
-    known = _unit(unit) if isinstance(unit, str) else None
-    if not known:
+    given = _unit(unit) if isinstance(unit, str) else None
+    if not given:
         raise InputError(f"unit must be one of {', '.join(NEWTONS)}; got {unit!r:.40}")
-    return known
+    return given
 
 
 def newtons(reply: Reply, *, unit: str | None) -> tuple[float, float]:

@@ -92,8 +92,8 @@ class LineBuffer:
         return line
 
 
-def _arrival(share: float, since_s: float, now_s: float) -> tuple[float, float]:
-    time_s = since_s + share * (now_s - since_s)
+def _arrival(fraction: float, since_s: float, now_s: float) -> tuple[float, float]:
+    time_s = since_s + fraction * (now_s - since_s)
     return time_s, max(time_s - since_s, now_s - time_s)
 
 
@@ -133,12 +133,12 @@ def find_ports() -> tuple[SerialPort, ...]:
     True
     """
     try:
-        found = list_ports.comports()
+        result = list_ports.comports()
     except PORT_FAILURES as error:
         raise GaugeError(f"the serial ports of this machine cannot be listed; got: {error!s:.120}") from error
     return tuple(
-        SerialPort(device=str(each.device), description=str(each.description))
-        for each in sorted(found, key=lambda each: str(each.device))
+        SerialPort(device=str(item.device), description=str(item.description))
+        for item in sorted(result, key=lambda item: str(item.device))
     )
 
 
@@ -161,8 +161,8 @@ def _refusal(port: str, error: Exception) -> str:
     number = number or next((code for name, code in _CAUSES.items() if name in str(error)), None)
     shown = f"{port!r:.120}"
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-        found = ", ".join(each.device for each in find_ports()) or "none"
-        return f"no serial port is called {shown}; check the cable and the name (found: {found})"
+        result = ", ".join(item.device for item in find_ports()) or "none"
+        return f"no serial port is called {shown}; check the cable and the name (found: {result})"
     if number in (errno.EBUSY, errno.EAGAIN):
         return f"serial port {shown} is in use by another program; close that one"
     if number in (errno.EACCES, errno.EPERM):
@@ -215,9 +215,9 @@ class SerialLine:
         if not self._lines:
             return None
         line = self._lines.popleft()
-        asked_s, self._asked_s = self._asked_s, None
+        requested_s, self._asked_s = self._asked_s, None
         first, self._first = self._first, False
-        return self.take() if first and not line.whole else _answered(line, asked_s)
+        return self.take() if first and not line.whole else _answered(line, requested_s)
 
     def write(self, command: bytes) -> None:
         """Send bytes."""
@@ -247,8 +247,8 @@ class SerialLine:
         self._lines.extend(self._buffer.feed(chunk, since_s=since_s, now_s=now_s))
 
 
-def _answered(line: Line, asked_s: float | None) -> Line:
+def _answered(line: Line, requested_s: float | None) -> Line:
     latest_s = line.time_s + line.time_error_s
-    if asked_s is None or latest_s < asked_s:
+    if requested_s is None or latest_s < requested_s:
         return line
-    return replace(line, time_s=(asked_s + latest_s) / 2, time_error_s=(latest_s - asked_s) / 2)
+    return replace(line, time_s=(requested_s + latest_s) / 2, time_error_s=(latest_s - requested_s) / 2)

@@ -84,7 +84,7 @@ def record(
     frames: int | None = None,
     seconds: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
-    progress: Callable[[int, float], None] = lambda kept, seconds: None,
+    progress: Callable[[int, float], None] = lambda selected, seconds: None,
     beside: FurtherColumns | None = None,
     about: Callable[[], Mapping[str, Any]] = dict,
     clock: Callable[[], float] = time.monotonic,
@@ -118,42 +118,42 @@ def record(
     clock
         Seconds, monotonic: that of the acquisition.
     """
-    place = as_path(folder)
+    position = as_path(folder)
     tally, end = _Tally(most=frames), _End(clock() + seconds if seconds is not None else None, stopped, clock)
-    beside = beside or FurtherColumns(names=(), of=lambda arrival: ())
+    beside = beside or FurtherColumns(names=(), of=lambda received: ())
     begun, begun_s = datetime.now(UTC), clock()
     ended_by, missed = "", 0 if acquisition.ring.patient else acquisition.account().missed
     try:
-        with (place / RECORDING_INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
+        with (position / RECORDING_INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
             rows = csv.writer(index)
             rows.writerow((*RECORDING_COLUMNS, *beside.names))
             for batch, overrun in _batches(acquisition, lambda: end.reached() or tally.full):
                 tally.overrun += overrun
-                for arrival in batch[: tally.left]:
-                    where = sink.keep(arrival.frame, tally.kept)
-                    rows.writerow((*_row(arrival, tally.kept, where), *beside.of(arrival)))
-                    tally.add(arrival)
+                for received in batch[: tally.left]:
+                    where = sink.keep(received.frame, tally.kept)
+                    rows.writerow((*_row(received, tally.kept, where), *beside.of(received)))
+                    tally.add(received)
                 index.flush()
                 progress(tally.kept, clock() - begun_s)
             os.fsync(index.fileno())
         ended_by = "" if end.reached() or tally.full else _end_of(acquisition)
     except OSError as error:
-        ended_by = f"{printable_path(place)} took no more frames after {tally.kept}: {error.strerror or error}"
+        ended_by = f"{printable_path(position)} took no more frames after {tally.kept}: {error.strerror or error}"
     except TsisError as error:
         ended_by = str(error)
     account = acquisition.account()
     report = tally.report(account, begun_s, account.missed - missed, ended_by)
     started = {"begun": begun.isoformat(timespec="microseconds"), "begun_s": begun_s}
-    return _with_summary(place, report, acquisition, {**started, **about()})
+    return _with_summary(position, report, acquisition, {**started, **about()})
 
 
 def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tuple[tuple[ReceivedFrame, ...], int]]:
     """Frames as they come, with how many gave way before they were read; until ``ended`` or the source's end."""
-    place = 0 if acquisition.ring.patient else acquisition.ring.end
+    position = 0 if acquisition.ring.patient else acquisition.ring.end
     while not ended():
-        acquisition.ring.wait(place, WAIT_S)
+        acquisition.ring.wait(position, WAIT_S)
         closed = acquisition.ring.closed  # asked before reading, so that the last frames are not left behind
-        batch, place, overrun = acquisition.ring.read(place)
+        batch, position, overrun = acquisition.ring.read(position)
         yield batch, overrun
         if closed:
             return
@@ -189,11 +189,11 @@ class _Tally:
     def left(self) -> int | None:
         return None if self.most is None else self.most - self.kept
 
-    def add(self, arrival: ReceivedFrame) -> None:
+    def add(self, frame: ReceivedFrame) -> None:
         if self.last is None:
-            self.first_s = arrival.arrived_s
+            self.first_s = frame.arrived_s
         self.kept += 1
-        self.last = arrival
+        self.last = frame
 
     def report(self, account: Account, begun_s: float, missed: int, ended_by: str) -> RecordingReport:
         seconds = 0.0 if self.last is None else self.last.arrived_s - self.first_s
@@ -208,9 +208,9 @@ class _Tally:
         )
 
 
-def _row(arrival: ReceivedFrame, number: int, where: str) -> tuple[Any, ...]:
-    frame = arrival.frame
-    return number, where, arrival.connection, frame.sequence, frame.time_s, f"{arrival.arrived_s:.6f}"
+def _row(received: ReceivedFrame, number: int, where: str) -> tuple[Any, ...]:
+    frame = received.frame
+    return number, where, received.connection, frame.sequence, frame.time_s, f"{received.arrived_s:.6f}"
 
 
 def _end_of(acquisition: Acquisition) -> str:
@@ -219,7 +219,7 @@ def _end_of(acquisition: Acquisition) -> str:
 
 
 def _with_summary(
-    place: Path, report: RecordingReport, acquisition: Acquisition, about: Mapping[str, Any]
+    path: Path, report: RecordingReport, acquisition: Acquisition, about: Mapping[str, Any]
 ) -> RecordingReport:
     """Write the report's file; a report that could not be written says so."""
     document = {
@@ -234,7 +234,7 @@ def _with_summary(
         **about,
     }
     try:
-        write_durably(place / RECORDING_SUMMARY, (json.dumps(document, indent=2, default=str) + "\n").encode())
+        write_durably(path / RECORDING_SUMMARY, (json.dumps(document, indent=2, default=str) + "\n").encode())
     except OSError as error:
         unwritten = f"{RECORDING_SUMMARY} could not be written: {error.strerror or error}"
         return replace(report, ended_by="; ".join(part for part in (report.ended_by, unwritten) if part))

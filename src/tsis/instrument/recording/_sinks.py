@@ -102,10 +102,10 @@ class LosslessVideo:
         self._writer = None
         with quiet_decoders(), quiet_ffmpeg():
             written = cv2.VideoCapture(str(self._file.resolve()), cv2.CAP_FFMPEG)
-            found = int(written.get(cv2.CAP_PROP_FRAME_COUNT)) if written.isOpened() else 0
+            result = int(written.get(cv2.CAP_PROP_FRAME_COUNT)) if written.isOpened() else 0
             written.release()
-        if abs(found - self._kept) > 1 + 0.01 * self._kept:  # this container knows only its duration
-            raise OSError(5, f"the video holds {found} of {self._kept} frames")
+        if abs(result - self._kept) > 1 + 0.01 * self._kept:  # this container knows only its duration
+            raise OSError(5, f"the video holds {result} of {self._kept} frames")
 
     def _opened(self, columns: int, rows: int) -> Any:
         codec = cv2.VideoWriter.fourcc(*"FFV1")

@@ -166,16 +166,16 @@ def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generato
     source = require_array("shape", shape, ndim=2)
     if source.shape[1] not in (2, 3) or len(source) < 5:
         raise InputError(f"shape must hold 5 or more points with 2 or 3 coordinates each; got shape {source.shape}")
-    moved = rotated(deformed(source, distortion, rng=rng), distortion.rotation_deg, rng=rng)
-    seen = visible(moved, distortion.occluded, kind=distortion.occlusion, rng=rng)
-    outliers = moved[seen].mean(axis=0) + OUTLIER_SIDE * rng.uniform(
+    transformed = rotated(deformed(source, distortion, rng=rng), distortion.rotation_deg, rng=rng)
+    observed = visible(transformed, distortion.occluded, kind=distortion.occlusion, rng=rng)
+    outliers = transformed[observed].mean(axis=0) + OUTLIER_SIDE * rng.uniform(
         -0.5, 0.5, (int(distortion.outlier_ratio * len(source) + ROUNDING), source.shape[1])
     )
-    clean = np.concatenate([moved[seen], outliers])
+    clean = np.concatenate([transformed[observed], outliers])
     noisy = clean.copy()
-    noisy[: len(seen)] += rng.normal(0.0, distortion.noise_sd, (len(seen), source.shape[1]))
+    noisy[: len(observed)] += rng.normal(0.0, distortion.noise_sd, (len(observed), source.shape[1]))
     truth = np.full(len(source), UNMATCHED)
-    truth[seen] = np.arange(len(seen))
+    truth[observed] = np.arange(len(observed))
     return shuffled(source, noisy, clean, truth, rng=rng, name=name)
 
 
@@ -190,12 +190,12 @@ def shuffled(
 ) -> Trial:
     """A trial with its target rows in random order, so that no method can profit from the order of the data."""
     order = rng.permutation(len(target))
-    place = np.argsort(order)
+    position = np.argsort(order)
     return Trial(
         source=source,
         target=target[order],
         target_clean=target_clean[order],
-        truth=np.where(truth == UNMATCHED, UNMATCHED, place[truth]),
+        truth=np.where(truth == UNMATCHED, UNMATCHED, position[truth]),
         name=name,
     )
 
@@ -255,5 +255,5 @@ PUBLIC_LEVELS: dict[Family, tuple[Distortion, ...]] = {
     "noise": tuple(replace(_USUAL, noise_sd=sd) for sd in (0.0, 0.01, 0.02, 0.03, 0.04, 0.05)),
     "outliers": tuple(replace(_USUAL, outlier_ratio=ratio) for ratio in (0.0, 0.5, 1.0, 1.5, 2.0)),
     "rotation": tuple(replace(_USUAL, rotation_deg=angle) for angle in (0.0, 30.0, 60.0, 90.0, 120.0, 180.0)),
-    "occlusion": tuple(replace(_USUAL, occluded=share) for share in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)),
+    "occlusion": tuple(replace(_USUAL, occluded=fraction) for fraction in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)),
 }

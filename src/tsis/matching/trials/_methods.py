@@ -69,8 +69,8 @@ class Peer:
         if self.scaling == "common":
             target_scale = scale
         run = _pycpd if self.library == "pycpd" else _probreg
-        moved = run((source - centre) / scale, (target - target_centre) / target_scale, self.outliers)
-        return np.asarray(moved * target_scale + target_centre)
+        transformed = run((source - centre) / scale, (target - target_centre) / target_scale, self.outliers)
+        return np.asarray(transformed * target_scale + target_centre)
 
 
 PEERS: dict[str, Peer] = {
@@ -109,8 +109,8 @@ def _pycpd(source: NDArray[np.float64], target: NDArray[np.float64], outliers: f
 
 def _probreg(source: NDArray[np.float64], target: NDArray[np.float64], outliers: float) -> NDArray[np.float64]:
     probreg: Any = importlib.import_module("probreg.cpd")
-    found = probreg.registration_cpd(source, target, tf_type_name="nonrigid", w=outliers, maxiter=100)
-    return np.asarray(found.transformation.transform(source))
+    result = probreg.registration_cpd(source, target, tf_type_name="nonrigid", w=outliers, maxiter=100)
+    return np.asarray(result.transformation.transform(source))
 
 
 OWN_METHODS = tuple(METHODS)
@@ -146,5 +146,5 @@ class BenchmarkMethod:
         """
         if self.name in PEERS:
             return MatchOutcome(moved=peer(self.name).moved(source, target), reliable=None)
-        found = match_points(source, target, method=self.name, rng=rng)
-        return MatchOutcome(moved=found.moved, reliable=found.reliable)
+        result = match_points(source, target, method=self.name, rng=rng)
+        return MatchOutcome(moved=result.moved, reliable=result.reliable)

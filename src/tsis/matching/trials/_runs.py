@@ -239,22 +239,22 @@ def run_trials(
     """
     require_integer("seed", seed, 0, 2**32 - 1)
     require_integer("workers", workers, 1, MOST_WORKERS)
-    wanted = list(trials)
-    kept = [] if file is None else resumable_rows(file, seed=seed, resume=resume)
-    found = {(row.trial, row.method): row for row in kept}
-    left = [(trial, [name for name in matchers if (trial.name, name) not in found]) for trial in wanted]
+    requested = list(trials)
+    selected = [] if file is None else resumable_rows(file, seed=seed, resume=resume)
+    results = {(row.trial, row.method): row for row in selected}
+    left = [(trial, [name for name in matchers if (trial.name, name) not in results]) for trial in requested]
     todo = [(trial, names) for trial, names in left if names]
-    done = len(wanted) - len(todo)
+    done = len(requested) - len(todo)
     with ExitStack() as stack:
         add = None if file is None else stack.enter_context(append_rows(file))
         for rows in _judged(todo, matchers, seed, workers, stack):
-            found.update({(row.trial, row.method): row for row in rows})
+            results.update({(row.trial, row.method): row for row in rows})
             if add is not None:
                 add(rows)
             done += 1
             if progress is not None:
-                progress(done, len(wanted))
-    return [found[trial.name, name] for trial in wanted for name in matchers]
+                progress(done, len(requested))
+    return [results[trial.name, name] for trial in requested for name in matchers]
 
 
 def evaluate_trial(trial: Trial, matchers: Mapping[str, Matcher], *, seed: int) -> list[TrialRow]:

@@ -53,9 +53,9 @@ def strokes(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
     require_integer("count", count, FEWEST, MOST)
     lines = [_stroke(rng) for _ in range(rng.integers(4, 8))]
     length = np.array([np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines])
-    share = np.maximum(np.floor(count * length / length.sum()).astype(int), 1)
-    share[np.argmax(length)] += count - share.sum()
-    return _fitted(np.concatenate([_along(line, number) for line, number in zip(lines, share, strict=True)]))
+    fraction = np.maximum(np.floor(count * length / length.sum()).astype(int), 1)
+    fraction[np.argmax(length)] += count - fraction.sum()
+    return _fitted(np.concatenate([_along(line, number) for line, number in zip(lines, fraction, strict=True)]))
 
 
 def _stroke(rng: np.random.Generator) -> NDArray[np.float64]:
@@ -72,8 +72,8 @@ def spiral(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
     require_integer("count", count, FEWEST, MOST)
     angle = np.linspace(0.5 * np.pi, 2 * np.pi * rng.uniform(1.5, 3.0), 2000)
     radius = angle ** rng.uniform(0.8, 1.3)
-    turned = angle + rng.uniform(0, 2 * np.pi)
-    return _fitted(_along(np.column_stack([radius * np.cos(turned), radius * np.sin(turned)]), count))
+    rotated = angle + rng.uniform(0, 2 * np.pi)
+    return _fitted(_along(np.column_stack([radius * np.cos(rotated), radius * np.sin(rotated)]), count))
 
 
 def scattered_texture(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -104,9 +104,9 @@ def tactile_surface(count: int, *, rng: np.random.Generator) -> NDArray[np.float
     flat += rng.normal(0.0, 0.2 / np.sqrt(count), flat.shape)
     height = DOME_HEIGHT * (1 - (flat**2).sum(axis=1))
     for _ in range(rng.integers(1, 4)):
-        place = rng.uniform(-0.6, 0.6, 2)
+        position = rng.uniform(-0.6, 0.6, 2)
         width = rng.uniform(0.15, 0.35)
-        height += rng.uniform(0.1, 0.3) * np.exp(-((flat - place) ** 2).sum(axis=1) / (2 * width**2))
+        height += rng.uniform(0.1, 0.3) * np.exp(-((flat - position) ** 2).sum(axis=1) / (2 * width**2))
     return _fitted(np.column_stack([flat, height]))
 
 

@@ -137,7 +137,7 @@ def summarise_pooled(
     kinds: dict[str, list[dict[str, list[TrialRow]]]] = defaultdict(list)
     for (group, _), cell in _cells(rows).items():
         kinds[group.rsplit("/", 1)[-1]].append(cell)
-    found = []
+    results = []
     for kind, cells in kinds.items():
         bests = [_best(cell, rivals) for cell in cells]
         names = {best[0].method for best in bests if best}
@@ -145,8 +145,8 @@ def summarise_pooled(
         for method in dict.fromkeys(name for cell in cells for name in cell):
             own = [row for cell in cells for row in cell.get(method, [])]
             summary = _summary(kind, "", method, own, against, failure, seed, rival=", ".join(sorted(names)))
-            found.append(summary)
-    return found
+            results.append(summary)
+    return results
 
 
 def ratio_of_means(
@@ -205,7 +205,7 @@ def _summary(
 ) -> TrialSummary:
     errors = np.array([row.error for row in rows])
     failed = errors > failure
-    told = [bool(wrong) and row.reliable == "yes" for wrong, row in zip(failed, rows, strict=True)]
+    entries = [bool(wrong) and row.reliable == "yes" for wrong, row in zip(failed, rows, strict=True)]
     says = any(row.reliable for row in rows)
     other = {row.trial: row.error for row in against}
     shared = [row for row in rows if row.trial in other]
@@ -221,7 +221,7 @@ def _summary(
         median=float(np.median(errors)),
         mean=float(errors.mean()),
         failures=float(failed.mean()),
-        unannounced=float(np.mean(told)) if says else None,
+        unannounced=float(np.mean(entries)) if says else None,
         withheld=float(np.mean([row.reliable == "no" for row in rows])) if says else None,
         refused=float(np.mean([bool(row.refused) for row in rows])),
         seconds=float(np.median([row.seconds for row in rows])),

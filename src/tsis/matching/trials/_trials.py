@@ -32,11 +32,11 @@ LARGEST_BYTES = 64 * 2**20  # of a file, and of what it unpacks to
 PUBLIC_SHAPES = ("fish", "chinese")
 FAMILIES: tuple[Family, ...] = tuple(PUBLIC_LEVELS)
 LEVEL_LABELS: dict[Family, tuple[str, tuple[float, ...]]] = {
-    "deformation": ("degree of deformation", tuple(each.bending for each in PUBLIC_LEVELS["deformation"])),
-    "noise": ("standard deviation of the noise", tuple(each.noise_sd for each in PUBLIC_LEVELS["noise"])),
-    "outliers": ("outliers / points", tuple(each.outlier_ratio for each in PUBLIC_LEVELS["outliers"])),
-    "rotation": ("rotation / degrees", tuple(each.rotation_deg for each in PUBLIC_LEVELS["rotation"])),
-    "occlusion": ("share occluded", tuple(each.occluded for each in PUBLIC_LEVELS["occlusion"])),
+    "deformation": ("degree of deformation", tuple(item.bending for item in PUBLIC_LEVELS["deformation"])),
+    "noise": ("standard deviation of the noise", tuple(item.noise_sd for item in PUBLIC_LEVELS["noise"])),
+    "outliers": ("outliers / points", tuple(item.outlier_ratio for item in PUBLIC_LEVELS["outliers"])),
+    "rotation": ("rotation / degrees", tuple(item.rotation_deg for item in PUBLIC_LEVELS["rotation"])),
+    "occlusion": ("share occluded", tuple(item.occluded for item in PUBLIC_LEVELS["occlusion"])),
 }
 _PREFIX: dict[Family, str] = {
     "deformation": "def",
@@ -50,14 +50,14 @@ HIDDEN_FRACTIONS = (0.0, 0.1, 0.2, 0.3)  # share of the landmarks of the first f
 GENERATED_POINTS = 100
 
 
-def matching_error(trial: Trial, moved: ArrayLike) -> float:
+def matching_error(trial: Trial, transformed: ArrayLike) -> float:
     """Root-mean-square distance of the moved source points from their true, noise-free targets.
 
     Parameters
     ----------
     trial
         Source and target with the true matches; points without a partner do not count.
-    moved
+    transformed
         The source after a method moved it, shape (n, d), in the unit of the trial.
 
     Returns
@@ -68,7 +68,7 @@ def matching_error(trial: Trial, moved: ArrayLike) -> float:
     Raises
     ------
     InputError
-        When ``moved`` has another shape than the source, or is not finite.
+        When ``transformed`` has another shape than the source, or is not finite.
 
     Examples
     --------
@@ -77,11 +77,11 @@ def matching_error(trial: Trial, moved: ArrayLike) -> float:
     >>> matching_error(trial, points + [3.0, 0.0])
     3.0
     """
-    moved = require_array("moved", moved, ndim=2)
-    if moved.shape != trial.source.shape:
-        raise InputError(f"moved must have the source's shape {trial.source.shape}; got {moved.shape}")
+    transformed = require_array("moved", transformed, ndim=2)
+    if transformed.shape != trial.source.shape:
+        raise InputError(f"moved must have the source's shape {trial.source.shape}; got {transformed.shape}")
     true = trial.truth != UNMATCHED
-    away = moved[true] - trial.target_clean[trial.truth[true]]
+    away = transformed[true] - trial.target_clean[trial.truth[true]]
     return float(np.sqrt((away**2).sum(axis=1).mean()))
 
 
@@ -155,11 +155,11 @@ def hotel_trials(
     for start in starts.tolist():
         rng = np.random.default_rng([seed, separation, round(100 * hidden), start])
         first, second = frames[start], frames[start + separation]
-        seen = visible(second, hidden, kind="scattered", rng=rng)
+        observed = visible(second, hidden, kind="scattered", rng=rng)
         truth = np.full(len(first), UNMATCHED)
-        truth[seen] = np.arange(len(seen))
+        truth[observed] = np.arange(len(observed))
         name = f"hotel/hidden {hidden:g}/{separation}/{start}"
-        yield shuffled(first, second[seen], second[seen], truth, rng=rng, name=name)
+        yield shuffled(first, second[observed], second[observed], truth, rng=rng, name=name)
 
 
 def generated_trials(
@@ -193,30 +193,30 @@ def generated_trials(
         yield distort(make(points, rng=rng), distortion, rng=rng, name=f"{shape}/{family}/{level}/{number}")
 
 
-def _public_arrays(path: Path, wanted: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
+def _public_arrays(path: Path, requested: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
     """Those of the wanted arrays that the file holds."""
     content = read_bytes(path, most=LARGEST_BYTES)
     try:
-        stored = arrays_of(content, wanted, most=LARGEST_BYTES)
-        found = {key: np.asarray(values, dtype=float) for key, values in stored.items()}
+        stored = arrays_of(content, requested, most=LARGEST_BYTES)
+        results = {key: np.asarray(values, dtype=float) for key, values in stored.items()}
     except ValueError as error:  # among them what a file is refused for
         raise _unreadable(path, error) from error
-    missing = [key for key in wanted[:2] if key not in found]
+    missing = [key for key in requested[:2] if key not in results]
     if missing:
         raise FileInputError(
             f"{path.name!r} must hold {missing[0]!r}; it does not (take the file of the public trials)"
         )
-    return found
+    return results
 
 
 def _frames(path: Path, name: str) -> NDArray[np.float64]:
     """Landmarks of each frame, shape (frames, landmarks, 2)."""
     content = read_bytes(path, most=LARGEST_BYTES)
-    found = hashlib.sha256(content).hexdigest()
-    if found != SEQUENCE_SHA256:
+    result = hashlib.sha256(content).hexdigest()
+    if result != SEQUENCE_SHA256:
         raise FileInputError(
             f"{printable_path(path)} must be {SEQUENCE_FILE} as its authors published it, "
-            f"of SHA-256 {SEQUENCE_SHA256}; got one of {found}"
+            f"of SHA-256 {SEQUENCE_SHA256}; got one of {result}"
         )
     file: Any = io.BytesIO(content)
     stored: Any = scipy.io.loadmat(file, simplify_cells=True)
@@ -324,7 +324,7 @@ def hotel_set(
         raise InputError(f"count must be at least 1; got {count}")
     return [
         trial
-        for share in hidden
+        for fraction in hidden
         for separation in separations
-        for trial in hotel_trials(folder, separation=separation, hidden=share, count=count, seed=seed)
+        for trial in hotel_trials(folder, separation=separation, hidden=fraction, count=count, seed=seed)
     ]

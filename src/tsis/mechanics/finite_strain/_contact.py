@@ -113,34 +113,34 @@ class SlidingContact:
         edges = np.arange(self._edges)
         self._shapes = self.shapes(np.repeat(edges, self.count), np.tile(self.gauss, self._edges))
 
-    def shapes(self, element: NDArray[np.int64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shapes(self, element: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Matrix from values at the surface's nodes to values at points on its edges, shape (k, nodes)."""
-        values, _ = lagrange(self._lobatto, place)
-        matrix = np.zeros((len(place), len(self.surface)))
+        values, _ = lagrange(self._lobatto, position)
+        matrix = np.zeros((len(position), len(self.surface)))
         np.put_along_axis(matrix, element[:, None] * self.order + np.arange(self.order + 1), values, axis=1)
         return matrix
 
     def area(
-        self, element: NDArray[np.int64], place: NDArray[np.float64], positions: NDArray[np.float64] | None = None
+        self, element: NDArray[np.int64], position: NDArray[np.float64], positions: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Area of the ring per unit of the edge's coordinate in mm^2: the reference one, or that at ``positions``."""
         surface = self._reference if positions is None else positions[self.surface]
-        values, slopes = lagrange(self._lobatto, place)
+        values, slopes = lagrange(self._lobatto, position)
         local = surface[element[:, None] * self.order + np.arange(self.order + 1)]
         radius = (values * local[..., 0]).sum(axis=1)
         tangent = (slopes[..., None] * local).sum(axis=1)
         return np.asarray(2 * np.pi * radius * np.linalg.norm(tangent, axis=1))
 
-    def between(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Matrix from values at an edge's points ``gauss`` to values at ``place``, shape (k, count)."""
-        values, _ = lagrange(self.gauss, place)
+    def between(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix from values at an edge's points ``gauss`` to values at ``position``, shape (k, count)."""
+        values, _ = lagrange(self.gauss, position)
         return values
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Energy of the springs in mN mm."""
         gaps = self._gaps(positions).reshape(self._edges, -1)
-        element, place, area = self._closed_points(gaps, self.count)
-        values, _ = lagrange(self.gauss, place)
+        element, position, area = self._closed_points(gaps, self.count)
+        values, _ = lagrange(self.gauss, position)
         return float(self.stiffness / 2 * (area * (values * gaps[element]).sum(axis=1) ** 2).sum())
 
     def pressure(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -157,18 +157,18 @@ class SlidingContact:
         own, here = positions[self.obstacle.nodes], self._shapes @ positions[self.surface]
         gap = self.obstacle.gap(own, here)
         expected = pressure - self.steering * (gap + pressure / self.stiffness)
-        element, place, area = self._closed_points(-expected.reshape(self._edges, -1), self.count)
-        values, _ = lagrange(self.gauss, place)
+        element, position, area = self._closed_points(-expected.reshape(self._edges, -1), self.count)
+        values, _ = lagrange(self.gauss, position)
         matrix = np.zeros((self._edges, self.count, self.count))
         np.add.at(matrix, element, area[:, None, None] * values[:, :, None] * values[:, None])
         by_edge = pressure.reshape(self._edges, -1, 1)
         gaps = self.obstacle.differentiate(own, here, self._shapes, -(matrix @ by_edge).ravel())
         overlap_force = self.stiffness * (matrix @ gaps.gap_mm.reshape(self._edges, -1, 1)).ravel()
         slopes = gaps.slope.reshape(self._edges, self.count, -1)
-        carried = self.stiffness * (matrix @ slopes).reshape(gaps.slope.shape)
+        transported = self.stiffness * (matrix @ slopes).reshape(gaps.slope.shape)
         return Linearised(
             forces=gaps.slope.T @ overlap_force,
-            matrix=gaps.slope.T @ carried + gaps.curvature,
+            matrix=gaps.slope.T @ transported + gaps.curvature,
             gap_mm=gaps.gap_mm,
             slope=gaps.slope,
         )
@@ -190,10 +190,10 @@ class SlidingContact:
         ]
 
     def points(
-        self, element: NDArray[np.int64], place: NDArray[np.float64], positions: NDArray[np.float64]
+        self, element: NDArray[np.int64], position: NDArray[np.float64], positions: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Positions of points on the edges, mm, shape (k, 2)."""
-        return np.asarray(self.shapes(element, place) @ positions[self.surface])
+        return np.asarray(self.shapes(element, position) @ positions[self.surface])
 
     def _gaps(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         here = self._shapes @ positions[self.surface]
@@ -206,9 +206,9 @@ class SlidingContact:
         part, low, high = self._closed_parts(gaps)
         gauss, weight = legendre.leggauss(count)
         half = (high - low) / 2
-        place = ((low + half)[:, None] + half[:, None] * gauss).ravel()
+        position = ((low + half)[:, None] + half[:, None] * gauss).ravel()
         element = np.repeat(part, count)
-        return element, place, (half[:, None] * weight).ravel() * self.area(element, place)
+        return element, position, (half[:, None] * weight).ravel() * self.area(element, position)
 
     def _closed_parts(
         self, gaps: NDArray[np.float64]
@@ -239,8 +239,8 @@ class SlidingContact:
         middle = low
         for _ in range(EDGE_ROUNDS):
             middle = (low * at_high - high * at_low) / (at_high - at_low)
-            found = value(middle)
-            same = (found < 0) == (at_high < 0)
+            result = value(middle)
+            same = (result < 0) == (at_high < 0)
             at_low, low = np.where(same, at_low / 2, at_high), np.where(same, low, high)
-            at_high, high = found, middle
+            at_high, high = result, middle
         return middle

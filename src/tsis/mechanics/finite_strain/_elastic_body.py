@@ -140,10 +140,10 @@ class ElasticBody:
         local = displacements[self.solid.cells]
         elements, points, _, count = self._operator.shape
         flat = self._operator.reshape(elements, points * 3, count)
-        found = (flat @ local).reshape(elements, points, 3, 2)
+        outcome = (flat @ local).reshape(elements, points, 3, 2)
         result = np.empty((5, elements, points))
-        result[RR], result[RZ], result[HOOP] = found[:, :, 0, 0], found[:, :, 1, 0], found[:, :, 2, 0]
-        result[ZR], result[ZZ] = found[:, :, 0, 1], found[:, :, 1, 1]
+        result[RR], result[RZ], result[HOOP] = outcome[:, :, 0, 0], outcome[:, :, 1, 0], outcome[:, :, 2, 0]
+        result[ZR], result[ZZ] = outcome[:, :, 0, 1], outcome[:, :, 1, 1]
         return result
 
     def energy(self, displacements: NDArray[np.float64]) -> float:
@@ -190,11 +190,11 @@ class ElasticBody:
         result = np.empty((elements, count, 2, count, 2))
         blocks = {(0, 0): (RADIAL, RADIAL), (0, 1): (RADIAL, AXIAL), (1, 1): (AXIAL, AXIAL)}
         for (row, column), (left, right) in blocks.items():
-            carried = np.zeros((elements, points, 3, count))
-            for i, one in enumerate(left):
+            transported = np.zeros((elements, points, 3, count))
+            for i, item in enumerate(left):
                 for j, other in enumerate(right):
-                    carried[:, :, i] += tangent[one, other][..., None] * operator[:, :, j]
-            result[:, :, row, :, column] = flat @ carried.reshape(elements, points * 3, count)
+                    transported[:, :, i] += tangent[item, other][..., None] * operator[:, :, j]
+            result[:, :, row, :, column] = flat @ transported.reshape(elements, points * 3, count)
         result[:, :, 1, :, 0] = np.swapaxes(result[:, :, 0, :, 1], 1, 2)
         return result.reshape(elements, 2 * count, 2 * count)
 
@@ -214,10 +214,10 @@ class ElasticBody:
         right = np.concatenate([coupling, -force[:, inner, None]], axis=2)
         solved = np.linalg.solve(matrix[:, inner[:, None], inner], right)
         back, rest = solved[:, :, :-1], solved[:, :, -1]
-        turned = np.swapaxes(coupling, 1, 2)
+        rotated = np.swapaxes(coupling, 1, 2)
         return Tangent(
-            matrices=matrix[:, outer[:, None], outer] - turned @ back,
-            forces=force[:, outer] + (turned @ rest[..., None])[..., 0],
+            matrices=matrix[:, outer[:, None], outer] - rotated @ back,
+            forces=force[:, outer] + (rotated @ rest[..., None])[..., 0],
             back=back,
             rest=rest,
             gradient=gradient,

@@ -78,36 +78,36 @@ def solve_equilibrium(
         model = potential.quadratic(unknowns, pressures, load)
         step = model.step()
         slope = abs(model.slope(step))
-        share = _upright(potential, unknowns, step)
+        fraction = _upright(potential, unknowns, step)
         if (
             not np.isfinite(slope)
-            or share is None
+            or fraction is None
             or (count > PATIENCE and min(slopes[-PATIENCE:]) > min(slopes[:-PATIENCE]))
         ):
             return None
         slopes.append(slope)
         reached = model.pressures(step)
-        pressures = tuple(old + share * (new - old) for old, new in zip(pressures, reached, strict=True))
-        unknowns = unknowns + share * step
-        if slope < decrement * max(abs(potential.energy(unknowns, load)), 1e-9) and share == 1.0:
-            found = State(unknowns=unknowns, pressures=pressures, load=load, model=model, rounds=count)
-            return found if model.stable else None
+        pressures = tuple(old + fraction * (new - old) for old, new in zip(pressures, reached, strict=True))
+        unknowns = unknowns + fraction * step
+        if slope < decrement * max(abs(potential.energy(unknowns, load)), 1e-9) and fraction == 1.0:
+            state = State(unknowns=unknowns, pressures=pressures, load=load, model=model, rounds=count)
+            return state if model.stable else None
     return None
 
 
 def _upright(potential: Potential, unknowns: NDArray[np.float64], step: NDArray[np.float64]) -> float | None:
     """The largest halved share of ``step`` that turns no element over."""
-    share = 1.0
-    while not potential.upright(unknowns + share * step):
-        share /= 2
-        if share < SMALLEST_SHARE:
+    fraction = 1.0
+    while not potential.upright(unknowns + fraction * step):
+        fraction /= 2
+        if fraction < SMALLEST_SHARE:
             return None
-    return share
+    return fraction
 
 
 def find_first_contact(
     potential: Potential,
-    moved: Callable[[float], NDArray[np.float64]],
+    shifted: Callable[[float], NDArray[np.float64]],
     travel_mm: float,
     spring: float,
     *,
@@ -119,7 +119,7 @@ def find_first_contact(
     ----------
     potential
         Bodies, contacts and travel.
-    moved
+    shifted
         Unknowns at a given travel when nothing deforms.
     travel_mm
         Travel to begin with; halved until Newton's method converges and the force stays below ``below_mn``.
@@ -129,8 +129,8 @@ def find_first_contact(
         Largest force in mN.
     """
     for _ in range(TOUCHES):
-        start = moved(travel_mm)
-        nothing = tuple(np.zeros_like(one) for one in potential.pressures(start))
+        start = shifted(travel_mm)
+        nothing = tuple(np.zeros_like(pressure) for pressure in potential.pressures(start))
         load = Load(spring=spring, travel_mm=travel_mm)
         state = solve_equilibrium(potential, start, nothing, load, decrement=TOUCHING)
         if state is not None and potential.reaction(state.unknowns, load) < below_mn:
@@ -169,18 +169,18 @@ def follow_load_path(
             next_force = target if step > 0.8 * left else force + (step if step < 0.5 * left else left / 2)
             start = _ahead(potential, state, before, next_force)
             exact = DECREMENT if next_force == target else ROUGH
-            found = solve_equilibrium(potential, *start, Load(force_mn=next_force), decrement=exact)
-            if found is None:
+            equilibrium = solve_equilibrium(potential, *start, Load(force_mn=next_force), decrement=exact)
+            if equilibrium is None:
                 step, before = (next_force - force) / 2, None
                 if step < SMALLEST_STEP * next_force:
                     raise MechanicsError(_last(f"the press does not converge at {next_force / MN_PER_N:.3g} N", force))
                 continue
-            why = refuse(found)
+            why = refuse(equilibrium)
             if why is not None:
                 raise MechanicsError(_last(f"{why} at {next_force / MN_PER_N:.3g} N", force))
-            step = (next_force - force) * (GROWTH if found.rounds <= EASY_ROUNDS else 1.0)
+            step = (next_force - force) * (GROWTH if equilibrium.rounds <= EASY_ROUNDS else 1.0)
             before = state if state is not first else None
-            state, force = found, next_force
+            state, force = equilibrium, next_force
         yield state
 
 

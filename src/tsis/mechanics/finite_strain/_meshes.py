@@ -77,8 +77,8 @@ class RoundedProbe:
     def bulge(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
         """Nodes (r, z) of a flat probe after its layers bulge in proportion, the glass staying flat."""
         thickness = self.probe.thickness_mm
-        share = (thickness - self.probe.sag_mm(np.minimum(nodes[:, 0], self.radius_mm))) / thickness
-        return np.column_stack([nodes[:, 0], (nodes[:, 1] + thickness) * share - thickness])
+        fraction = (thickness - self.probe.sag_mm(np.minimum(nodes[:, 0], self.radius_mm))) / thickness
+        return np.column_stack([nodes[:, 0], (nodes[:, 1] + thickness) * fraction - thickness])
 
 
 def rounded(probe: Probe, fillet_mm: float) -> RoundedProbe:
@@ -175,13 +175,13 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
         for size in np.diff(inner_ends)
     ]
     counts = [len(piece) - 1 for piece in pieces]
-    shares = [refine(piece, order) for piece in pieces]
-    up = _chain(inner_ends, shares)
+    fractions = [refine(piece, order) for piece in pieces]
+    up = _chain(inner_ends, fractions)
     side_inner = np.column_stack([np.full_like(up, corner), -up])
-    side_arc = start + _chain(outer_ends, shares)
+    side_arc = start + _chain(outer_ends, fractions)
     side_outer = shape.flat_points(side_arc)
     # Turned, so that direction b runs from layer to layer.
-    turned = _shaped(shape, np.swapaxes(_between(side_outer, side_inner, inwards), 0, 1), order)
+    rotated = _shaped(shape, np.swapaxes(_between(side_outer, side_inner, inwards), 0, 1), order)
     core = _shaped(shape, np.stack(np.meshgrid(along * corner, -up, indexing="ij"), axis=-1), order)
     young = np.repeat([layer.young_kpa for layer in probe.layers], counts)
     poisson = np.repeat([layer.poisson for layer in probe.layers], counts)
@@ -190,7 +190,7 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     solid = weld(
         [
             MeshPatch(mesh=below, young_kpa=np.full(rows, first.young_kpa), poisson=np.full(rows, first.poisson)),
-            MeshPatch(mesh=turned, young_kpa=young, poisson=poisson),
+            MeshPatch(mesh=rotated, young_kpa=young, poisson=poisson),
             MeshPatch(mesh=core, young_kpa=young, poisson=poisson),
         ]
     )
@@ -210,13 +210,15 @@ def _shaped(shape: RoundedProbe, nodes: NDArray[np.float64], order: int) -> Laye
     return LayeredMesh(nodes=shape.bulge(nodes.reshape(-1, 2)).reshape(nodes.shape), order=order)
 
 
-def _between(outer: NDArray[np.float64], inner: NDArray[np.float64], share: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(outer[:, None] + share[None, :, None] * (inner - outer)[:, None])
+def _between(
+    outer: NDArray[np.float64], inner: NDArray[np.float64], fraction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return np.asarray(outer[:, None] + fraction[None, :, None] * (inner - outer)[:, None])
 
 
-def _chain(ends: NDArray[np.float64], shares: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Node coordinates of pieces between ``ends``, each divided by its ``shares``; common nodes once."""
-    parts = [low + share * (high - low) for low, high, share in zip(ends[:-1], ends[1:], shares, strict=True)]
+def _chain(ends: NDArray[np.float64], fractions: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Node coordinates of pieces between ``ends``, each divided by its ``fractions``; common nodes once."""
+    parts = [low + fraction * (high - low) for low, high, fraction in zip(ends[:-1], ends[1:], fractions, strict=True)]
     return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
 
 
@@ -254,7 +256,7 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     beyond = outer_lines(edge, outer, finest=resolution.rim_mm, growth=resolution.growth)
     lines = np.concatenate([inside, beyond[1:]])
     depth = graded(thickness, 1.5 * resolution.rim_mm, resolution.growth, thickness / 4)
-    reach = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
+    extent = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
     tissue = {"young_kpa": phantom.young_kpa, "poisson": phantom.poisson}
 
     def plain(body: LayeredMesh) -> MeshPatch:
@@ -264,13 +266,15 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     if inclusion is None:
         solid = weld([plain(mesh_rectangle(lines, depth, order, a_is_radius=True))])
         return MeshedSlab(
-            solid=solid, skin=solid.patches[0][: reach * order + 1, 0], inclusion=np.zeros(len(solid.cells), dtype=bool)
+            solid=solid,
+            skin=solid.patches[0][: extent * order + 1, 0],
+            inclusion=np.zeros(len(solid.cells), dtype=bool),
         )
-    across, _, upright = inclusion.half_axes_mm
-    block = max(0.75 * probe.radius_mm, 1.3 * across)
+    span, _, upright = inclusion.half_axes_mm
+    block = max(0.75 * probe.radius_mm, 1.3 * span)
     split = int(np.searchsorted(lines, block))
     near, far = lines[: split + 1], lines[split:]
-    spheroid = Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=across, half_height=upright)
+    spheroid = Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=span, half_height=upright)
     boundary = _outline(near, depth, order, cells=max(2, len(near) // 2))
     around = mesh_around(boundary, spheroid, order, layers=resolution.ray_layers)
     within = mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)
@@ -285,7 +289,7 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     member = np.zeros(len(solid.cells), dtype=bool)
     member[columns * around.layers : columns * (around.layers + within.layers)] = True
     skin = np.concatenate(
-        [solid.patches[0][: split * order + 1, 0], solid.patches[2][1 : (reach - split) * order + 1, 0]]
+        [solid.patches[0][: split * order + 1, 0], solid.patches[2][1 : (extent - split) * order + 1, 0]]
     )
     return MeshedSlab(solid=solid, skin=skin, inclusion=member)
 

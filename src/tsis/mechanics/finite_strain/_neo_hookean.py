@@ -82,8 +82,8 @@ def principal_stretches(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
     """The three principal stretches, shape (3, ...): larger and smaller in the plane, then the hoop."""
     total = np.einsum("k...,k...->...", gradient[:4], gradient[:4])
     plane = gradient[RR] * gradient[ZZ] - gradient[RZ] * gradient[ZR]
-    apart = np.sqrt(np.maximum(total**2 - 4 * plane**2, 0.0))
-    larger = np.sqrt((total + apart) / 2)
+    difference = np.sqrt(np.maximum(total**2 - 4 * plane**2, 0.0))
+    larger = np.sqrt((total + difference) / 2)
     return np.stack([larger, np.abs(plane) / larger, np.abs(gradient[HOOP])])
 
 

@@ -72,12 +72,12 @@ class Solid:
 
 def weld(patches: Sequence[MeshPatch]) -> Solid:
     """One body from patches that share nodes where they touch; nodes of collapsed edges become one as well."""
-    places = np.concatenate([patch.mesh.nodes.reshape(-1, 2) for patch in patches])
-    pairs = cKDTree(places).query_pairs(SAME_PLACE_MM, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(places),) * 2)
+    positions = np.concatenate([patch.mesh.nodes.reshape(-1, 2) for patch in patches])
+    pairs = cKDTree(positions).query_pairs(SAME_PLACE_MM, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(positions),) * 2)
     count, label = connected_components(links, directed=False)
     nodes = np.zeros((count, 2))
-    nodes[label] = places
+    nodes[label] = positions
     numbers, cells, young, poisson, start = [], [], [], [], 0
     for patch in patches:
         shape = patch.mesh.nodes.shape[:2]
@@ -85,10 +85,10 @@ def weld(patches: Sequence[MeshPatch]) -> Solid:
         start += grid.size
         numbers.append(grid)
         for layer in range(patch.mesh.layers):
-            found = layer_of(grid, patch.mesh.order, layer)
-            cells.append(found)
-            young.append(np.full(len(found), patch.young_kpa[layer]))
-            poisson.append(np.full(len(found), patch.poisson[layer]))
+            result = layer_of(grid, patch.mesh.order, layer)
+            cells.append(result)
+            young.append(np.full(len(result), patch.young_kpa[layer]))
+            poisson.append(np.full(len(result), patch.poisson[layer]))
     return Solid(
         nodes=nodes,
         cells=np.concatenate(cells),
@@ -99,14 +99,14 @@ def weld(patches: Sequence[MeshPatch]) -> Solid:
     )
 
 
-def join_meshes(one: Solid, other: Solid) -> Solid:
-    """Two bodies of one order in one list of nodes, not joined: those of ``other`` follow those of ``one``."""
-    first = len(one.nodes)
+def join_meshes(solid: Solid, other: Solid) -> Solid:
+    """Two bodies of one order in one list of nodes, not joined: those of ``other`` follow those of ``solid``."""
+    first = len(solid.nodes)
     return Solid(
-        nodes=np.concatenate([one.nodes, other.nodes]),
-        cells=np.concatenate([one.cells, other.cells + first]),
-        order=one.order,
-        young_kpa=np.concatenate([one.young_kpa, other.young_kpa]),
-        poisson=np.concatenate([one.poisson, other.poisson]),
-        patches=one.patches + other.shifted(first),
+        nodes=np.concatenate([solid.nodes, other.nodes]),
+        cells=np.concatenate([solid.cells, other.cells + first]),
+        order=solid.order,
+        young_kpa=np.concatenate([solid.young_kpa, other.young_kpa]),
+        poisson=np.concatenate([solid.poisson, other.poisson]),
+        patches=solid.patches + other.shifted(first),
     )

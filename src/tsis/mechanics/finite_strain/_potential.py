@@ -54,18 +54,18 @@ class Quadratic:
 
     def pressures(self, step: NDArray[np.float64]) -> Pressures:
         """Pressures after ``step``, by the linearised gaps, kPa."""
-        found = tuple(-stiffness * contact.gap_mm for stiffness, _, contact in self.contacts)
+        result = tuple(-stiffness * contact.gap_mm for stiffness, _, contact in self.contacts)
         rates = self.pressures_by(step)
         bulk = self.body.volumetric_stress_at(self.elements.gradient)
-        return (bulk + rates[0], *(now + rate for now, rate in zip(found, rates[1:], strict=True)))
+        return (bulk + rates[0], *(now + rate for now, rate in zip(result, rates[1:], strict=True)))
 
     def pressures_by(self, direction: NDArray[np.float64]) -> Pressures:
         """How the pressures change along ``direction``, kPa."""
-        moved = np.append(direction, 0.0)
+        shifted = np.append(direction, 0.0)
         bulk = self.body.volumetric_change(self.elements.gradient, self.body.numbering.displacements(direction))
         return (
             bulk,
-            *(-stiffness * (found.slope @ moved[touching]) for stiffness, touching, found in self.contacts),
+            *(-stiffness * (result.slope @ shifted[touching]) for stiffness, touching, result in self.contacts),
         )
 
     @property
@@ -116,16 +116,16 @@ class Potential:
         self.size = body.numbering.total
         skeleton = body.numbering.skeleton
         self._touching = [body.numbering.of_node[contact.nodes].ravel() for contact in self.contacts]
-        groups = [body.element_unknowns, *(found[None] for found in self._touching)]
+        groups = [body.element_unknowns, *(result[None] for result in self._touching)]
         rows = np.concatenate([np.repeat(group, group.shape[1], axis=1).ravel() for group in groups])
         columns = np.concatenate([np.tile(group, (1, group.shape[1])).ravel() for group in groups])
         rows, columns = np.append(rows, travel), np.append(columns, travel)
         self._kept = (rows >= 0) & (columns >= 0)
         rows, columns = rows[self._kept], columns[self._kept]
         self._permutation = _ordering(rows, columns, skeleton)
-        place = np.empty(skeleton, dtype=np.int64)
-        place[self._permutation] = np.arange(skeleton)
-        key, self._slot = np.unique(place[columns] * skeleton + place[rows], return_inverse=True)
+        position = np.empty(skeleton, dtype=np.int64)
+        position[self._permutation] = np.arange(skeleton)
+        key, self._slot = np.unique(position[columns] * skeleton + position[rows], return_inverse=True)
         self._rows = (key % skeleton).astype(np.int32)
         self._starts = np.searchsorted(key // skeleton, np.arange(skeleton + 1)).astype(np.int32)
 
@@ -172,10 +172,10 @@ class Potential:
         np.add.at(gradient, self.body.element_unknowns, tangent.forces)
         values, contacts = [tangent.matrices.ravel()], []
         for contact, touching, pressure in zip(self.contacts, self._touching, pressures[1:], strict=True):
-            found = contact.derivatives(positions, pressure)
-            np.add.at(gradient, touching, found.forces)
-            values.append(found.matrix.ravel())
-            contacts.append((contact.stiffness, touching, found))
+            result = contact.derivatives(positions, pressure)
+            np.add.at(gradient, touching, result.forces)
+            values.append(result.matrix.ravel())
+            contacts.append((contact.stiffness, touching, result))
         gradient = gradient[:-1]
         gradient[self.travel] += load.spring * (unknowns[self.travel] - load.travel_mm) - load.force_mn
         data = np.append(np.concatenate(values), load.spring)[self._kept]

@@ -66,11 +66,11 @@ def press_path(
     probe: Probe, phantom: Phantom, *, forces_n: Sequence[float], resolution: FiniteResolution | None = None
 ) -> tuple[PressField, ...]:
     """Fields of `press_finite` at several ascending forces in newtons, on one path; arguments and errors as there."""
-    plain = _steps(probe, phantom.without_inclusion(), tuple(forces_n), resolution)
+    reference = _steps(probe, phantom.without_inclusion(), tuple(forces_n), resolution)
     if phantom.inclusion is None:
-        return tuple(step.field for step in plain)
+        return tuple(step.field for step in reference)
     pairs = press_pairs(probe, phantom, forces_n=forces_n, resolution=resolution)
-    return tuple(_plus(step.field, *pair) for step, pair in zip(plain, pairs, strict=True))
+    return tuple(_plus(step.field, *pair) for step, pair in zip(reference, pairs, strict=True))
 
 
 def press_pairs(
@@ -82,7 +82,7 @@ def press_pairs(
     """
     with_it = _steps(probe, phantom, tuple(forces_n), resolution)
     without = _steps(probe, phantom, tuple(forces_n), resolution, contrast=False)
-    return tuple((one.field, other.field) for one, other in zip(with_it, without, strict=True))
+    return tuple((item.field, other.field) for item, other in zip(with_it, without, strict=True))
 
 
 def press_steps(
@@ -92,13 +92,13 @@ def press_steps(
     return _steps(probe, phantom, tuple(forces_n), resolution)
 
 
-def _plus(plain: PressField, with_it: PressField, without: PressField) -> PressField:
+def _plus(field: PressField, with_it: PressField, without: PressField) -> PressField:
     return PressField(
-        radius_mm=plain.radius_mm,
-        face_displacement_mm=plain.face_displacement_mm + with_it.face_displacement_mm - without.face_displacement_mm,
-        pressure_kpa=plain.pressure_kpa + with_it.pressure_kpa - without.pressure_kpa,
-        approach_mm=plain.approach_mm + with_it.approach_mm - without.approach_mm,
-        force_n=plain.force_n,
+        radius_mm=field.radius_mm,
+        face_displacement_mm=field.face_displacement_mm + with_it.face_displacement_mm - without.face_displacement_mm,
+        pressure_kpa=field.pressure_kpa + with_it.pressure_kpa - without.pressure_kpa,
+        approach_mm=field.approach_mm + with_it.approach_mm - without.approach_mm,
+        force_n=field.force_n,
     )
 
 

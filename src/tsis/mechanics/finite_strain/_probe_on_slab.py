@@ -92,14 +92,14 @@ def _force_within(
     for part in contact.pressed(positions):
         ends = np.linspace(part.low, part.high, PARTS + 1)
         half = np.diff(ends) / 2
-        place = ((ends[:-1] + half)[:, None] + half[:, None] * gauss).ravel()
-        share = (half[:, None] * weight).ravel() * contact.area(np.full(len(place), part.edge), place)
-        values, _ = lagrange(contact.gauss, place)
+        position = ((ends[:-1] + half)[:, None] + half[:, None] * gauss).ravel()
+        fraction = (half[:, None] * weight).ravel() * contact.area(np.full(len(position), part.edge), position)
+        values, _ = lagrange(contact.gauss, position)
         pressure = (values @ part.pressure_kpa) * (values @ part.axial)
-        middle = 2 * (place - part.low) / (part.high - part.low) - 1
+        middle = 2 * (position - part.low) / (part.high - part.low) - 1
         basis = legendre.legvander(middle, contact.order - PRESSURE_DEGREES_LESS)
-        smooth = basis @ np.linalg.solve(basis.T @ (share[:, None] * basis), basis.T @ (share * pressure))
-        pieces = (share * smooth).reshape(PARTS, -1).sum(axis=1)
+        smooth = basis @ np.linalg.solve(basis.T @ (fraction[:, None] * basis), basis.T @ (fraction * pressure))
+        pieces = (fraction * smooth).reshape(PARTS, -1).sum(axis=1)
         points = contact.points(np.full(PARTS, part.edge), ends[1:], positions)
         foot = face.face.closest(positions[face.nodes], points)
         radii.append(shape.radius_at(foot.place))
@@ -263,5 +263,5 @@ def _away_from_rim(centres: NDArray[np.float64], shape: RoundedProbe) -> NDArray
     probe = shape.probe
     on_probe = np.array([probe.radius_mm, -float(probe.sag_mm(probe.radius_mm))])
     on_skin = np.array([probe.radius_mm, 0.0])
-    apart = np.minimum(np.linalg.norm(centres - on_probe, axis=1), np.linalg.norm(centres - on_skin, axis=1))
-    return np.asarray(apart > RIM_FILLETS * shape.fillet_mm)
+    difference = np.minimum(np.linalg.norm(centres - on_probe, axis=1), np.linalg.norm(centres - on_skin, axis=1))
+    return np.asarray(difference > RIM_FILLETS * shape.fillet_mm)

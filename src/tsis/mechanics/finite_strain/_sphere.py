@@ -72,8 +72,8 @@ def mesh_ball(
     angles = np.pi * np.concatenate([line / 4, (1 / 4 + (upright + 1) / 4)[1:], (3 / 4 + line / 4)[1:]])
     circle = radius_mm * np.column_stack([np.sin(angles), -np.cos(angles)])
     circle[[0, -1], 0] = 0.0
-    share = refine(np.linspace(0.0, 1.0, rings + 1), order)
-    ring = centre + circle[:, None] + share[None, :, None] * (outline - circle)[:, None]
+    fraction = refine(np.linspace(0.0, 1.0, rings + 1), order)
+    ring = centre + circle[:, None] + fraction[None, :, None] * (outline - circle)[:, None]
     core = centre + side * np.stack(np.meshgrid(line, upright, indexing="ij"), axis=-1)
     patches = [
         MeshPatch(
@@ -243,11 +243,11 @@ class SphereOnProbe:
         self.face = SoftFace(curve, meshed.face)
         softer = min(young_kpa, probe.layers[0].young_kpa)
         stiffness = (STIFFNESS * softer, STEERING * softer)
-        reach = (2 * len(surface) // 3) // order * order + 1  # each contact may climb past the equator
+        extent = (2 * len(surface) // 3) // order * order + 1  # each contact may climb past the equator
         nodes = solid.nodes
-        self.contact = SlidingContact(nodes, surface[:reach] + self._first, order, self.face, *stiffness)
+        self.contact = SlidingContact(nodes, surface[:extent] + self._first, order, self.face, *stiffness)
         above = SlidingContact(
-            nodes, surface[::-1][:reach] + self._first, order, Plate(plate, 2 * radius_mm), *stiffness
+            nodes, surface[::-1][:extent] + self._first, order, Plate(plate, 2 * radius_mm), *stiffness
         )
         self.potential = Potential(body, [self.contact, above], 0)
         self._everywhere = np.ones(len(solid.cells), dtype=bool)
@@ -299,13 +299,13 @@ class SphereOnProbe:
         radii, pressures, areas, edge = [], [], [], 0.0
         for part in self.contact.pressed(positions):
             gauss, weight = np.polynomial.legendre.leggauss(FIT_POINTS)
-            place = (part.high + part.low + (part.high - part.low) * gauss) / 2
+            position = (part.high + part.low + (part.high - part.low) * gauss) / 2
             numbers = np.full(FIT_POINTS, part.edge)
-            area = self.contact.area(numbers, place, positions)
-            nominal = self.contact.between(place) @ part.pressure_kpa
-            pressures.append(nominal * self.contact.area(numbers, place) / area)
+            area = self.contact.area(numbers, position, positions)
+            nominal = self.contact.between(position) @ part.pressure_kpa
+            pressures.append(nominal * self.contact.area(numbers, position) / area)
             areas.append(weight * area * (part.high - part.low) / 2)
-            radii.append(self.contact.points(numbers, place, positions)[:, 0])
+            radii.append(self.contact.points(numbers, position, positions)[:, 0])
             end = self.contact.points(np.array([part.edge]), np.array([part.high]), positions)
             edge = max(edge, float(end[0, 0]))
         squared = np.concatenate(radii) ** 2 / edge**2

@@ -86,40 +86,40 @@ class SmoothFace:
 
         self._start_shape, self._start_weights = self._shape[0](self._starts), self.weights(self._starts)
 
-    def weights(self, place: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
-        """Matrices from nodal r and nodal z to the position (or its slope) at ``place``, shape (k, 2, nodes)."""
-        return np.stack([spline(place) for spline in self._derivatives[derivative]], axis=1)
+    def weights(self, position: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
+        """Matrices from nodal r and nodal z to the position (or its slope) at ``position``, shape (k, 2, nodes)."""
+        return np.stack([spline(position) for spline in self._derivatives[derivative]], axis=1)
 
     def closest(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> ClosestPoints:
         """Points of the curve closest to ``points`` (k, 2), the curve's nodes lying at ``positions``."""
-        moved = positions - self._nodes
-        controls = np.stack([self._controls[i] @ moved[:, i] for i in (0, 1)], axis=1)
+        shifted = positions - self._nodes
+        controls = np.stack([self._controls[i] @ shifted[:, i] for i in (0, 1)], axis=1)
         displaced = BSpline(self._knots, controls, DEGREE)
         shifts = (displaced, displaced.derivative(1), displaced.derivative(2))
 
-        def curve(place: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
-            return np.asarray(self._shape[nu](place) + shifts[nu](place))
+        def curve(position: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
+            return np.asarray(self._shape[nu](position) + shifts[nu](position))
 
-        starts = self._start_shape + np.einsum("skn,nk->sk", self._start_weights, moved)
+        starts = self._start_shape + np.einsum("skn,nk->sk", self._start_weights, shifted)
         distance = ((points[:, None] - starts) ** 2).sum(axis=2)
-        place = self._starts[distance.argmin(axis=1)]
-        reach = self.end / len(self._starts)
+        index = self._starts[distance.argmin(axis=1)]
+        extent = self.end / len(self._starts)
         for _ in range(CLOSEST_ROUNDS):
-            away, slope, bend = points - curve(place, 0), curve(place, 1), curve(place, 2)
+            away, slope, bend = points - curve(index, 0), curve(index, 1), curve(index, 2)
             residual = (away * slope).sum(axis=1)
             steep = (slope**2).sum(axis=1)
             curvature = np.maximum(steep - (away * bend).sum(axis=1), 0.1 * steep)
-            step = np.clip(residual / curvature, -reach, reach)
+            step = np.clip(residual / curvature, -extent, extent)
             # The axis may be crossed: the curve goes on mirrored. The outer end may not.
-            there = np.minimum(place + step, self.end)
-            done = np.abs(there - place).max(initial=0.0) < 1e-13 * self.end
-            place = there
+            there = np.minimum(index + step, self.end)
+            done = np.abs(there - index).max(initial=0.0) < 1e-13 * self.end
+            index = there
             if done:
                 break
-        slope = curve(place, 1)
+        slope = curve(index, 1)
         normal = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1)[:, None]
-        gap = ((points - curve(place, 0)) * normal).sum(axis=1)
-        return ClosestPoints(place=place, gap_mm=gap, normal=normal, slope=slope, bend=curve(place, 2))
+        gap = ((points - curve(index, 0)) * normal).sum(axis=1)
+        return ClosestPoints(place=index, gap_mm=gap, normal=normal, slope=slope, bend=curve(index, 2))
 
 
 def _projection(
@@ -138,13 +138,13 @@ def _projection(
     count = len(knots) - DEGREE - 1
     gauss, weight = legendre.leggauss(order + 2)
     size = np.diff(half) / 2
-    place = ((half[:-1] + size)[:, None] + size[:, None] * gauss).ravel()
-    cell = np.clip(np.searchsorted(ends, place, side="right") - 1, 0, len(ends) - 2)
-    local, _ = lagrange(lobatto_points(order), 2 * (place - ends[cell]) / np.diff(ends)[cell] - 1)
-    trace = np.zeros((len(place), len(parameter)))
+    position = ((half[:-1] + size)[:, None] + size[:, None] * gauss).ravel()
+    cell = np.clip(np.searchsorted(ends, position, side="right") - 1, 0, len(ends) - 2)
+    local, _ = lagrange(lobatto_points(order), 2 * (position - ends[cell]) / np.diff(ends)[cell] - 1)
+    trace = np.zeros((len(position), len(parameter)))
     np.put_along_axis(trace, cell[:, None] * order + np.arange(order + 1), local, axis=1)
     area = (size[:, None] * weight).ravel() * (trace @ radius)
-    basis = BSpline(knots, np.eye(count), DEGREE)(place)
+    basis = BSpline(knots, np.eye(count), DEGREE)(position)
     controls = []
     for sign in (-1.0, 1.0):
         fold = np.eye(count)[:, (count // 2 if sign > 0 else (count + 1) // 2) :]
@@ -235,10 +235,13 @@ class SoftFace:
         b = np.einsum("ksdi,kd->ksi", turning, foot.normal).reshape(flat)
         metric = (foot.slope**2).sum(axis=1)
         bend = (foot.normal * foot.bend).sum(axis=1)
-        share = force / (metric - foot.gap_mm * bend)
-        mixed = a.T @ (share[:, None] * b)
+        fraction = force / (metric - foot.gap_mm * bend)
+        mixed = a.T @ (fraction[:, None] * b)
         curvature = -(
-            a.T @ ((share * bend / metric)[:, None] * a) + mixed + mixed.T + b.T @ ((share * foot.gap_mm)[:, None] * b)
+            a.T @ ((fraction * bend / metric)[:, None] * a)
+            + mixed
+            + mixed.T
+            + b.T @ ((fraction * foot.gap_mm)[:, None] * b)
         )
         return Gaps(gap_mm=foot.gap_mm, slope=slope, curvature=curvature)
 

@@ -104,10 +104,10 @@ def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArra
     dofs[0, :, 0] = FIXED  # the axis
     if probe.sides == "bonded":
         dofs[-1] = FIXED
-    keep = np.arange(count)
+    save = np.arange(count)
     swept = condense_layers(
-        body, dofs, keep=keep, young_kpa=np.array(young[::-1]), poisson=np.array(poisson[::-1])
-    ).keep(keep)
+        body, dofs, save=save, young_kpa=np.array(young[::-1]), poisson=np.array(poisson[::-1])
+    ).keep(save)
     compliance = np.zeros((count, count))
     compliance[np.ix_(swept.dofs, swept.dofs)] = np.linalg.inv(swept.stiffness)
     compliance.flags.writeable = False  # one array for everybody who asks
@@ -117,8 +117,8 @@ def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArra
 def _bulged(nodes: NDArray[np.float64], probe: Probe) -> NDArray[np.float64]:
     """Bend the layers to the dome: every layer keeps its share of the thickness, the glass stays flat."""
     radius, depth = nodes[..., 0], nodes[..., 1]
-    share = 1 - probe.sag_mm(radius) / probe.thickness_mm
-    return np.stack([radius, probe.thickness_mm - (probe.thickness_mm - depth) * share], axis=-1)
+    fraction = 1 - probe.sag_mm(radius) / probe.thickness_mm
+    return np.stack([radius, probe.thickness_mm - (probe.thickness_mm - depth) * fraction], axis=-1)
 
 
 class Slab:
@@ -182,14 +182,14 @@ class Slab:
         self,
         body: LayeredMesh,
         dofs: NDArray[np.int64],
-        keep: NDArray[np.int64],
+        save: NDArray[np.int64],
         *,
         start: Condensate = EMPTY,
         poisson: float | None = None,
     ) -> Condensate:
         """Condense a part of the slab; all of it has unit modulus."""
         ratio = np.full(body.layers, self.poisson if poisson is None else poisson)
-        return condense_layers(body, dofs, keep=keep, young_kpa=np.ones(body.layers), poisson=ratio, start=start)
+        return condense_layers(body, dofs, save=save, young_kpa=np.ones(body.layers), poisson=ratio, start=start)
 
     def _number_contacts(self, radius: NDArray[np.float64], normal: NDArray[np.int64]) -> None:
         """Give the face's nodes among ``radius`` their shared numbers (in place)."""
@@ -213,8 +213,8 @@ class Slab:
         )
 
     def _ray_layers(self, boundary: NDArray[np.float64], size: float) -> int:
-        reach = np.linalg.norm(boundary - [0.0, self.thickness_mm / 2], axis=1).max()
-        return max(self.resolution.ray_layers, int(np.ceil(np.log(reach / size) / np.log(self.resolution.ray_ratio))))
+        extent = np.linalg.norm(boundary - [0.0, self.thickness_mm / 2], axis=1).max()
+        return max(self.resolution.ray_layers, int(np.ceil(np.log(extent / size) / np.log(self.resolution.ray_ratio))))
 
     def with_inclusion(self, shape: Spheroid, *, poisson: float) -> SlabWithInclusion:
         """Mesh an inclusion into the block and condense everything onto the face and the inclusion's surface."""

@@ -49,8 +49,8 @@ class Condensate:
 
     def keep(self, dofs: NDArray[np.int64]) -> Condensate:
         """Eliminate everything but ``dofs``, on which no force acts from elsewhere."""
-        kept = np.isin(self.dofs, dofs)
-        out, stay = np.flatnonzero(~kept), np.flatnonzero(kept)
+        selected = np.isin(self.dofs, dofs)
+        out, stay = np.flatnonzero(~selected), np.flatnonzero(selected)
         if not out.size:
             return self
         order = np.concatenate([out, stay])
@@ -75,7 +75,7 @@ def condense_layers(
     mesh: LayeredMesh,
     dofs: NDArray[np.int64],
     *,
-    keep: NDArray[np.int64],
+    save: NDArray[np.int64],
     young_kpa: NDArray[np.float64],
     poisson: NDArray[np.float64],
     start: Condensate = EMPTY,
@@ -88,7 +88,7 @@ def condense_layers(
         The body.
     dofs
         Number of each displacement, shape (na, nb, 2); `FIXED` where it is zero, equal numbers where tied.
-    keep
+    save
         Numbers that survive wherever they occur; those of the last layer's far side survive too.
     young_kpa, poisson
         Material of each layer, shape (layers,).
@@ -102,15 +102,15 @@ def condense_layers(
         elements.reshape(-1, count, 2), mesh.order, np.repeat(young_kpa, columns), np.repeat(poisson, columns)
     )
     rims = _without_interior(matrices, mesh.order).reshape(mesh.layers, -1)
-    carried = start.stiffness
-    steps = _steps(mesh.order, dofs.shape, dofs.tobytes(), keep.tobytes(), start.dofs.tobytes())
+    transported = start.stiffness
+    steps = _steps(mesh.order, dofs.shape, dofs.tobytes(), save.tobytes(), start.dofs.tobytes())
     for step, values in zip(steps, rims, strict=True):
         # One slot more than the matrix has, for everything that is fixed.
         flat = np.bincount(step.element_slots, weights=values, minlength=step.size**2 + 1)[:-1].astype(float)
-        flat[step.carried_slots] += carried.ravel()
+        flat[step.carried_slots] += transported.ravel()
         total = flat.reshape(step.size, step.size)
-        carried = _eliminate(total, step.eliminated)
-    return Condensate(dofs=steps[-1].dofs, stiffness=carried)
+        transported = _eliminate(total, step.eliminated)
+    return Condensate(dofs=steps[-1].dofs, stiffness=transported)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,33 +138,33 @@ class CondensationStep:
 
 @lru_cache(maxsize=64)
 def _steps(
-    order: int, shape: tuple[int, int, int], dofs: bytes, keep: bytes, start: bytes
+    order: int, shape: tuple[int, int, int], dofs: bytes, save: bytes, start: bytes
 ) -> tuple[CondensationStep, ...]:
     """The steps of a sweep; the arrays come as bytes, by which they are remembered."""
-    numbers, kept = np.frombuffer(dofs, dtype=np.int64).reshape(shape), np.frombuffer(keep, dtype=np.int64)
-    carried = np.frombuffer(start, dtype=np.int64)
+    numbers, selected = np.frombuffer(dofs, dtype=np.int64).reshape(shape), np.frombuffer(save, dtype=np.int64)
+    transported = np.frombuffer(start, dtype=np.int64)
     steps = []
     for index in range((shape[1] - 1) // order):
         layer = layer_of(numbers, order, index).reshape(-1, 2 * (order + 1) ** 2)[:, _rim(order)]
         last = numbers[:, (index + 1) * order].ravel()
-        present = np.union1d(layer, carried)
+        present = np.union1d(layer, transported)
         present = present[present != FIXED]
-        stays = np.isin(present, np.concatenate([kept, last]))
+        stays = np.isin(present, np.concatenate([selected, last]))
         ordered = np.concatenate([present[~stays], present[stays]])
-        size, place = len(ordered), np.argsort(ordered)
-        there = place[np.minimum(np.searchsorted(present, layer), size - 1)]
+        size, position = len(ordered), np.argsort(ordered)
+        there = position[np.minimum(np.searchsorted(present, layer), size - 1)]
         slots = there[:, :, None] * size + there[:, None, :]
         fixed = layer == FIXED
         slots[fixed[:, :, None] | fixed[:, None, :]] = size * size
-        here = place[np.searchsorted(present, carried)]
-        carried = present[stays]
+        here = position[np.searchsorted(present, transported)]
+        transported = present[stays]
         steps.append(
             CondensationStep(
                 size=size,
                 eliminated=int(np.count_nonzero(~stays)),
                 element_slots=slots.ravel(),
                 carried_slots=(here[:, None] * size + here).ravel(),
-                dofs=carried,
+                dofs=transported,
             )
         )
     return tuple(steps)

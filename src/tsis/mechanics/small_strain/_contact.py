@@ -92,7 +92,7 @@ def unilateral_contact(
     if matrix.shape != (gap.size, gap.size):
         raise InputError(f"compliance must have shape ({gap.size}, {gap.size}), as gap_mm has; got {matrix.shape}")
     overlap = approach - gap
-    closed, fewest, patience = overlap > 0, gap.size + 1, PATIENCE
+    closed, fewest, timeouts = overlap > 0, gap.size + 1, PATIENCE
     for iteration in range(1, 100 + 10 * gap.size):
         force = np.zeros(gap.size)
         force[closed] = np.linalg.solve(matrix[np.ix_(closed, closed)], overlap[closed])
@@ -102,10 +102,10 @@ def unilateral_contact(
         if count == 0:
             return np.maximum(force, 0.0), ContactDiagnostics(closed=closed, gap_mm=left, iterations=iteration)
         if count < fewest:
-            fewest, patience = count, PATIENCE
+            fewest, timeouts = count, PATIENCE
         else:
-            patience -= 1
-        if patience < 0:
+            timeouts -= 1
+        if timeouts < 0:
             wrong[: np.flatnonzero(wrong)[-1]] = False
         closed = closed ^ wrong
     raise MechanicsError("compliance must be symmetric positive definite for a contact to exist; none was found")
@@ -268,11 +268,11 @@ class FaceContact:
     def _opening(self, compliance: NDArray[np.float64], force_mn: float) -> PartialContact:
         """Contact anywhere: pressures linear between the nodes and never negative, gaps closed in their mean."""
         area, nodal, gap = self._opening_loads
-        each = nodal / area  # nodal forces of 1 mN on each node's hat
-        answer = each.T @ compliance @ each
+        item = nodal / area  # nodal forces of 1 mN on each node's hat
+        response = item.T @ compliance @ item
 
         def push(approach: float) -> NDArray[np.float64]:
-            return unilateral_contact(answer, gap / area, approach)[0]
+            return unilateral_contact(response, gap / area, approach)[0]
 
         if self.is_domed:
             far = 10 * (gap / area).max()
@@ -285,7 +285,7 @@ class FaceContact:
         inside, ring = ring_points(np.union1d(self.radius_mm, self.face.radius_mm))
         values = hats(self.face.radius_mm, inside) @ (hat_force / area)
         return PartialContact(
-            force=each @ hat_force,
+            force=item @ hat_force,
             pressure_kpa=means(self.radius_mm, inside, ring, values[:, None])[:, 0],
             approach_mm=approach,
             radius_mm=np.nan,

@@ -106,11 +106,11 @@ def loads(face: Face, gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64
     """Integrate the terms over a disc, in the angle arcsin(r / a), in which even its edge is smooth."""
     cells = int(np.count_nonzero(face.lines < radius_mm))
     angle, weight = disc_points(face.lines, radius_mm, max(FEWEST, POINTS // cells))
-    share = np.sin(angle)
-    area = 2 * np.pi * radius_mm**2 * share * np.cos(angle) * weight
+    fraction = np.sin(angle)
+    area = 2 * np.pi * radius_mm**2 * fraction * np.cos(angle) * weight
     values = np.column_stack([regular_terms(angle), 1 / np.cos(angle)])
     weighted = area[:, None] * values
-    radius = radius_mm * share
+    radius = radius_mm * fraction
     return Loads(
         nodal=face.interpolation(radius).T @ weighted, total=weighted.sum(axis=0), gap=gap_mm(radius) @ weighted
     )
@@ -133,9 +133,9 @@ def regular_terms(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def on_disc(contact: Elastic, on: Loads, radius_mm: float) -> DiscContact:
     """The contact that ends at ``radius_mm``, whatever force that takes."""
-    answer = on.nodal.T @ contact.smooth @ on.nodal[:, :-1]
-    answer += contact.half_space * radius_mm**3 * half_space_answer()
-    solution = np.asarray(np.linalg.solve(np.column_stack([answer, -on.total]), -on.gap), dtype=float)
+    response = on.nodal.T @ contact.smooth @ on.nodal[:, :-1]
+    response += contact.half_space * radius_mm**3 * half_space_answer()
+    solution = np.asarray(np.linalg.solve(np.column_stack([response, -on.total]), -on.gap), dtype=float)
     return DiscContact(
         radius_mm=radius_mm,
         terms=solution[:-1],
@@ -159,10 +159,10 @@ def under_force(
     here = -excess_before / FORCE_POWER
     for _ in range(STEPS):
         radius = float(np.exp(np.clip(here, SMALLEST, 0.0))) * largest.radius_mm
-        found = on_disc(contact, loads(face, gap_mm, radius), radius)
-        excess = float(np.log(max(found.force.sum(), TINY)) - log_force)
+        result = on_disc(contact, loads(face, gap_mm, radius), radius)
+        excess = float(np.log(max(result.force.sum(), TINY)) - log_force)
         if abs(excess) < ROUNDING:
-            return found
+            return result
         if excess == excess_before:
             break
         before, here, excess_before = here, here - excess * (here - before) / (excess - excess_before), excess
@@ -188,9 +188,9 @@ def displaced_outside(disc: DiscContact, radius_mm: NDArray[np.float64]) -> NDAr
     """Displacement of a half-space of (1 - nu**2) / E = 1 / kPa around the contact, at ``radius_mm`` beyond it, mm."""
     t, weight = _unit_points(4 * TERMS)
     angle, turn = np.pi * t / 2, np.pi * weight / 2
-    share = np.sin(angle)
-    transform = disc.radius_mm * (_abel_transforms(share) @ disc.terms)
-    far = np.sqrt((radius_mm[:, None] / disc.radius_mm) ** 2 - share**2)
+    fraction = np.sin(angle)
+    transform = disc.radius_mm * (_abel_transforms(fraction) @ disc.terms)
+    far = np.sqrt((radius_mm[:, None] / disc.radius_mm) ** 2 - fraction**2)
     return np.asarray(4 / np.pi * (1 / far) @ (turn * np.cos(angle) * transform))
 
 

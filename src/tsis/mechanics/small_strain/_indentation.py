@@ -114,28 +114,28 @@ def _indent(probe: Probe, sphere_radius_mm: float, force_n: float, resolution: R
     def gap(radius: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(radius**2 / (2 * sphere_radius_mm))
 
-    reach = min(probe.radius_mm, STEEPEST * sphere_radius_mm)
-    largest = disc_contact.on_disc(elastic, disc_contact.loads(face, gap, reach), reach)
+    extent = min(probe.radius_mm, STEEPEST * sphere_radius_mm)
+    largest = disc_contact.on_disc(elastic, disc_contact.loads(face, gap, extent), extent)
     most = float(largest.force.sum()) / MN_PER_N
     if force_n >= most:
         raise MechanicsError(
-            f"the contact would be wider than {reach:g} mm, the face or half of the sphere's radius; "
+            f"the contact would be wider than {extent:g} mm, the face or half of the sphere's radius; "
             f"choose a force below {most:.2g} N or a larger sphere"
         )
-    found = disc_contact.under_force(elastic, face, gap, force_n * MN_PER_N, largest=largest)
-    if found.approach_mm > STRAIN_LIMIT * probe.thickness_mm:
+    result = disc_contact.under_force(elastic, face, gap, force_n * MN_PER_N, largest=largest)
+    if result.approach_mm > STRAIN_LIMIT * probe.thickness_mm:
         raise MechanicsError(
-            f"the sphere would sink {found.approach_mm:.2g} mm into {probe.thickness_mm:g} mm of probe, small strain "
+            f"the sphere would sink {result.approach_mm:.2g} mm into {probe.thickness_mm:g} mm of probe, small strain "
             f"holds to {STRAIN_LIMIT:g} of it; choose a smaller force or a larger sphere"
         )
     radius = np.linspace(0.0, probe.radius_mm, POINTS)
-    touched = radius <= found.radius_mm
-    moved = face.interpolation(radius) @ elastic.smooth @ found.force
-    moved[~touched] += softness * disc_contact.displaced_outside(found, radius[~touched])
+    touched = radius <= result.radius_mm
+    shifted = face.interpolation(radius) @ elastic.smooth @ result.force
+    shifted[~touched] += softness * disc_contact.displaced_outside(result, radius[~touched])
     return Indentation(
         force_n=force_n,
-        depth_mm=found.approach_mm,
-        contact_radius_mm=found.radius_mm,
+        depth_mm=result.approach_mm,
+        contact_radius_mm=result.radius_mm,
         radius_mm=radius,
-        face_displacement_mm=np.where(touched, found.approach_mm - gap(radius), moved),
+        face_displacement_mm=np.where(touched, result.approach_mm - gap(radius), shifted),
     )

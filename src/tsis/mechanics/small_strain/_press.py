@@ -167,11 +167,11 @@ class PressKernel:
 
     def covering(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> FullContactPress:
         """Every press whose contact covers the face, at once; arguments as for `press`."""
-        found = self.contact.covering(*self._bodies(tissue_kpa, change))
+        result = self.contact.covering(*self._bodies(tissue_kpa, change))
         return FullContactPress(
-            unit=self._face_press(found.unit),
-            shape=None if found.shape is None else self._face_press(found.shape),
-            force_n=found.force_mn / MN_PER_N,
+            unit=self._face_press(result.unit),
+            shape=None if result.shape is None else self._face_press(result.shape),
+            force_n=result.force_mn / MN_PER_N,
         )
 
     def _bodies(
@@ -194,8 +194,8 @@ class PressKernel:
 
     def tissue_compliance(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Compliance of the face's nodes on tissue, with what an inclusion changes about that of 1 kPa."""
-        plain = self._slab.compliance
-        return np.asarray((plain if change is None else plain + change) / tissue_kpa)
+        reference = self._slab.compliance
+        return np.asarray((reference if change is None else reference + change) / tissue_kpa)
 
     def split(self, both: NDArray[np.float64], tissue_kpa: float) -> Elastic:
         """The compliance of ``both`` bodies with the tissue's half-space taken out of it, for contact over a disc."""
@@ -221,8 +221,8 @@ def half_space_compliance(face: Face, poisson: float, resolution: Resolution) ->
 def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution | None) -> PressField:
     """The press of `tsis.mechanics.press` at small strain; arguments are checked there."""
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
-        found = _face_press(probe, phantom, force_n * MN_PER_N, resolution or Resolution())
-        problem = strain_problem(found.approach_mm, probe, phantom.thickness_mm)
+        result = _face_press(probe, phantom, force_n * MN_PER_N, resolution or Resolution())
+        problem = strain_problem(result.approach_mm, probe, phantom.thickness_mm)
         if problem is not None:
             valid = _valid_force(probe, phantom, force_n, resolution or Resolution())
             raise MechanicsError(
@@ -232,32 +232,32 @@ def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolutio
             )
     return PressField(
         radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
-        face_displacement_mm=found.face_displacement_mm,
-        pressure_kpa=found.pressure_kpa,
-        approach_mm=found.approach_mm,
+        face_displacement_mm=result.face_displacement_mm,
+        pressure_kpa=result.pressure_kpa,
+        approach_mm=result.approach_mm,
         force_n=force_n,
     )
 
 
 def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Resolution) -> FacePress:
     tissue = phantom.young_kpa
-    plain = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm), np.inf, resolution)
+    reference = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm), np.inf, resolution)
     if phantom.inclusion is None:
-        return plain.press(tissue, force_mn)
+        return reference.press(tissue, force_mn)
     kernel, change = _kernel_and_change(probe, phantom, phantom.inclusion, resolution)
-    found = kernel.press(tissue, force_mn, change)
-    if kernel is plain:
-        return found
+    result = kernel.press(tissue, force_mn, change)
+    if kernel is reference:
+        return result
     # Another mesh of the face: only what the inclusion changes is taken from it, or it would add its own error.
-    return plain.press(tissue, force_mn) + (found - kernel.press(tissue, force_mn))
+    return reference.press(tissue, force_mn) + (result - kernel.press(tissue, force_mn))
 
 
 def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution) -> float:
     """The largest force within the limit, rounded down to two digits; a dome yields more at first."""
 
     def excess(force: float) -> float:
-        found = _face_press(probe, phantom, force * MN_PER_N, resolution)
-        return nominal_strain(found.approach_mm, probe, phantom.thickness_mm) - STRAIN_LIMIT
+        result = _face_press(probe, phantom, force * MN_PER_N, resolution)
+        return nominal_strain(result.approach_mm, probe, phantom.thickness_mm) - STRAIN_LIMIT
 
     low = 0.1 * force_n
     while excess(low) > 0:

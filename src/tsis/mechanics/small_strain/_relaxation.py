@@ -217,9 +217,9 @@ class _Course:
     def forces(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
         """Forces on the nodes, mN, shape (t, n)."""
         memory = np.einsum("nij,tnj->tni", self._modes, self._drive * self._memory(time_s, ramp_s))
-        share = np.minimum(time_s / ramp_s, 1.0) if ramp_s else np.ones_like(time_s)
+        fraction = np.minimum(time_s / ramp_s, 1.0) if ramp_s else np.ones_like(time_s)
         faded = memory @ self._lost
-        stretch = self._give * (share[:, None] * self._travel + self._softness * faded)
+        stretch = self._give * (fraction[:, None] * self._travel + self._softness * faded)
         return np.asarray((self._ratio * stretch - faded) @ self._vectors.T)
 
     def _memory(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
@@ -229,8 +229,8 @@ class _Course:
             return np.asarray(np.expm1(rate * time) / rate)
         moving = np.minimum(time, ramp_s)
         at_end = (np.expm1(rate * moving) / rate - moving) / (rate * ramp_s)
-        held = time - moving
-        return np.asarray(at_end * np.exp(rate * held) + np.expm1(rate * held) / rate)
+        fixed = time - moving
+        return np.asarray(at_end * np.exp(rate * fixed) + np.expm1(rate * fixed) / rate)
 
 
 def _on_face(kernel: PressKernel, nodal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

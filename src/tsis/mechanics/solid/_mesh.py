@@ -54,17 +54,19 @@ def symmetry_of(inclusions: tuple[Inclusion, ...]) -> Symmetry:
 
     Ellipsoids lie along the phantom's axes, so only those with equal horizontal semi-axes let the frame turn freely.
     """
-    free = all(_is_round(one) for one in inclusions)
-    away = [one for one in inclusions if np.hypot(*one.offset_mm) > ROUNDING_MM]
+    free = all(_is_round(inclusion) for inclusion in inclusions)
+    away = [inclusion for inclusion in inclusions if np.hypot(*inclusion.offset_mm) > ROUNDING_MM]
     angles = [0.0, np.pi / 2]
     if free and away:
         x, y = away[0].offset_mm
         angles = [float(np.arctan2(y, x))]
     for angle in angles:
-        turned = Symmetry(angle=angle, mirrors="")
-        places = np.array([turned.turned(*np.array(one.offset_mm)) for one in inclusions]).reshape(-1, 2)
-        if np.abs(places[:, 1:]).max(initial=0.0) <= ROUNDING_MM:
-            on_axis = np.abs(places).max(initial=0.0) <= ROUNDING_MM
+        rotated = Symmetry(angle=angle, mirrors="")
+        positions = np.array([rotated.turned(*np.array(inclusion.offset_mm)) for inclusion in inclusions]).reshape(
+            -1, 2
+        )
+        if np.abs(positions[:, 1:]).max(initial=0.0) <= ROUNDING_MM:
+            on_axis = np.abs(positions).max(initial=0.0) <= ROUNDING_MM
             return Symmetry(angle=angle, mirrors="xy" if on_axis else "y")
     return Symmetry(angle=0.0, mirrors="")
 

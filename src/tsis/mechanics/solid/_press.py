@@ -90,14 +90,14 @@ def press_solid(
     steps = int(np.ceil(probe.radius_mm / spacing_mm))
     axis = np.asarray(spacing_mm * np.arange(-steps, steps + 1), dtype=float)
     bare = small_strain_press(probe, phantom.without_inclusion(), force_n, plain_resolution)
-    plain = bare.on_grid(axis, axis)
+    reference = bare.on_grid(axis, axis)
     if not phantom.inclusions or force_n == 0:
-        return plain
+        return reference
     points = _points(axis, probe.radius_mm)
     change = _change(probe, phantom, points.key, resolution or SolidResolution(), threads, progress)
-    found = _added(plain, points, change)
-    _check_model(probe, phantom, found, points.radius_mm < EDGE_SHARE * probe.radius_mm)
-    return found
+    result = _added(reference, points, change)
+    _check_model(probe, phantom, result, points.radius_mm < EDGE_SHARE * probe.radius_mm)
+    return result
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,51 +145,53 @@ def _change(
         ng.SetNumThreads(threads)
         with ng.TaskManager():
             solid = TiedSolid(probe, phantom, symmetry_of(phantom.inclusions), resolution)
-            x, y = (np.frombuffer(one) for one in points)
+            x, y = (np.frombuffer(point) for point in points)
             _KEPT[key] = solid.change(x, y, report)
     return _KEPT[key]
 
 
-def _added(plain: PressMap, points: _Points, change: FaceChange) -> PressMap:
+def _added(reference: PressMap, points: _Points, change: FaceChange) -> PressMap:
     """The press of plain tissue and what the inclusions change about it."""
-    force_mn = plain.force_n * MN_PER_N
+    force_mn = reference.force_n * MN_PER_N
     displacement, pressure = np.zeros_like(points.covered), np.zeros_like(points.covered)
     at = points.covered > 0
     displacement[at] = force_mn * change.face_displacement_mm
     pressure[at] = force_mn * change.pressure_kpa
     return replace(
-        plain,
-        face_displacement_mm=plain.face_displacement_mm + displacement * (plain.face_displacement_mm != 0),
-        pressure_kpa=plain.pressure_kpa + pressure * points.covered,
-        approach_mm=plain.approach_mm + force_mn * change.approach_mm,
+        reference,
+        face_displacement_mm=reference.face_displacement_mm + displacement * (reference.face_displacement_mm != 0),
+        pressure_kpa=reference.pressure_kpa + pressure * points.covered,
+        approach_mm=reference.approach_mm + force_mn * change.approach_mm,
     )
 
 
 def _check_places(probe: Probe, phantom: Phantom) -> None:
-    reach = FARTHEST * outer_radius_mm(probe, phantom.thickness_mm)
-    for one in phantom.inclusions:
-        gap = THINNEST_GAP * 2 * min(one.half_axes_mm)
-        if one.depth_mm < gap:
-            raise InputError(f"depth_mm must be at least {gap:g} under the skin for this size; got {one.depth_mm:g}")
-        below = phantom.thickness_mm - one.bottom_mm
+    extent = FARTHEST * outer_radius_mm(probe, phantom.thickness_mm)
+    for inclusion in phantom.inclusions:
+        gap = THINNEST_GAP * 2 * min(inclusion.half_axes_mm)
+        if inclusion.depth_mm < gap:
+            raise InputError(
+                f"depth_mm must be at least {gap:g} under the skin for this size; got {inclusion.depth_mm:g}"
+            )
+        below = phantom.thickness_mm - inclusion.bottom_mm
         if below < gap:
             raise InputError(
                 f"depth_mm must leave {gap:g} mm between inclusion and chest wall for this size; got {below:g}"
             )
-        away = float(np.hypot(*one.offset_mm)) + max(one.half_axes_mm[:2])
-        if away > reach:
+        away = float(np.hypot(*inclusion.offset_mm)) + max(inclusion.half_axes_mm[:2])
+        if away > extent:
             raise InputError(
-                f"offset_mm must keep the inclusion within {reach:g} mm of the axis, inside the slab that is meshed; "
+                f"offset_mm must keep the inclusion within {extent:g} mm of the axis, inside the slab that is meshed; "
                 f"got {away:g}"
             )
 
 
-def _check_model(probe: Probe, phantom: Phantom, found: PressMap, inner: NDArray[np.bool]) -> None:
-    problem = strain_problem(found.approach_mm, probe, phantom.thickness_mm)
+def _check_model(probe: Probe, phantom: Phantom, result: PressMap, inner: NDArray[np.bool]) -> None:
+    problem = strain_problem(result.approach_mm, probe, phantom.thickness_mm)
     if problem is not None:
         raise MechanicsError(f"{problem}: choose a smaller force_n or stiffer tissue")
-    mean = found.force_n * MN_PER_N / (np.pi * probe.radius_mm**2)
-    least = float(found.pressure_kpa[inner].min())
+    mean = result.force_n * MN_PER_N / (np.pi * probe.radius_mm**2)
+    least = float(result.pressure_kpa[inner].min())
     if least < -PULLING * mean:
         raise MechanicsError(
             f"the contact would open: tissue would pull with {-least:.2g} kPa at a mean pressure of {mean:.2g} kPa; "

@@ -80,25 +80,25 @@ class TiedSolid:
 
     def change(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], report: Callable[[str], None]) -> FaceChange:
         """What the inclusions change at points of the face, given in the phantom's frame."""
-        probe, with_it, plain = (self._stiffness(part) for part in ("probe", "with", "plain"))
+        probe, with_it, reference = (self._stiffness(part) for part in ("probe", "with", "plain"))
         report(f"factorising {self._space.ndof} unknowns")
         inverse = with_it.Inverse(self._space.FreeDofs(), inverse="sparsecholesky")
         pushed = self._ng.GridFunction(self._space)
         pushed.components[4].Set(-1.0, definedon=self.mesh.Boundaries(self._pushed))
         load = with_it.CreateColVector()
         load.data = with_it * pushed.vec
-        found = pushed.vec.CreateVector()
-        found.data = pushed.vec - inverse * load
+        create_vector = pushed.vec.CreateVector()
+        create_vector.data = pushed.vec - inverse * load
         report("solving plain tissue on the same mesh")
-        load.data = -1 * (plain * pushed.vec)
+        load.data = -1 * (reference * pushed.vec)
         # Inclusions fill a small part: the factors that hold them are nearly those of plain tissue.
-        solver = self._ng.krylovspace.CGSolver(mat=plain, pre=inverse, tol=RESIDUAL, maxiter=500)
+        solver = self._ng.krylovspace.CGSolver(mat=reference, pre=inverse, tol=RESIDUAL, maxiter=500)
         bare = pushed.vec.CreateVector()
         bare.data = solver * load
         bare.data += pushed.vec
-        forces = [self._force(matrix, one, pushed) for matrix, one in ((with_it, found), (plain, bare))]
+        forces = [self._force(matrix, item, pushed) for matrix, item in ((with_it, create_vector), (reference, bare))]
         difference = self._ng.GridFunction(self._space)
-        difference.vec.data = (1 / forces[0]) * found - (1 / forces[1]) * bare
+        difference.vec.data = (1 / forces[0]) * create_vector - (1 / forces[1]) * bare
         approach = 1 / forces[0] - 1 / forces[1]
         points = self._points(x_mm, y_mm)
         pressure = self._pressure(probe, difference)
@@ -122,8 +122,8 @@ class TiedSolid:
         if part != "probe":
             tissue = (phantom.young_kpa, phantom.poisson)
             below = {"tissue": tissue}
-            for name, one in zip(self._inclusions, phantom.inclusions, strict=True):
-                below[name] = (one.young_kpa, one.poisson) if part == "with" else tissue
+            for name, inclusion in zip(self._inclusions, phantom.inclusions, strict=True):
+                below[name] = (inclusion.young_kpa, inclusion.poisson) if part == "with" else tissue
             form += self._energy((u[2], u[3], u[4]), (v[2], v[3], v[4]), below)
         return form.Assemble().mat
 
@@ -136,8 +136,8 @@ class TiedSolid:
         for displacement in (u, v):
             rows = tuple(entry for component in displacement for entry in ng.grad(component))
             strains.append(ng.Sym(ng.CF(rows, dims=(3, 3))))
-        one, other = strains
-        density = first * ng.Trace(one) * ng.Trace(other) + 2 * shear * ng.InnerProduct(one, other)
+        item, other = strains
+        density = first * ng.Trace(item) * ng.Trace(other) + 2 * shear * ng.InnerProduct(item, other)
         return density * ng.dx("|".join(material))
 
     def _force(self, matrix: Any, displacement: Any, pushed: Any) -> float:

@@ -80,8 +80,8 @@ def solve_all(
     # Two levels of threads would fight for the cores: BLAS stays on one, the slabs share the others.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         for thickness in thicknesses:
-            alike = slabs(thickness)
-            tasks = [pool.submit(alike.changes, sphere, factors, tissues) for sphere in spheres]
+            correlation = slabs(thickness)
+            tasks = [pool.submit(correlation.changes, sphere, factors, tissues) for sphere in spheres]
             rows = []
             for task in tasks:
                 rows.append(task.result())
@@ -89,17 +89,17 @@ def solve_all(
                     progress(next(done), total)
             change.append(np.array(rows).reshape(degrees.diameter, degrees.depth, *rows[0].shape))
         thicknesses, tissues = _tissue_points(box, degrees.plain, degrees.plain)
-        plain = pool.map(lambda thickness: slabs(thickness).plain(tissues), thicknesses)
-        return np.stack(list(plain), axis=1), np.stack(change, axis=4)
+        reference = pool.map(lambda thickness: slabs(thickness).plain(tissues), thicknesses)
+        return np.stack(list(reference), axis=1), np.stack(change, axis=4)
 
 
 def profiles(
-    box: Box, plain: NDArray[np.float64], change: NDArray[np.float64], first: int
+    box: Box, reference: NDArray[np.float64], change: NDArray[np.float64], first: int
 ) -> tuple[Surrogate, Surrogate, Surrogate]:
     """Pressure, displacement and approach of the press whose outputs start at ``first``."""
     ends = np.array([0, FACE_POINTS, 2 * FACE_POINTS, PRESS_OUTPUTS]) + first
     pressure, displacement, approach = (
-        Surrogate(box=box, plain=plain[..., start:end], change=change[..., start:end])
+        Surrogate(box=box, plain=reference[..., start:end], change=change[..., start:end])
         for start, end in itertools.pairwise(ends.tolist())
     )
     return pressure, displacement, approach
@@ -128,15 +128,16 @@ def largest_error(
     """Largest ``error(spot, row)`` over fresh presses in a box, each told by its row of outputs."""
     ranges = np.array([box.diameter_mm, box.depth_mm, box.young_kpa, box.tissue_young_kpa])
     # Shallow inclusions are the hardest, the smallest and the largest: corners that a few even points would miss.
-    corners = [[share, 0.03, 0.5, 0.5] for share in (0.03, 0.3, 0.97)]
+    corners = [[fraction, 0.03, 0.5, 0.5] for fraction in (0.03, 0.3, 0.97)]
     unit = np.vstack([corners, scipy.stats.qmc.Halton(4, scramble=False).random(CHECKS - len(corners))])
-    thicknesses = [float(np.quantile(box.thickness_mm, share)) for share in (0.2, 0.7)]
+    thicknesses = [float(np.quantile(box.thickness_mm, fraction)) for fraction in (0.2, 0.7)]
 
-    def measured(thickness: float, alike: Slabs, point: NDArray[np.float64]) -> float:
+    def measured(thickness: float, correlation: Slabs, point: NDArray[np.float64]) -> float:
         diameter, depth, young, tissue = point.tolist()
         factor = float(_apart_from_none(contrast_factor(young / tissue)))
         change = (
-            signal_scale(diameter, depth, factor) * alike.changes((diameter, depth), np.array([factor]), [tissue])[0]
+            signal_scale(diameter, depth, factor)
+            * correlation.changes((diameter, depth), np.array([factor]), [tissue])[0]
         )
         spot = SurrogatePoint(
             diameter_mm=diameter,
@@ -145,7 +146,7 @@ def largest_error(
             tissue_young_kpa=tissue,
             thickness_mm=thickness,
         )
-        return error(spot, (alike.plain([tissue]) + change)[0])
+        return error(spot, (correlation.plain([tissue]) + change)[0])
 
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         kernels = itertools.cycle(list(pool.map(slabs, thicknesses)))
@@ -159,11 +160,11 @@ def cached_arrays(
     """Arrays from the disk cache, or solved now and written there."""
     stored = read_cached_arrays(kind, key)
     if stored is None:
-        found = solved()
+        result = solved()
         buffer = io.BytesIO()
-        np.savez(buffer, allow_pickle=False, **found)
+        np.savez(buffer, allow_pickle=False, **result)
         write_cached(kind, key, buffer.getvalue())
-        return found
+        return result
     return stored
 
 
@@ -240,23 +241,23 @@ def build_surrogate(
     )
 
     def solved() -> dict[str, NDArray[np.float64]]:
-        plain, change = solve_all(box, slabs, degrees, progress)
-        pressure = profiles(box, plain, change, 0)[0]
+        reference, change = solve_all(box, slabs, degrees, progress)
+        pressure = profiles(box, reference, change, 0)[0]
         inside = slice(0, int(CHECKED_SHARE * (FACE_POINTS - 1)) + 1)
 
         def error(spot: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
             return float(np.abs(spot.of(pressure) - fresh[:FACE_POINTS])[inside].max() / fresh[inside].mean())
 
-        return {"plain": plain, "change": change, "error": np.array(largest_error(box, slabs, error))}
+        return {"plain": reference, "change": change, "error": np.array(largest_error(box, slabs, error))}
 
-    found = cached_arrays("surrogates", key, solved) if cached else solved()
-    pressure, displacement, approach = profiles(box, found["plain"], found["change"], 0)
+    result = cached_arrays("surrogates", key, solved) if cached else solved()
+    pressure, displacement, approach = profiles(box, result["plain"], result["change"], 0)
     return PressSurrogate(
         radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
         force_n=force_n,
         pressure_kpa=pressure,
         face_displacement_mm=displacement,
         approach_mm=approach,
-        error=float(found["error"]),
+        error=float(result["error"]),
         key=key,
     )

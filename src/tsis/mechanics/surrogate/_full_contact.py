@@ -152,16 +152,16 @@ def build_full_contact_surrogate(
     def solved() -> dict[str, NDArray[np.float64]]:
         return _solved(probe, box, degrees, poisson_step, resolution, progress)
 
-    found = cached_arrays("covered", key, solved) if cached else solved()
-    unit, shape, force = _parts(box, found["plain"], found["change"])
-    by_unit, by_shape, _ = _parts(box, found["plain_by_poisson"], found["change_by_poisson"])
+    result = cached_arrays("covered", key, solved) if cached else solved()
+    unit, shape, force = _parts(box, result["plain"], result["change"])
+    by_unit, by_shape, _ = _parts(box, result["plain_by_poisson"], result["change_by_poisson"])
     return FullContactSurrogate(
         radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
         unit=unit,
         shape=shape,
         by_poisson=FullContactParts(unit=by_unit, shape=by_shape),
         covering_force_n=force,
-        error=float(found["error"]),
+        error=float(result["error"]),
         key=key,
     )
 
@@ -186,16 +186,16 @@ def _solved(
         solved += _slabs(these)
         return solve_all(box, slabs_at(poisson), these, progress and (lambda done, _: progress(before + done, total)))
 
-    plain, change = solve(box.poisson, degrees)
+    reference, change = solve(box.poisson, degrees)
     high = min(box.poisson + poisson_step / 2, LARGEST_POISSON)
     low = max(high - poisson_step, 0.0)
-    (plain_low, change_low), (plain_high, change_high) = solve(low, coarse), solve(high, coarse)
+    (reference_low, change_low), (reference_high, change_high) = solve(low, coarse), solve(high, coarse)
     return {
-        "plain": plain,
+        "plain": reference,
         "change": change,
-        "plain_by_poisson": (plain_high - plain_low) / (high - low),
+        "plain_by_poisson": (reference_high - reference_low) / (high - low),
         "change_by_poisson": (change_high - change_low) / (high - low),
-        "error": np.array(_error(probe, box, slabs_at(box.poisson), plain, change)),
+        "error": np.array(_error(probe, box, slabs_at(box.poisson), reference, change)),
     }
 
 
@@ -204,24 +204,24 @@ def _slabs(degrees: Degrees) -> int:
     return degrees.diameter * degrees.depth * degrees.thickness
 
 
-def _at_most(wanted: Degrees, limit: Degrees) -> Degrees:
+def _at_most(degrees: Degrees, limit: Degrees) -> Degrees:
     most = asdict(limit)
-    return Degrees(**{name: min(count, most[name]) for name, count in asdict(wanted).items()})
+    return Degrees(**{name: min(count, most[name]) for name, count in asdict(degrees).items()})
 
 
 def _parts(
-    box: Box, plain: NDArray[np.float64], change: NDArray[np.float64]
+    box: Box, reference: NDArray[np.float64], change: NDArray[np.float64]
 ) -> tuple[FullContactProfiles, FullContactProfiles | None, Surrogate | None]:
     """Unit, shape and covering force; see `full_contact_rows` for the order of the outputs."""
-    unit = _answers(box, plain, change, 0)
-    if plain.shape[-1] == PRESS_OUTPUTS:
+    unit = _answers(box, reference, change, 0)
+    if reference.shape[-1] == PRESS_OUTPUTS:
         return unit, None, None
-    force = Surrogate(box=box, plain=plain[..., 2 * PRESS_OUTPUTS :], change=change[..., 2 * PRESS_OUTPUTS :])
-    return unit, _answers(box, plain, change, PRESS_OUTPUTS), force
+    force = Surrogate(box=box, plain=reference[..., 2 * PRESS_OUTPUTS :], change=change[..., 2 * PRESS_OUTPUTS :])
+    return unit, _answers(box, reference, change, PRESS_OUTPUTS), force
 
 
-def _answers(box: Box, plain: NDArray[np.float64], change: NDArray[np.float64], first: int) -> FullContactProfiles:
-    pressure, displacement, approach = profiles(box, plain, change, first)
+def _answers(box: Box, reference: NDArray[np.float64], change: NDArray[np.float64], first: int) -> FullContactProfiles:
+    pressure, displacement, approach = profiles(box, reference, change, first)
     return FullContactProfiles(pressure_kpa=pressure, face_displacement_mm=displacement, approach_mm=approach)
 
 
@@ -229,11 +229,11 @@ def _error(
     probe: Probe,
     box: Box,
     slabs: Callable[[float], Slabs],
-    plain: NDArray[np.float64],
+    reference: NDArray[np.float64],
     change: NDArray[np.float64],
 ) -> float:
     """Largest error of the pressures, as a share of the mean pressure at 1 N."""
-    unit, shape, _ = _parts(box, plain, change)
+    unit, shape, _ = _parts(box, reference, change)
     parts = [(0, unit)] if shape is None else [(0, unit), (PRESS_OUTPUTS, shape)]
     inside = int(CHECKED_SHARE * (FACE_POINTS - 1)) + 1
     mean_kpa = MN_PER_N / (np.pi * probe.radius_mm**2)

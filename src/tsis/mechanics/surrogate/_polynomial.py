@@ -137,19 +137,19 @@ class Surrogate:
         every = (self, *others)
         return replace(
             self,
-            plain=np.concatenate([one.plain for one in every], axis=-1),
-            change=np.concatenate([one.change for one in every], axis=-1),
+            plain=np.concatenate([item.plain for item in every], axis=-1),
+            change=np.concatenate([item.change for item in every], axis=-1),
         )
 
     def at_tissue(self, tissue_young_kpa: float, thickness_mm: float) -> TissueSurrogate:
         """Fix the tissue; outside the box the polynomial is extrapolated, and its error grows fast."""
-        places, outputs = self.change.shape[:3], self.change.shape[-1]
+        positions, outputs = self.change.shape[:3], self.change.shape[-1]
         mix = self._mix(self.change.shape[3:5], tissue_young_kpa, thickness_mm)
         return TissueSurrogate(
             box=self.box,
             tissue_young_kpa=tissue_young_kpa,
             plain=self.plain_at(tissue_young_kpa, thickness_mm),
-            change=(mix @ self.change.reshape(-1, mix.size, outputs)).reshape(*places, outputs),
+            change=(mix @ self.change.reshape(-1, mix.size, outputs)).reshape(*positions, outputs),
         )
 
     def plain_at(self, tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
@@ -183,12 +183,12 @@ class TissueSurrogate:
         )
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
-    def through(self, plain: NDArray[np.float64], values: NDArray[np.float64]) -> TissueSurrogate:
-        """The surrogate of anything else that is ``plain`` (k,) without inclusion and ``values`` at `nodes`, (n, k)."""
+    def through(self, reference: NDArray[np.float64], values: NDArray[np.float64]) -> TissueSurrogate:
+        """The surrogate of anything else that is ``reference`` (k,) without inclusion and ``values`` at `nodes`, (n, k)."""
         diameter, depth, young = self.nodes().T
         size = signal_scale(diameter, depth, contrast_factor(young / self.tissue_young_kpa))
-        change = ((values - plain) / size[:, None]).reshape(*self.change.shape[:3], -1)
-        return replace(self, plain=plain, change=change)
+        change = ((values - reference) / size[:, None]).reshape(*self.change.shape[:3], -1)
+        return replace(self, plain=reference, change=change)
 
     def __call__(
         self, diameter_mm: NDArray[np.float64], depth_mm: NDArray[np.float64], young_kpa: NDArray[np.float64]

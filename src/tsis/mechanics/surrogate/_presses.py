@@ -64,9 +64,9 @@ class SmallStrainSlabs:
     ``answer`` makes a row of a tissue's modulus in kPa and what an inclusion changes about its compliance, or None.
     """
 
-    def __init__(self, probe: Probe, box: Box, resolution: Resolution, answer: Answer, thickness_mm: float) -> None:
+    def __init__(self, probe: Probe, box: Box, resolution: Resolution, response: Answer, thickness_mm: float) -> None:
         diameter, depth = box.diameter_mm[0], box.depth_mm[0]
-        self._answer = answer
+        self._answer = response
         self._kernel = PressKernel(
             probe,
             thickness_mm=thickness_mm,
@@ -87,11 +87,11 @@ class SmallStrainSlabs:
         """See `Slabs`."""
         diameter, depth = sphere
         slab = self._kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=self._kernel.poisson)
-        plain, rows = self.plain(tissues), []
+        reference, rows = self.plain(tissues), []
         for factor in factors:
             change = slab.change(float(contrast_from_factor(factor)))
             pressed = [self._answer(self._kernel, tissue, change) for tissue in tissues]
-            rows.append((np.array(pressed) - plain) / signal_scale(diameter, depth, factor))
+            rows.append((np.array(pressed) - reference) / signal_scale(diameter, depth, factor))
         return np.array(rows)
 
 
@@ -99,21 +99,21 @@ def rows_at_force(force_n: float) -> Answer:
     """Presses at one force."""
 
     def answer(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
-        found = kernel.press(tissue, force_n * MN_PER_N, change)
-        problem = None if change is not None else strain_problem(found.approach_mm, kernel.probe, kernel.thickness_mm)
+        result = kernel.press(tissue, force_n * MN_PER_N, change)
+        problem = None if change is not None else strain_problem(result.approach_mm, kernel.probe, kernel.thickness_mm)
         if problem is not None:
             raise MechanicsError(f"{problem}: choose a smaller force_n, stiffer tissue_young_kpa, or strain='finite'")
-        return _row(found)
+        return _row(result)
 
     return answer
 
 
 def full_contact_rows(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
     """All presses that cover the face: what a newton adds; of a dome also the rest, and the force from which on."""
-    found = kernel.covering(tissue, change)
-    if found.shape is None:
-        return _row(found.unit)
-    return np.concatenate([_row(found.unit), _row(found.shape), [found.force_n]])
+    result = kernel.covering(tissue, change)
+    if result.shape is None:
+        return _row(result.unit)
+    return np.concatenate([_row(result.unit), _row(result.shape), [result.force_n]])
 
 
 class FiniteStrainSlabs:
@@ -161,15 +161,15 @@ class FiniteStrainSlabs:
         return Phantom(young_kpa=tissue, thickness_mm=self._thickness_mm, poisson=self._poisson, inclusion=lump)
 
 
-def _row(found: FacePress) -> NDArray[np.float64]:
-    return np.concatenate([found.pressure_kpa, found.face_displacement_mm, [found.approach_mm]])
+def _row(press: FacePress) -> NDArray[np.float64]:
+    return np.concatenate([press.pressure_kpa, press.face_displacement_mm, [press.approach_mm]])
 
 
 def _row_of(field: PressField) -> NDArray[np.float64]:
     """A row at fewer radii; each pressure is a mean of means, so that they still sum up to the force."""
     fine = field.radius_mm
     coarse = np.linspace(0.0, fine[-1], FACE_POINTS)
-    share = hats(coarse, fine) * hat_areas(fine)[:, None]
-    pressure = field.pressure_kpa @ share / share.sum(axis=0)
+    fraction = hats(coarse, fine) * hat_areas(fine)[:, None]
+    pressure = field.pressure_kpa @ fraction / fraction.sum(axis=0)
     displacement = np.interp(coarse, fine, field.face_displacement_mm)
     return np.concatenate([pressure, displacement, [field.approach_mm]])

@@ -114,19 +114,19 @@ class Irradiance:
         """
         rows, columns = interpolation_matrix(self.nodes_mm, y_mm), interpolation_matrix(self.nodes_mm, x_mm).T
         shape = (rows.shape[0], columns.shape[1])
-        moved, along, across = (
+        shifted, along, layer = (
             np.broadcast_to(np.asarray(part, dtype=float), shape) for part in (displacement_mm, slope_x, slope_y)
         )
         maps = self.terms.reshape(-1, *self.terms.shape[2:])
-        known = np.reshape([rows @ one @ columns for one in maps], (*self.terms.shape[:2], *shape))
-        flatter = np.minimum(1.0, STEEPEST / np.maximum(np.hypot(along, across), STEEPEST))
-        tilted = np.einsum("hkij,kij->hij", known, powers(flatter * along, flatter * across))
-        light = (tilted * _through(self.displacement_mm, moved)).sum(axis=0)
-        return np.asarray(np.maximum(light, 0.0) * np.exp(self.lift_per_mm * moved))
+        given = np.reshape([rows @ item @ columns for item in maps], (*self.terms.shape[:2], *shape))
+        flatter = np.minimum(1.0, STEEPEST / np.maximum(np.hypot(along, layer), STEEPEST))
+        tilted = np.einsum("hkij,kij->hij", given, powers(flatter * along, flatter * layer))
+        light = (tilted * _through(self.displacement_mm, shifted)).sum(axis=0)
+        return np.asarray(np.maximum(light, 0.0) * np.exp(self.lift_per_mm * shifted))
 
-    def remaining(self, light: NDArray[np.float64], share: NDArray[np.float64]) -> float:
-        """Share of ``light`` over an even grid of the face that is left when contact takes ``share`` of it there."""
-        return float(1 / (1 + self.depletion * (light * share).sum() / light.sum()))
+    def remaining(self, light: NDArray[np.float64], fraction: NDArray[np.float64]) -> float:
+        """Share of ``light`` over an even grid of the face that is left when contact takes ``fraction`` of it there."""
+        return float(1 / (1 + self.depletion * (light * fraction).sum() / light.sum()))
 
     def on(self, pressed: PressField | PressMap, *, saturation_kpa: float | None = None) -> LightMap:
         """Light on the face of one press as a map for the camera, in which displacement and tilt are done already.
@@ -134,10 +134,10 @@ class Irradiance:
         With ``saturation_kpa``, the pressure at which real contact saturates, so is what the contact takes from it.
         """
         side, from_axis = face_grid(self.radius_mm)
-        moved, pressure = on_face(pressed, side, from_axis)
-        slope_x, slope_y = slopes(moved, side)
+        shifted, pressure = on_face(pressed, side, from_axis)
+        slope_x, slope_y = slopes(shifted, side)
         x, some = side[::STRIDE], (slice(None, None, STRIDE),) * 2
-        light = self.at(x, x, displacement_mm=moved[some], slope_x=slope_x[some], slope_y=slope_y[some])
+        light = self.at(x, x, displacement_mm=shifted[some], slope_x=slope_x[some], slope_y=slope_y[some])
         if saturation_kpa is not None:
             inside = np.hypot(x, x[:, None]) < self.radius_mm
             light = light * self.remaining(light[inside], real_contact(pressure[some][inside], saturation_kpa))
@@ -151,10 +151,10 @@ class Irradiance:
         known displacement, bounded by `FASTEST_PER_MM`, and beyond the rim those of the nearest place inside.
         """
         level = np.maximum(self.terms[0, 0], 0.0)
-        half, full = (share * SMALL * self.displacement_mm[1] for share in (0.5, 1.0))
+        half, full = (fraction * SMALL * self.displacement_mm[1] for fraction in (0.5, 1.0))
         typical = np.einsum("h,hkij->kij", _through(self.displacement_mm, np.array(TYPICAL * full)), self.terms[:, :3])
         flux_x, flux_y = typical[1:] / np.maximum(typical[0], DARKEST)
-        at_half, at_full = (self._log_growth(moved) for moved in (half, full))
+        at_half, at_full = (self._log_growth(shifted) for shifted in (half, full))
         bend = (at_full / full - at_half / half) / (full - half)
         growth = at_half / half - bend * half
         outside = np.hypot(self.nodes_mm, self.nodes_mm[:, None]) > self.radius_mm
@@ -178,11 +178,11 @@ class Irradiance:
         return np.asarray(np.log(ratio) + self.lift_per_mm * displacement_mm)
 
 
-def _through(known: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _through(given: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Weights of values at three displacements in the parabola through them, shape (3, *at.shape)."""
-    inside = np.clip(at, 0.0, 1.25 * known[-1])
-    others = [[known[j] for j in range(3) if j != i] for i in range(3)]
-    pairs = zip(known, others, strict=True)
+    inside = np.clip(at, 0.0, 1.25 * given[-1])
+    others = [[given[j] for j in range(3) if j != i] for i in range(3)]
+    pairs = zip(given, others, strict=True)
     return np.stack([(inside - a) * (inside - b) / ((here - a) * (here - b)) for here, (a, b) in pairs])
 
 
@@ -201,14 +201,14 @@ def leaving_light(
     spacing = 2 * light.radius_mm / points
     side: NDArray[np.float64] = (np.arange(points, dtype=float) + 0.5) * spacing - light.radius_mm
     from_axis = np.hypot(side, side[:, None])
-    moved, pressure = on_face(pressed, side, np.minimum(from_axis, light.radius_mm))
-    slope_x, slope_y = slopes(moved, side)
-    there = (light if by is None else by).at(side, side, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y)
+    shifted, pressure = on_face(pressed, side, np.minimum(from_axis, light.radius_mm))
+    slope_x, slope_y = slopes(shifted, side)
+    there = (light if by is None else by).at(side, side, displacement_mm=shifted, slope_x=slope_x, slope_y=slope_y)
     inside = from_axis < light.radius_mm
     there = np.asarray(there, dtype=float)
-    share = np.where(inside, real_contact(pressure, saturation_kpa), 0.0)
-    left = 1.0 if by is not None else light.remaining(there[inside], share[inside])
-    out = light.mean_per_mm2 * spacing**2 * there * share * left
+    fraction = np.where(inside, real_contact(pressure, saturation_kpa), 0.0)
+    left = 1.0 if by is not None else light.remaining(there[inside], fraction[inside])
+    out = light.mean_per_mm2 * spacing**2 * there * fraction * left
     fine = (bins, points // bins, bins, points // bins)
-    total, weighted = (part.reshape(fine).sum(axis=(1, 3)) for part in (out, out * moved))
+    total, weighted = (part.reshape(fine).sum(axis=(1, 3)) for part in (out, out * shifted))
     return total, weighted / np.maximum(total, np.finfo(float).tiny)

@@ -53,13 +53,13 @@ def symmetries(probe: Probe) -> list[NDArray[np.float64]]:
     candidates = [np.linalg.matrix_power(turn, k) @ flip for k in range(4) for flip in (np.eye(2), mirror)]
     lit = [led for led in probe.leds if led.power > 0]
     azimuth = np.radians([led.azimuth_deg for led in lit])
-    place = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    position = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     kind = [(probe.led_height_mm(led), led.aim_deg, led.half_angle_deg, led.diameter_mm, led.power) for led in lit]
-    alike = np.array([[one == other for other in kind] for one in kind])
+    correlation = np.array([[item == other for other in kind] for item in kind])
 
     def kept(matrix: NDArray[np.float64]) -> bool:
-        apart = np.abs((place @ matrix.T)[:, None, :] - place[None, :, :]).max(axis=2)
-        return bool(((apart < 1e-9) & alike).any(axis=1).all())
+        difference = np.abs((position @ matrix.T)[:, None, :] - position[None, :, :]).max(axis=2)
+        return bool(((difference < 1e-9) & correlation).any(axis=1).all())
 
     return [matrix for matrix in candidates if kept(matrix)]
 
@@ -73,26 +73,26 @@ def symmetrised(
     """Means over symmetries, which move the maps and turn flux and slopes alike."""
     slopes, count = watched_slopes(), level.shape[-1]
     x, y = np.meshgrid(*2 * [np.arange(count) - (count - 1) / 2])
-    moved = []
+    shifted = []
     for matrix in matrices:
         # The light at a place is that at the place which the symmetry brings there, on the slope it brings along.
         came_x, came_y = (
             np.rint(part + (count - 1) / 2).astype(int) for part in np.einsum("qp,qij->pij", matrix, [x, y])
         )
         came = slopes @ matrix
-        apart = np.abs(came[:, None, None, :] - np.stack([slopes, -slopes])[None]).max(axis=3)
-        opposite, index = np.divmod(apart.reshape(len(slopes), -1).argmin(axis=1), len(slopes))
-        known = tilted[..., index, :, :] - 2 * opposite[:, None, None] * np.einsum(
+        difference = np.abs(came[:, None, None, :] - np.stack([slopes, -slopes])[None]).max(axis=3)
+        opposite, index = np.divmod(difference.reshape(len(slopes), -1).argmin(axis=1), len(slopes))
+        given = tilted[..., index, :, :] - 2 * opposite[:, None, None] * np.einsum(
             "kp,...pij->...kij", slopes[index], flux
         )
-        moved.append(
+        shifted.append(
             (
                 level[..., came_y, came_x],
                 np.einsum("pq,...qij->...pij", matrix, flux)[..., came_y, came_x],
-                known[..., came_y, came_x],
+                given[..., came_y, came_x],
             )
         )
-    first, second, third = (np.mean(part, axis=0) for part in zip(*moved, strict=True))
+    first, second, third = (np.mean(part, axis=0) for part in zip(*shifted, strict=True))
     return first, second, third
 
 
@@ -116,8 +116,8 @@ def smooth(maps: NDArray[np.float64], radius_mm: float, nodes: NDArray[np.float6
     x, y = np.meshgrid(nodes, nodes)
     pull = radius_mm / np.maximum(np.hypot(x, y), radius_mm)
     at_x, at_y = (_splines((part * pull).ravel(), radius_mm) for part in (x, y))
-    found = np.einsum("pa,pb,abm->mp", at_y, at_x, solved.reshape(count, count, -1), optimize=True)
-    return np.asarray(found.reshape(*maps.shape[:-2], *x.shape))
+    result = np.einsum("pa,pb,abm->mp", at_y, at_x, solved.reshape(count, count, -1), optimize=True)
+    return np.asarray(result.reshape(*maps.shape[:-2], *x.shape))
 
 
 def _splines(at: NDArray[np.float64], radius_mm: float) -> NDArray[np.float64]:

@@ -100,12 +100,12 @@ def irradiance(
         fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in stored.items()}
         return Irradiance(**fields)
     with one_blas_thread():
-        found = _traced(probe, rays / (len(RAISED) + 1), seed, medium, progress or (lambda _done, _total: None))
+        result = _traced(probe, rays / (len(RAISED) + 1), seed, medium, progress or (lambda _done, _total: None))
     if cached:
         buffer = io.BytesIO()
-        np.savez(buffer, **{name: getattr(found, name) for name in Irradiance.__slots__})
+        np.savez(buffer, **{name: getattr(result, name) for name in Irradiance.__slots__})
         write_cached("irradiance", key, buffer.getvalue())
-    return found
+    return result
 
 
 def _optical(probe: Probe) -> dict[str, Any]:
@@ -128,17 +128,17 @@ def _traced(
 
     def traced(pressed: PressField | PressMap, rays: float, slopes: NDArray[np.float64]) -> Batches:
         view = scene(probe, pressed, saturation_kpa=SATURATION_KPA, aperture=0.0, **medium)
-        found = trace_batches(view, probe, rays=rays, seed=seed, bins=BINS, slopes=slopes)
+        result = trace_batches(view, probe, rays=rays, seed=seed, bins=BINS, slopes=slopes)
         progress(next(steps), parts)
-        return found
+        return result
 
     raised = np.array(RAISED) * probe.thickness_mm
-    watched = [traced(evenly_raised_face(probe.radius_mm, moved), rays, watched_slopes()) for moved in raised]
+    watched = [traced(evenly_raised_face(probe.radius_mm, shifted), rays, watched_slopes()) for shifted in raised]
     touched = traced(evenly_pressed_face(probe.radius_mm, SATURATION_KPA), rays / len(DENTS), np.empty((0, 2)))
-    share = real_contact(np.array(SATURATION_KPA), SATURATION_KPA).item()
-    arriving = [found.maps[:, ARRIVING].sum() / len(found.maps) for found in (watched[0], touched)]
+    fraction = real_contact(np.array(SATURATION_KPA), SATURATION_KPA).item()
+    arriving = [result.maps[:, ARRIVING].sum() / len(result.maps) for result in (watched[0], touched)]
     _check_lit(min(arriving))
-    light = replace(_smoothed(probe, raised, watched), depletion=(arriving[0] / arriving[1] - 1) / share)
+    light = replace(_smoothed(probe, raised, watched), depletion=(arriving[0] / arriving[1] - 1) / fraction)
     logs, depths = [], []
     for depth, tip, x, y in DENTS:
         dent = hertz_dent(
@@ -149,10 +149,10 @@ def _traced(
             offset_mm=(x * probe.radius_mm, y * probe.radius_mm),
         )
         left = traced(dent, rays / len(DENTS), np.empty((0, 2))).maps[:, COUPLED].mean(axis=0)
-        model, moved = leaving_light(light, dent, saturation_kpa=SATURATION_KPA, bins=1)
+        model, shifted = leaving_light(light, dent, saturation_kpa=SATURATION_KPA, bins=1)
         _check_lit(min(left.sum(), model.item()))
         logs.append(np.log(left.sum() / model.item()))
-        depths.append(moved.item())
+        depths.append(shifted.item())
     return replace(light, lift_per_mm=float(np.dot(depths, logs) / np.dot(depths, depths)))
 
 
@@ -160,8 +160,8 @@ def _smoothed(probe: Probe, raised: NDArray[np.float64], watched: list[Batches])
     """The light on evenly raised faces, from the rays that met them."""
     matrices, nodes = symmetries(probe), np.linspace(-probe.radius_mm, probe.radius_mm, NODES)
     terms = []
-    for found in watched:
-        maps, tilted = (_grouped(part) for part in (found.maps, found.tilted))
+    for result in watched:
+        maps, tilted = (_grouped(part) for part in (result.maps, result.tilted))
         flux = maps[:, FLUX_X : FLUX_Y + 1]
         even = symmetrised(maps[:, ARRIVING], flux, tilted, matrices)
         terms.append(smooth(slope_terms(*even), probe.radius_mm, nodes))

@@ -102,7 +102,9 @@ def _cell_means(
     at_um: NDArray[np.float64], jumps: NDArray[np.float64], x_um: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Means over the cells of x of steps ``jumps`` at the interfaces, shape (sections, cells)."""
-    total = sum(jump * np.maximum(x_um - place[:, np.newaxis], 0.0) for jump, place in zip(jumps, at_um.T, strict=True))
+    total = sum(
+        jump * np.maximum(x_um - position[:, np.newaxis], 0.0) for jump, position in zip(jumps, at_um.T, strict=True)
+    )
     return np.asarray(np.diff(total, axis=1) / np.diff(x_um))
 
 
@@ -147,31 +149,31 @@ def links(step_x_um: float, step_z_um: float, wavenumber_squared: float) -> tupl
 
 
 def helmholtz_matrix(
-    across: Axis, along: Axis, wavenumber_squared: NDArray[np.float64]
+    layer: Axis, along: Axis, wavenumber_squared: NDArray[np.float64]
 ) -> sparse.csc_array[np.complex128]:
     """Matrix of ``-laplace - k**2`` on the whole grid, absorbers included.
 
     Parameters
     ----------
-    across, along
+    layer, along
         The axes x and z. The node of x index i and z index j has the number ``j * len(x) + i``.
     wavenumber_squared
         ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x).
     """
-    columns = across.cells + 1
-    corner = columns * np.arange(along.cells)[:, np.newaxis] + np.arange(across.cells)
-    size_x, size_z = across.stretch * across.step_um, along.stretch * along.step_um
+    columns = layer.cells + 1
+    corner = columns * np.arange(along.cells)[:, np.newaxis] + np.arange(layer.cells)
+    size_x, size_z = layer.stretch * layer.step_um, along.stretch * along.step_um
     slope_x, slope_z = np.outer(size_z, 1 / size_x), np.outer(1 / size_z, size_x)
     mass = wavenumber_squared * np.outer(size_z, size_x)
-    rows, places, values = [], [], []
+    rows, positions, values = [], [], []
     for a, b, c, d in product(ENDS, repeat=4):  # from the corner (a, c) of a cell to (b, d)
         rows.append(corner + columns * c + a)
-        places.append(corner + columns * d + b)
+        positions.append(corner + columns * d + b)
         values.append(
             STIFFNESS[a, b] * MASS[c, d] * slope_x
             + MASS[a, b] * STIFFNESS[c, d] * slope_z
             - MASS[a, b] * MASS[c, d] * mass
         )
     nodes = columns * (along.cells + 1)
-    entries = np.ravel(values), (np.ravel(rows), np.ravel(places))
+    entries = np.ravel(values), (np.ravel(rows), np.ravel(positions))
     return sparse.csc_array(entries, shape=(nodes, nodes))

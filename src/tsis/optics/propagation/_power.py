@@ -59,19 +59,19 @@ class Count:
 
     def guided(self, amplitudes: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Power of the guided ones among waves that run outwards, shape (columns,)."""
-        kept = np.where(np.arange(len(amplitudes)) < self.modes.guided, 1.0, 0.0)
-        return self.modes.flow(kept[:, np.newaxis] * amplitudes, self.step_um, self._rows)
+        selected = np.where(np.arange(len(amplitudes)) < self.modes.guided, 1.0, 0.0)
+        return self.modes.flow(selected[:, np.newaxis] * amplitudes, self.step_um, self._rows)
 
     def through_sides(self, field: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Power out of the top and of the bottom at each node of z of a field (z, x, columns), shape (z, columns)."""
         straight, aslant = self._links
-        found = []
+        results = []
         for row, beyond in self._sides:
-            across = straight * field[:, beyond]
-            across[:-1] += aslant * field[1:, beyond]
-            across[1:] += aslant * field[:-1, beyond]
-            found.append(-np.imag(field[:, row].conj() * across))
-        return found[0], found[1]
+            layer = straight * field[:, beyond]
+            layer[:-1] += aslant * field[1:, beyond]
+            layer[1:] += aslant * field[:-1, beyond]
+            results.append(-np.imag(field[:, row].conj() * layer))
+        return results[0], results[1]
 
     def beyond_end(self, amplitudes: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Power out of the top and of the bottom of the flat guide that goes on for ever after the last node.
@@ -82,18 +82,18 @@ class Count:
             Of all modes on the last node, running outwards, shape (modes, columns).
         """
         (straight, aslant), onward = self._links, self.modes.onward(self.step_um)
-        each_step = np.outer(onward.conj(), onward)
+        step = np.outer(onward.conj(), onward)
         guided = slice(self.modes.guided)
-        each_step[guided, guided] = 0.0  # guided light does not leave
-        series = each_step / (1 - each_step)
-        found = []
+        step[guided, guided] = 0.0  # guided light does not leave
+        series = step / (1 - step)
+        results = []
         for row, beyond in self._sides:
             there = self.modes.profile[beyond]
             pairs = series * there * (straight + aslant * (onward + 1 / onward)) + there * aslant * onward
             pairs[guided, guided] = 0.0
             here = self.modes.profile[row, :, np.newaxis] * amplitudes
-            found.append(-np.imag(np.sum(here.conj() * (pairs @ amplitudes), axis=0)))
-        return found[0], found[1]
+            results.append(-np.imag(np.sum(here.conj() * (pairs @ amplitudes), axis=0)))
+        return results[0], results[1]
 
     @property
     def _rows(self) -> slice:

@@ -89,8 +89,8 @@ class Propagation:
     @property
     def intensity(self) -> NDArray[np.float64]:
         """Mean over the launched modes of the squared field, 1 for unit power on a µm at the index 1; shape (z, x)."""
-        carried = 2 * np.pi / self.wavelength_um * self.n_eff
-        return np.asarray(np.abs(self.field) ** 2 @ (carried / len(carried)))
+        transported = 2 * np.pi / self.wavelength_um * self.n_eff
+        return np.asarray(np.abs(self.field) ** 2 @ (transported / len(transported)))
 
 
 def propagate(
@@ -147,26 +147,26 @@ def propagate(
     require_number(
         "length_um", length_um, 2 * (dent.half_width_um + DENT_MARGIN_UM), LONGEST_UM, hint="the dent must fit"
     )
-    across, along = _axes(guide, method, wavelength_um, length_um, step_um)
-    _refuse_what_does_not_fit(across, along, method, modes, memory_gib)
+    layer, along = _axes(guide, method, wavelength_um, length_um, step_um)
+    _refuse_what_does_not_fit(layer, along, method, modes, memory_gib)
     with one_blas_thread():
-        flat = _modes_of_flat(guide, across, wavelength_um)
+        flat = _modes_of_flat(guide, layer, wavelength_um)
         _refuse_missing_modes(guide, flat, modes)
-        squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, dent, across.nodes_um, along.nodes_um)
+        squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, dent, layer.nodes_um, along.nodes_um)
         if method == "bpm":
             reference = float(np.sqrt(flat.separation[:modes].real.mean()))
-            field = march(across, along, squared, flat.profile[:, :modes], reference)
+            field = march(layer, along, squared, flat.profile[:, :modes], reference)
         else:
-            field = solve_launched(across, along, squared, flat, modes)
-        powers, top, bottom = _account(across, along, flat, field, float(squared[0, 0]))
+            field = solve_launched(layer, along, squared, flat, modes)
+        powers, top, bottom = _account(layer, along, flat, field, float(squared[0, 0]))
     hidden = LAUNCH_NODES if method == "fdfd" else 0  # where only what is thrown back runs
-    shown_x, shown_z = across.inner, slice(along.inner.start + hidden, along.inner.stop)
+    shown_x, shown_z = layer.inner, slice(along.inner.start + hidden, along.inner.stop)
     return Propagation(
         guide=guide,
         dent=dent,
         method=method,
         wavelength_um=wavelength_um,
-        x_um=across.nodes_um[shown_x],
+        x_um=layer.nodes_um[shown_x],
         z_um=along.nodes_um[shown_z],
         index=np.sqrt(squared[shown_z.start : shown_z.stop - 1, shown_x.start : shown_x.stop - 1])
         * wavelength_um
@@ -196,9 +196,9 @@ def _axes(
     )
 
 
-def _refuse_what_does_not_fit(across: Axis, along: Axis, method: Method, modes: int, memory_gib: float) -> None:
+def _refuse_what_does_not_fit(layer: Axis, along: Axis, method: Method, modes: int, memory_gib: float) -> None:
     limit = require_number("memory_gib", memory_gib, 0.01, 4096.0)
-    rows = across.cells + 1
+    rows = layer.cells + 1
     if rows > MOST_SECTION_NODES:
         raise InputError(
             f"a section across the guide must have at most {MOST_SECTION_NODES} nodes; got {rows}:"
@@ -214,12 +214,12 @@ def _refuse_what_does_not_fit(across: Axis, along: Axis, method: Method, modes: 
 
 
 @lru_cache(maxsize=1)  # one entry may fill 64 MB
-def _modes_of_flat(guide: ThinGuide, across: Axis, wavelength_um: float) -> SectionModes:
+def _modes_of_flat(guide: ThinGuide, layer: Axis, wavelength_um: float) -> SectionModes:
     """Remembered, for a sweep over dents asks for the same flat guide each time."""
     any_length = np.array([0.0, 1.0])
-    squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, Dent(), across.nodes_um, any_length)
-    air = -across.low_um - across.absorber_cells * across.step_um
-    return section_modes(across, squared[0], faded_um=air)
+    squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, Dent(), layer.nodes_um, any_length)
+    air = -layer.low_um - layer.absorber_cells * layer.step_um
+    return section_modes(layer, squared[0], faded_um=air)
 
 
 def _refuse_missing_modes(guide: ThinGuide, flat: SectionModes, modes: int) -> None:
@@ -233,7 +233,7 @@ def _refuse_missing_modes(guide: ThinGuide, flat: SectionModes, modes: int) -> N
 
 
 def _account(
-    across: Axis, along: Axis, flat: SectionModes, field: NDArray[np.complex128], outside_squared: float
+    layer: Axis, along: Axis, flat: SectionModes, field: NDArray[np.complex128], outside_squared: float
 ) -> tuple[Powers, NDArray[np.float64], NDArray[np.float64]]:
     """Count the powers, and the share that leaves through either side a µm."""
     count = field.shape[-1]
@@ -241,7 +241,7 @@ def _account(
     both_ways = along.absorber_cells > 0
     # A wave marched one way runs at the speed of the continuous z, so its powers are those of a very fine step.
     step = along.step_um if both_ways else FINE_STEP_UM
-    ends = Count(across=across, step_um=step, modes=flat, outside_squared=outside_squared)
+    ends = Count(across=layer, step_um=step, modes=flat, outside_squared=outside_squared)
     launched = ends.launched(count)
     if both_ways:
         ahead = outward(flat, step, field[last], field[last + 1])
@@ -254,7 +254,7 @@ def _account(
     sides = [here.sum(axis=0) + after for here, after in zip((top, bottom), later, strict=True)]
     if not both_ways:
         scale = _as_marched(ahead[: flat.guided], sides[0] + sides[1])
-        top, bottom, *sides = (scale * one for one in (top, bottom, *sides))
+        top, bottom, *sides = (scale * item for item in (top, bottom, *sides))
     powers = Powers(
         guided=ends.guided(ahead) / launched,
         reflected=ends.guided(back) / launched,

@@ -53,8 +53,8 @@ class SectionModes:
 
     def onward(self, step_um: float) -> NDArray[np.complex128]:
         """Factor of each mode from node to node along z, shape (modes,)."""
-        share = self.separation * step_um**2 / 12
-        return np.asarray(np.exp(1j * np.arccos((1 - 5 * share) / (1 + share))))
+        fraction = self.separation * step_um**2 / 12
+        return np.asarray(np.exp(1j * np.arccos((1 - 5 * fraction) / (1 + fraction))))
 
     def effective_index(self, wavelength_um: float) -> NDArray[np.float64]:
         """Effective index of each guided mode, shape (guided,)."""
@@ -71,19 +71,19 @@ class SectionModes:
         return np.asarray(np.imag(here.conj() * times(self.mass, there))[rows].sum(axis=0))
 
 
-def section_modes(across: Axis, wavenumber_squared: NDArray[np.float64], *, faded_um: float) -> SectionModes:
+def section_modes(layer: Axis, wavenumber_squared: NDArray[np.float64], *, faded_um: float) -> SectionModes:
     """Find all modes of a section with ``(k0 n)**2`` in its cells, the first of which lies in the medium outside.
 
     Parameters
     ----------
-    across
+    layer
         The axis x.
     wavenumber_squared
         Of each cell, 1/µm², shape (cells,).
     faded_um
         Distance from the guide to the absorber, µm, over which a mode clear of cut-off fades.
     """
-    size = across.stretch * across.step_um
+    size = layer.stretch * layer.step_um
     mass = tridiagonal(size, MASS)
     operator = tridiagonal(wavenumber_squared * size, MASS) - tridiagonal(1 / size, STIFFNESS)
     separation, profile = np.linalg.eig(np.linalg.solve(_dense(mass), _dense(operator)))

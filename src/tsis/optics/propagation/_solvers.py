@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def march(
-    across: Axis,
+    layer: Axis,
     along: Axis,
     wavenumber_squared: NDArray[np.float64],
     start: NDArray[np.complex128],
@@ -37,7 +37,7 @@ def march(
 
     Parameters
     ----------
-    across, along
+    layer, along
         Axes x and z.
     wavenumber_squared
         ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x).
@@ -51,7 +51,7 @@ def march(
     NDArray[np.complex128]
         Shape (nodes of z, nodes of x, columns).
     """
-    size = across.stretch * across.step_um
+    size = layer.stretch * layer.step_um
     mass, stiffness = tridiagonal(size, MASS), tridiagonal(1 / size, STIFFNESS)
     field = np.empty((along.cells + 1, *start.shape), dtype=complex)
     field[0] = start
@@ -67,8 +67,8 @@ def march(
             explicit = mass + (0.25 + half) * operator
             passed = section
         field[number + 1] = zgttrs(*factors, times(explicit, field[number]))[0]
-    turned = np.exp(1j * reference * along.step_um * np.arange(along.cells + 1))
-    field *= turned[:, np.newaxis, np.newaxis]
+    rotated = np.exp(1j * reference * along.step_um * np.arange(along.cells + 1))
+    field *= rotated[:, np.newaxis, np.newaxis]
     return field
 
 
@@ -88,7 +88,7 @@ def solve(matrix: sparse.csc_array[np.complex128], source: NDArray[np.complex128
 
 
 def solve_launched(
-    across: Axis, along: Axis, wavenumber_squared: NDArray[np.float64], modes: SectionModes, count: int
+    layer: Axis, along: Axis, wavenumber_squared: NDArray[np.float64], modes: SectionModes, count: int
 ) -> NDArray[np.complex128]:
     """Field of each of the first ``count`` modes, launched at the left end with amplitude 1.
 
@@ -100,8 +100,8 @@ def solve_launched(
     NDArray[np.complex128]
         Shape (nodes of z, nodes of x, count), absorbers included.
     """
-    matrix = helmholtz_matrix(across, along, wavenumber_squared)
-    rows, start = across.cells + 1, along.inner.start + LAUNCH_NODES - 1
+    matrix = helmholtz_matrix(layer, along, wavenumber_squared)
+    rows, start = layer.cells + 1, along.inner.start + LAUNCH_NODES - 1
     profile, onward = modes.profile[:, :count], modes.onward(along.step_um)[:count]
     before, behind = slice(start * rows, (start + 1) * rows), slice((start + 1) * rows, (start + 2) * rows)
     link = matrix[before, behind]

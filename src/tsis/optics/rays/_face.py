@@ -31,8 +31,8 @@ def on_face(
     """Displacement and pressure at the tracer's grid; beyond the face those of its edge."""
     if isinstance(pressed, PressField):
         # Mirrored through the axis, so that the face has no tip there.
-        radius, moved = pressed.radius_mm, pressed.face_displacement_mm
-        through = CubicSpline(np.concatenate([-radius[:0:-1], radius]), np.concatenate([moved[:0:-1], moved]))
+        radius, shifted = pressed.radius_mm, pressed.face_displacement_mm
+        through = CubicSpline(np.concatenate([-radius[:0:-1], radius]), np.concatenate([shifted[:0:-1], shifted]))
         at = np.minimum(from_axis, radius[-1])
         return np.asarray(through(at)), np.interp(at, radius, pressed.pressure_kpa)
     outside = np.hypot(pressed.x_mm, pressed.y_mm[:, None]) > from_axis.max()

@@ -155,9 +155,9 @@ def follow(scene: Scene, position: Vector, direction: Vector, weight: float, cha
         there = (position[0] + way * direction[0], position[1] + way * direction[1], position[2] + way * direction[2])
         position, normal, slope_x, slope_y = stand_at(scene, medium, met, there)
         if scene.absorption > 0.0:
-            kept = weight * np.exp(-scene.absorption * way)
-            totals[ABSORBED] += weight - kept
-            weight = kept
+            selected = weight * np.exp(-scene.absorption * way)
+            totals[ABSORBED] += weight - selected
+            weight = selected
         before = weight
         last = met
         cosine = max(-(direction[0] * normal[0] + direction[1] * normal[1] + direction[2] * normal[2]), 0.0)

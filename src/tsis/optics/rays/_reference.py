@@ -101,20 +101,20 @@ class ReferenceProbe:
 
     def _enter(self, photon: Photon, rng: np.random.Generator) -> Photon | str:
         way = self._way_to_wall(photon, nearest=True)
-        place = photon.position + way * photon.direction
-        if not np.isfinite(way) or not self.surfaces[0].height(*place[:2]) < place[2] < self.surfaces[-1].level:
+        position = photon.position + way * photon.direction
+        if not np.isfinite(way) or not self.surfaces[0].height(*position[:2]) < position[2] < self.surfaces[-1].level:
             return "missed"
-        medium = max(k for k, surface in enumerate(self.surfaces) if surface.height(*place[:2]) <= place[2])
-        inward = np.array([-place[0], -place[1], 0.0]) / self.radius
+        medium = max(k for k, surface in enumerate(self.surfaces) if surface.height(*position[:2]) <= position[2])
+        inward = np.array([-position[0], -position[1], 0.0]) / self.radius
         index = self.indices[medium]
         if rng.random() < reflected(float(photon.direction @ inward), self.outside, index):
             return "reflected"
-        return Photon(position=place, direction=bent(photon.direction, inward, self.outside, index), medium=medium)
+        return Photon(position=position, direction=bent(photon.direction, inward, self.outside, index), medium=medium)
 
     def _way_to_wall(self, photon: Photon, *, nearest: bool) -> float:
-        place, along = photon.position[:2], photon.direction[:2]
-        ways = np.roots([along @ along, 2 * place @ along, place @ place - self.radius**2])
-        if np.iscomplexobj(ways) or place @ along > 0 > self.radius - np.linalg.norm(place):
+        position, along = photon.position[:2], photon.direction[:2]
+        ways = np.roots([along @ along, 2 * position @ along, position @ position - self.radius**2])
+        if np.iscomplexobj(ways) or position @ along > 0 > self.radius - np.linalg.norm(position):
             return np.inf
         return float(ways.min() if nearest else ways.max())
 
@@ -125,31 +125,31 @@ class ReferenceProbe:
         way = min(to_wall, below, above)
         if rng.random() > np.exp(-self.absorption * way):
             return "absorbed"
-        place = photon.position + way * photon.direction
+        position = photon.position + way * photon.direction
         if way == to_wall:
-            towards, behind, end = np.array([place[0], place[1], 0.0]) / self.radius, -1, "side"
+            towards, behind, end = np.array([position[0], position[1], 0.0]) / self.radius, -1, "side"
         elif way == below:
-            towards, behind, end = -self.surfaces[photon.medium].upward_normal(place), photon.medium - 1, "face"
+            towards, behind, end = -self.surfaces[photon.medium].upward_normal(position), photon.medium - 1, "face"
         else:
-            towards, behind, end = self.surfaces[photon.medium + 1].upward_normal(place), photon.medium + 1, "glass"
-        if end == "face" and behind < 0 and rng.random() < self.share(place[0], place[1], grid=False):
+            towards, behind, end = self.surfaces[photon.medium + 1].upward_normal(position), photon.medium + 1, "glass"
+        if end == "face" and behind < 0 and rng.random() < self.share(position[0], position[1], grid=False):
             return "contact"
         if behind == len(self.indices):
             behind = -1
         here, there = self.indices[photon.medium], self.outside if behind < 0 else self.indices[behind]
         if rng.random() < reflected(float(photon.direction @ towards), here, there):
-            turned = photon.direction - 2 * (photon.direction @ towards) * towards
-            return Photon(position=place, direction=turned, medium=photon.medium)
+            rotated = photon.direction - 2 * (photon.direction @ towards) * towards
+            return Photon(position=position, direction=rotated, medium=photon.medium)
         if behind < 0:
             return end
-        return Photon(position=place, direction=bent(photon.direction, towards, here, there), medium=behind)
+        return Photon(position=position, direction=bent(photon.direction, towards, here, there), medium=behind)
 
 
 def reflected(cosine: float, here: float, there: float) -> float:
     """Share of unpolarised light that is turned back."""
     angle = float(np.degrees(np.arccos(min(max(cosine, 0.0), 1.0))))
-    found = snell.fresnel(angle, index_from=here, index_to=there)
-    return float(found.reflected_s + found.reflected_p) / 2
+    result = snell.fresnel(angle, index_from=here, index_to=there)
+    return float(result.reflected_s + result.reflected_p) / 2
 
 
 def bent(direction: Vector, towards: Vector, here: float, there: float) -> Vector:
@@ -168,10 +168,10 @@ def reference_probe(
 ) -> ReferenceProbe:
     """A probe, dented and touched as ``pressed`` says."""
     side, from_axis = face_grid(probe.radius_mm)
-    height, share = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
+    height, fraction = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
     if pressed is not None:
-        moved, pressure = on_face(pressed, side, from_axis)
-        height, share = height + moved, real_contact(pressure, saturation_kpa)
+        shifted, pressure = on_face(pressed, side, from_axis)
+        height, fraction = height + shifted, real_contact(pressure, saturation_kpa)
     face = RectBivariateSpline(side, side, height.T)
     indices, levels = media(probe)
     pulls = np.maximum(1 - levels / probe.thickness_mm, 0.0)
@@ -184,7 +184,7 @@ def reference_probe(
             ReferenceSurface(level=level, pull=pull, face=face)
             for level, pull in zip(levels.tolist(), pulls.tolist(), strict=True)
         ],
-        share=RectBivariateSpline(side, side, share.T, kx=1, ky=1),
+        share=RectBivariateSpline(side, side, fraction.T, kx=1, ky=1),
     )
 
 
@@ -192,7 +192,7 @@ def shine(led: Led, probe: Probe, rng: np.random.Generator) -> Photon:
     """A photon of a lamp, drawn by rejection."""
     azimuth, aim = np.radians([led.azimuth_deg, led.aim_deg])
     outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    up, across = np.array([0.0, 0.0, 1.0]), np.array([-outward[1], outward[0], 0.0])
+    up, layer = np.array([0.0, 0.0, 1.0]), np.array([-outward[1], outward[0], 0.0])
     axis = -np.cos(aim) * outward + np.sin(aim) * up
     while True:
         spot = rng.uniform(-led.diameter_mm / 2, led.diameter_mm / 2, 2)
@@ -204,7 +204,7 @@ def shine(led: Led, probe: Probe, rng: np.random.Generator) -> Photon:
         if rng.random() < max(direction @ axis, 0.0) ** led.exponent:
             break
     centre = probe.radius_mm * outward + probe.led_height_mm(led) * up
-    return Photon(position=centre + spot[0] * across + spot[1] * up, direction=direction)
+    return Photon(position=centre + spot[0] * layer + spot[1] * up, direction=direction)
 
 
 def trace_photons(

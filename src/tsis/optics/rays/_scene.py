@@ -57,10 +57,10 @@ def scene(
     if pressed is not None and not isinstance(pressed, PressField | PressMap):
         raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
     side, from_axis = face_grid(probe.radius_mm)
-    height, share = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
+    height, fraction = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
     if pressed is not None:
-        moved, pressure = on_face(pressed, side, from_axis)
-        height, share = height + moved, real_contact(pressure, saturation_kpa)
+        shifted, pressure = on_face(pressed, side, from_axis)
+        height, fraction = height + shifted, real_contact(pressure, saturation_kpa)
     thickness = probe.thickness_mm
     left = float(thickness - height.max())
     if left < THINNEST * thickness:
@@ -76,7 +76,7 @@ def scene(
         thinnest=np.minimum.accumulate(indices),
         outside=index_outside,
         absorption=absorption_per_mm,
-        face=rays_surface.heights(side, height, share),
+        face=rays_surface.heights(side, height, fraction),
         aperture=aperture,
         weak=WEAK,
         most_meetings=MOST_MEETINGS,

@@ -32,21 +32,21 @@ class Heights(NamedTuple):
     touched: bool
 
 
-def heights(side_mm: NDArray[np.float64], height_mm: NDArray[np.float64], share: NDArray[np.float64]) -> Heights:
+def heights(side_mm: NDArray[np.float64], height_mm: NDArray[np.float64], fraction: NDArray[np.float64]) -> Heights:
     """The smooth surface through heights on an even square grid."""
     spacing = float(side_mm[1] - side_mm[0])
     coefficients = np.ascontiguousarray(ndimage.spline_filter(height_mm, order=2, mode="mirror"))
     along = np.abs(np.diff(coefficients, axis=1)).max() / spacing
-    across = np.abs(np.diff(coefficients, axis=0)).max() / spacing
+    layer = np.abs(np.diff(coefficients, axis=0)).max() / spacing
     return Heights(
         start=float(side_mm[0]),
         spacing=spacing,
         coefficients=coefficients,
-        share=np.ascontiguousarray(share),
+        share=np.ascontiguousarray(fraction),
         lowest=float(coefficients.min()),
         highest=float(coefficients.max()),
-        steepest=float(np.hypot(along, across)),
-        touched=bool((share > 0).any()),
+        steepest=float(np.hypot(along, layer)),
+        touched=bool((fraction > 0).any()),
     )
 
 
@@ -56,7 +56,7 @@ def height_and_slopes(face: Heights, x: float, y: float) -> tuple[float, float, 
     u, v = (x - face.start) / face.spacing, (y - face.start) / face.spacing
     column, row = int(u + 0.5), int(v + 0.5)
     s, t = u - column, v - row
-    value = along = across = 0.0
+    value = along = layer = 0.0
     for j in range(-1, 2):
         weight, change = _spline(j, t)
         line = slope = 0.0
@@ -67,8 +67,8 @@ def height_and_slopes(face: Heights, x: float, y: float) -> tuple[float, float, 
             slope += here_change * coefficient
         value += weight * line
         along += weight * slope
-        across += change * line
-    return value, along / face.spacing, across / face.spacing
+        layer += change * line
+    return value, along / face.spacing, layer / face.spacing
 
 
 @inlined
@@ -173,7 +173,7 @@ def _crossing(
     """The crossing between two ways, by false position with the Illinois halving."""
     x, y, z = position
     dx, dy, dz = direction
-    kept = 0
+    selected = 0
     way = above
     for _ in range(POLISHES):
         way = (above * gap_below - below * gap_above) / (gap_below - gap_above)
@@ -183,12 +183,12 @@ def _crossing(
             break
         if gap > 0.0:
             above, gap_above = way, gap
-            if kept == 1:
+            if selected == 1:
                 gap_below *= 0.5
-            kept = 1
+            selected = 1
         else:
             below, gap_below = way, gap
-            if kept == -1:
+            if selected == -1:
                 gap_above *= 0.5
-            kept = -1
+            selected = -1
     return way

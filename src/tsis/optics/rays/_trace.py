@@ -214,7 +214,7 @@ def trace_batches(
     workers = require_integer("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256)
     tilts = np.asarray(slopes, dtype=float).reshape(-1, 2)
     shining = lamps(probe)
-    each = int(np.ceil(rays / (BATCHES * len(shining.share))))
+    item = int(np.ceil(rays / (BATCHES * len(shining.share))))
     maps = np.zeros((BATCHES, rays_kernel.MAPS, bins, bins))
     tilted = np.zeros((BATCHES, len(tilts), bins, bins))
     totals = np.zeros((BATCHES, rays_kernel.TALLIES))
@@ -225,19 +225,19 @@ def trace_batches(
         record = rays_kernel.Record(
             totals=counted, maps=maps[batch], slopes=tilts, tilted=tilted[batch], path=np.empty((0, 4))
         )
-        rays_kernel.trace_batch(view, shining, start, batch, each, record)
+        rays_kernel.trace_batch(view, shining, start, batch, item, record)
         totals[batch] = counted
 
     with ThreadPoolExecutor(workers) as pool:
         for done, _ in enumerate(pool.map(trace, range(BATCHES)), start=1):
             if progress is not None:
                 progress(done, BATCHES)
-    return Batches(totals=totals, maps=maps, tilted=tilted, rays=each * BATCHES * len(shining.share))
+    return Batches(totals=totals, maps=maps, tilted=tilted, rays=item * BATCHES * len(shining.share))
 
 
-def _light(probe: Probe, view: Scene, found: Batches) -> TracedLight:
-    totals, maps = found.totals.mean(axis=0), found.maps.mean(axis=0)
-    error = found.totals.std(axis=0, ddof=1) / np.sqrt(BATCHES)
+def _light(probe: Probe, view: Scene, batches: Batches) -> TracedLight:
+    totals, maps = batches.totals.mean(axis=0), batches.maps.mean(axis=0)
+    error = batches.totals.std(axis=0, ddof=1) / np.sqrt(BATCHES)
     bins = maps.shape[1]
     middles = (np.arange(bins) + 0.5) * (2 * probe.radius_mm / bins) - probe.radius_mm
     return TracedLight(
@@ -245,8 +245,8 @@ def _light(probe: Probe, view: Scene, found: Batches) -> TracedLight:
         standard_error=_tally(error),
         into_camera=float(totals[rays_kernel.CAMERA]),
         out_of_reach=float(totals[rays_kernel.BEYOND]),
-        meetings=float(found.totals[:, rays_kernel.MEETINGS].sum() / found.rays),
-        rays=found.rays,
+        meetings=float(batches.totals[:, rays_kernel.MEETINGS].sum() / batches.rays),
+        rays=batches.rays,
         x_mm=middles,
         y_mm=middles,
         arriving=maps[rays_kernel.ARRIVING],
@@ -254,7 +254,7 @@ def _light(probe: Probe, view: Scene, found: Batches) -> TracedLight:
         coupled=maps[rays_kernel.COUPLED],
         flux_x=maps[rays_kernel.FLUX_X],
         flux_y=maps[rays_kernel.FLUX_Y],
-        batches=found.maps,
+        batches=batches.maps,
     )
 
 

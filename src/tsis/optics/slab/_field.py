@@ -89,15 +89,15 @@ class Waves:
         return region, self.from_lower[region] * np.exp(-g * above), self.from_upper[region] * np.exp(-g * below)
 
 
-def overlap_um(one: Waves, other: Waves) -> float:
+def overlap_um(waves: Waves, other: Waves) -> float:
     """Integral of the product of two solutions over p, in µm, in closed form."""
-    layers, sum_of_rates = one.layers, one.rate + other.rate
+    layers, sum_of_rates = waves.layers, waves.rate + other.rate
     length = layers.thickness_um * layers.per_um
-    alike = one.from_lower * other.from_lower + one.from_upper * other.from_upper
-    opposed = one.from_lower * other.from_upper + one.from_upper * other.from_lower
-    fading = (1 - _through(layers, one.rate) * _through(layers, other.rate)) / sum_of_rates
-    beating = length * np.exp(-sum_of_rates * length / 2) * _sinhc((one.rate - other.rate) * length / 2)
-    return float(np.sum((alike * fading + opposed * beating) / layers.weight).real) / layers.per_um
+    correlation = waves.from_lower * other.from_lower + waves.from_upper * other.from_upper
+    opposed = waves.from_lower * other.from_upper + waves.from_upper * other.from_lower
+    fading = (1 - _through(layers, waves.rate) * _through(layers, other.rate)) / sum_of_rates
+    beating = length * np.exp(-sum_of_rates * length / 2) * _sinhc((waves.rate - other.rate) * length / 2)
+    return float(np.sum((correlation * fading + opposed * beating) / layers.weight).real) / layers.per_um
 
 
 def _through(layers: SlabLayers, rate: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -128,11 +128,11 @@ class SlabField:
 
     def wave(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
         """The continuous transverse field u at heights above the lowest face."""
-        return np.asarray(sum(part * one.wave(x_um) for part, one in zip(self.amplitudes, self.waves, strict=True)))
+        return np.asarray(sum(part * wave.wave(x_um) for part, wave in zip(self.amplitudes, self.waves, strict=True)))
 
     def slope(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
         """Its slope v = u' / p by k0 x, continuous too."""
-        return np.asarray(sum(part * one.slope(x_um) for part, one in zip(self.amplitudes, self.waves, strict=True)))
+        return np.asarray(sum(part * wave.slope(x_um) for part, wave in zip(self.amplitudes, self.waves, strict=True)))
 
 
 def mode_field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.float64], number: int) -> SlabField:
@@ -151,11 +151,11 @@ def mode_field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.flo
     """
     waves: list[Waves] = []
     parts = np.zeros((0, len(q)))  # amplitudes of the waves in each mode found so far, of unit norm
-    for one in q[: number + 1]:
-        nudged = (one + nudge * EPSILON * one.max() for nudge in NUDGES)
+    for item in q[: number + 1]:
+        nudged = (item + nudge * EPSILON * item.max() for nudge in NUDGES)
         # Nudged past cut-off a mode is none; the first, as it was found, fades on both sides.
         tries = chain.from_iterable(_joined(layers, near) for near in nudged if max(near[0], near[-1]) < 0)
-        best = _best(_beside(waves, parts, wave, jump, EPSILON * one.max()) for wave, jump in tries)
+        best = _best(_beside(waves, parts, wave, jump, EPSILON * item.max()) for wave, jump in tries)
         waves.append(best.wave)
         parts = np.vstack([parts, best.row])
     row = parts[-1, : len(waves)] / np.sqrt(n_eff[number])
@@ -189,10 +189,10 @@ def _beside(waves: list[Waves], parts: NDArray[np.float64], wave: Waves, jump: f
 def _best(tries: Iterator[_Try]) -> _Try:
     """The first good one, else the one of least error."""
     best = next(tries)
-    for found in tries:
+    for result in tries:
         if best.error < GOOD:
             break
-        best = min(best, found, key=lambda one: one.error)
+        best = min(best, result, key=lambda item: item.error)
     return best
 
 
@@ -221,7 +221,7 @@ def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves,
         region: _log_size(layers, q, region, upper_below[region]) + _log_size(layers, q, region, upper_above[region])
         for region in np.flatnonzero(q > 0).tolist()
     }
-    for region in sorted(size, key=lambda one: -size[one]):
+    for region in sorted(size, key=lambda item: -size[item]):
         below, above = upper_below[region], upper_above[region]
         metric = np.array([1.0, _reach(layers, q, region) ** 2])
         ratio = (below[:2] * metric) @ above[:2] / ((above[:2] * metric) @ above[:2])

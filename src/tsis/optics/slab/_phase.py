@@ -94,16 +94,16 @@ def modes_above(step: Floats, weight: Floats, length: Floats, offset: float, cor
 
 @compiled
 def mode_roots(
-    step: Floats, weight: Floats, length: Floats, low: float, high: float, core: int, first: int, found: Floats
+    step: Floats, weight: Floats, length: Floats, low: float, high: float, core: int, first: int, result: Floats
 ) -> None:
-    """Fill ``found`` with the falling offsets, between ``high`` and ``low``, of mode ``first`` and those after it."""
+    """Fill ``result`` with the falling offsets, between ``high`` and ``low``, of mode ``first`` and those after it."""
     half_turns_low, rest_low = phase(step, weight, length, low, core)
     half_turns_high, rest_high = phase(step, weight, length, high, core)
     right, right_phase = high, rest_high + math.pi * (half_turns_high - first)
-    for k in range(len(found)):
+    for k in range(len(result)):
         left_phase = rest_low + math.pi * (half_turns_low - first - k)
-        found[k] = _root(step, weight, length, core, first + k, low, left_phase, right, right_phase)
-        right, right_phase = found[k], -math.pi
+        result[k] = _root(step, weight, length, core, first + k, low, left_phase, right, right_phase)
+        right, right_phase = result[k], -math.pi
 
 
 @compiled
@@ -123,9 +123,9 @@ def _root(
         return a
     if phase_b >= 0.0:
         return b
-    share = 0.5
+    fraction = 0.5
     while True:
-        x = a + share * (b - a)
+        x = a + fraction * (b - a)
         half_turns, rest = phase(step, weight, length, x, core)
         phase_x = rest + math.pi * (half_turns - mode)
         if (phase_x > 0.0) == (phase_a > 0.0):
@@ -137,9 +137,9 @@ def _root(
         least = nearest / abs(b - a)
         if least > 0.5 or phase_a == 0.0:
             return a if phase_a == 0.0 else (a + b) / 2
-        share = 0.5
+        fraction = 0.5
         xi, phi = (a - b) / (c - b), (phase_a - phase_b) / (phase_c - phase_b)
         if phi * phi < xi and (1 - phi) * (1 - phi) < 1 - xi:
-            share = phase_a / (phase_b - phase_a) * phase_c / (phase_b - phase_c)
-            share += (c - a) / (b - a) * phase_a / (phase_c - phase_a) * phase_b / (phase_c - phase_b)
-        share = min(max(share, least), 1 - least)
+            fraction = phase_a / (phase_b - phase_a) * phase_c / (phase_b - phase_c)
+            fraction += (c - a) / (b - a) * phase_a / (phase_c - phase_a) * phase_b / (phase_c - phase_b)
+        fraction = min(max(fraction, least), 1 - least)

@@ -66,8 +66,8 @@ def c_store(
             raise RecordsError(_refusal(association, where, timeout_s))
         failed = [(file, why) for file in files if (why := _store(association, file))]
     if failed:
-        told = "; ".join(f"{file.name}: {why}" for file, why in failed)
-        raise RecordsError(f"{where} must take every instance; {len(failed)} of {len(files)} failed: {told}")
+        reported = "; ".join(f"{file.name}: {why}" for file, why in failed)
+        raise RecordsError(f"{where} must take every instance; {len(failed)} of {len(files)} failed: {reported}")
     return tuple(file.sop_instance_uid for file in files)
 
 
@@ -117,10 +117,10 @@ def _reachable(host: str, port: int, where: str, timeout_s: float, tls: ssl.SSLC
     A connection of our own tells why there is none, and is closed whatever happens; pynetdicom leaves one open then.
     """
     try:
-        with socket.create_connection((host, port), timeout_s) as found:
-            address = str(found.getpeername()[0])
+        with socket.create_connection((host, port), timeout_s) as result:
+            address = str(result.getpeername()[0])
             if tls is not None:
-                with tls.wrap_socket(found, server_hostname=host):
+                with tls.wrap_socket(result, server_hostname=host):
                     pass
             return address
     except (socket.gaierror, UnicodeError) as error:
@@ -139,9 +139,9 @@ def _reachable(host: str, port: int, where: str, timeout_s: float, tls: ssl.SSLC
 
 def _refusal(association: Any, where: str, timeout_s: float) -> str:
     if association.is_rejected:
-        answer = association.acceptor.primitive
+        response = association.acceptor.primitive
         return (
-            f"{where} refused the association: {answer.reason_str.lower()}; check both names of applications, "
+            f"{where} refused the association: {response.reason_str.lower()}; check both names of applications, "
             "and that the archive knows this one"
         )
     if (
@@ -168,6 +168,6 @@ def _store(association: Any, file: DicomFile) -> str:
         return "the archive gave no answer in time, or broke off"
     if status == 0 or status in WARNINGS:
         return ""
-    known = import_extra("pynetdicom.status", feature="C-STORE", extra="dicom").STORAGE_SERVICE_CLASS_STATUS
-    meaning = " ".join(known.get(status, ("unknown", ""))).strip()
+    given = import_extra("pynetdicom.status", feature="C-STORE", extra="dicom").STORAGE_SERVICE_CLASS_STATUS
+    meaning = " ".join(given.get(status, ("unknown", ""))).strip()
     return f"the archive answered 0x{status:04X} ({meaning})"

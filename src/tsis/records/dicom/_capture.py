@@ -68,7 +68,7 @@ class Stack:
         return any(press.id in presses for press in self.presses)
 
 
-def stacks(dossier: TargetRecord) -> Iterator[Stack]:
+def stacks(record: TargetRecord) -> Iterator[Stack]:
     """The instances that a dossier's frames become, by role and probe; frames of one kind are together.
 
     Raises
@@ -76,18 +76,18 @@ def stacks(dossier: TargetRecord) -> Iterator[Stack]:
     RecordsError
         When a frame is not of the size that its press states, or of a depth that the store does not keep.
     """
-    for place, role in enumerate(ROLES, start=1):
-        pressed = sorted((each for each in dossier.presses if each.role == role), key=lambda each: each.taken)
+    for index, role in enumerate(ROLES, start=1):
+        pressed = sorted((press for press in record.presses if press.role == role), key=lambda item: item.taken)
         for other, probe in enumerate(dict.fromkeys(press.probe for press in pressed)):
             presses = [press for press in pressed if press.probe == probe]
-            yield from _series(dossier, presses, place + other * OTHER_PROBE)
+            yield from _series(record, presses, index + other * OTHER_PROBE)
 
 
-def _series(dossier: TargetRecord, presses: list[StoredPress], number: int) -> Iterator[Stack]:
+def _series(record: TargetRecord, presses: list[StoredPress], number: int) -> Iterator[Stack]:
     """The instances of one series, whose presses are in the order of their times."""
     kinds: dict[tuple[Any, ...], list[tuple[StoredPress, NDArray[Any]]]] = {}
     for press in presses:
-        levels = dossier.levels(press)
+        levels = record.levels(press)
         kinds.setdefault((levels.shape, levels.dtype, press.mm_per_pixel, press.full_scale), []).append((press, levels))
     instances = itertools.count(1)
     for frames in kinds.values():

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tsis.records._target_record import TargetRecord
 
 
-def dicom_files(dossier: TargetRecord, *, identified: bool = False) -> tuple[DicomFile, ...]:
+def dicom_files(record: TargetRecord, *, identified: bool = False) -> tuple[DicomFile, ...]:
     """The instances of a target: one or more of Secondary Capture a role and probe of its presses, then a report.
 
     The same dossier gives the same bytes and UIDs whenever the same version exports it. The report is there when
@@ -24,7 +24,7 @@ def dicom_files(dossier: TargetRecord, *, identified: bool = False) -> tuple[Dic
 
     Parameters
     ----------
-    dossier
+    record
         The target with its presses and estimates.
     identified
         Whether to tell the target's label, the names of frames and the true times. Otherwise a pseudonym stands for
@@ -38,20 +38,20 @@ def dicom_files(dossier: TargetRecord, *, identified: bool = False) -> tuple[Dic
     MissingExtraError
         When the libraries of the extra ``dicom`` are not installed.
     """
-    if not dossier.presses:
-        raise RecordsError(f"target {dossier.target.number} must have at least one press to be exported; got none")
-    told, cover = export_identity(dossier, identified=identified)
+    if not record.presses:
+        raise RecordsError(f"target {record.target.number} must have at least one press to be exported; got none")
+    reported, cover = export_identity(record, identified=identified)
     images, files = [], []
-    for stack in stacks(told):
+    for stack in stacks(reported):
         image = capture(stack, cover)
         files.append(sealed(image, f"{cover.file_stem}-{stack.series}-{stack.role}-{stack.number:02d}.dcm"))
         images.append((stack, image))
-    if has_report(told):
-        files.append(sealed(report(told, cover, images), f"{cover.file_stem}-9-report-01.dcm"))
+    if has_report(reported):
+        files.append(sealed(report(reported, cover, images), f"{cover.file_stem}-9-report-01.dcm"))
     return tuple(files)
 
 
-def write_dicom(dossier: TargetRecord, folder: Path, *, identified: bool = False) -> tuple[Path, ...]:
+def write_dicom(record: TargetRecord, folder: Path, *, identified: bool = False) -> tuple[Path, ...]:
     """Write what `dicom_files` makes into a folder, each file whole or not at all, and return the paths.
 
     Raises
@@ -59,4 +59,4 @@ def write_dicom(dossier: TargetRecord, folder: Path, *, identified: bool = False
     RecordsError
         As `dicom_files`; when a file cannot be written, or one of that name is there with another content.
     """
-    return write_files(dicom_files(dossier, identified=identified), folder)
+    return write_files(dicom_files(record, identified=identified), folder)

@@ -52,17 +52,17 @@ class DicomFile:
 
     def dataset(self) -> Dataset:
         """The instance as pydicom reads it."""
-        found: Dataset = pydicom().dcmread(BytesIO(self.content))
-        return found
+        dataset: Dataset = pydicom().dcmread(BytesIO(self.content))
+        return dataset
 
 
 def deterministic_uid(*parts: str | bytes) -> str:
     """A UID below 2.25, the same for the same parts, as PS3.5 B.2 asks: the number of a UUID (here of version 5)."""
-    found = hashlib.sha256(b"tsis dicom")
+    result = hashlib.sha256(b"tsis dicom")
     for part in parts:
         raw = part.encode() if isinstance(part, str) else part
-        found.update(len(raw).to_bytes(8, "big") + raw)
-    return f"2.25.{uuid.UUID(bytes=found.digest()[:16], version=5).int}"
+        result.update(len(raw).to_bytes(8, "big") + raw)
+    return f"2.25.{uuid.UUID(bytes=result.digest()[:16], version=5).int}"
 
 
 def sealed(dataset: Dataset, name: str) -> DicomFile:

@@ -64,7 +64,7 @@ class ExportIdentity:
         return f"{when.year:04d}" + when.strftime("%m%d"), when.strftime("%H%M%S.%f")
 
 
-def export_identity(dossier: TargetRecord, *, identified: bool) -> tuple[TargetRecord, ExportIdentity]:
+def export_identity(record: TargetRecord, *, identified: bool) -> tuple[TargetRecord, ExportIdentity]:
     """What is told of a dossier, and what it is said to be of.
 
     Raises
@@ -72,10 +72,10 @@ def export_identity(dossier: TargetRecord, *, identified: bool) -> tuple[TargetR
     RecordsError
         When the target has no identity, from which pseudonym and UIDs follow.
     """
-    if not dossier.target.id:
+    if not record.target.id:
         raise RecordsError("the target must have an identity, which a store gives it; got a target without id")
-    told = dossier if identified else deidentified(dossier)
-    return told, ExportIdentity(identified=identified, target=told.target)
+    reported = record if identified else deidentified(record)
+    return reported, ExportIdentity(identified=identified, target=reported.target)
 
 
 def dicom_line(text: str, longest: int = LONGEST) -> str:

@@ -41,25 +41,27 @@ def estimate_group(stored: StoredEstimate, cover: ExportIdentity, sources: Seque
         algorithm_id=_algorithm(stored),
         measurements=_numbers(estimate) if estimate.trusted else [],
         qualitative_evaluations=[sr.QualitativeEvaluation(name=codes.own("trusted"), value=trusted)],
-        source_images=[sr.SourceImageForMeasurementGroup(each.SOPClassUID, each.SOPInstanceUID) for each in sources],
+        source_images=[
+            sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID) for source in sources
+        ],
     )
-    for name, sentence in _sentences(estimate):
-        group[0].ContentSequence.append(text(name, sentence))
+    for name, message in _sentences(estimate):
+        group[0].ContentSequence.append(text(name, message))
     return group
 
 
 def _numbers(estimate: Estimate) -> list[Any]:
-    found = []
+    results = []
     for name in estimate.samples:
         if name in codes.PARAMETERS:
             low, high = estimate.interval(INTERVAL_LEVEL)[name]
-            known = estimate.identified(name)
-            values = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])] if known else []
+            given = estimate.identified(name)
+            values = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])] if given else []
             values += [(codes.FIFTH_PERCENTILE, low), (codes.NINETY_FIFTH_PERCENTILE, high)]
-            found += [_number(codes.PARAMETERS[name], value, derivation) for derivation, value in values]
+            results += [_number(codes.PARAMETERS[name], value, derivation) for derivation, value in values]
     if estimate.presence is not None:
-        found.append(_number((codes.PROBABILITY, codes.ONE, "presence"), estimate.presence, None))
-    return found
+        results.append(_number((codes.PROBABILITY, codes.ONE, "presence"), estimate.presence, None))
+    return results
 
 
 def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[str, str, str] | None) -> Any:
@@ -75,16 +77,16 @@ def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[s
 
 def _sentences(estimate: Estimate) -> list[tuple[str, str]]:
     """Texts by our code; the sentence on what is identified holds numbers, so an untrusted one is not told."""
-    told = {name for name in codes.PARAMETERS if estimate.trusted and estimate.identified(name)}
-    loose = [name for name in estimate.samples if name not in told]
-    said = [("no-number", name) for name in loose]
-    said += [("flag", flag) for flag in estimate.flags]
+    reported = {name for name in codes.PARAMETERS if estimate.trusted and estimate.identified(name)}
+    loose = [name for name in estimate.samples if name not in reported]
+    messages = [("no-number", name) for name in loose]
+    messages += [("flag", flag) for flag in estimate.flags]
     if estimate.trusted:
-        said.append(("identifiability", estimate.identifiability))
+        messages.append(("identifiability", estimate.identifiability))
     else:
-        said.append(("identifiability", NOT_TRUSTED))
-    said.append(("prior", estimate.prior))
-    return [(name, sentence) for name, sentence in said if sentence.strip()]
+        messages.append(("identifiability", NOT_TRUSTED))
+    messages.append(("prior", estimate.prior))
+    return [(name, message) for name, message in messages if message.strip()]
 
 
 def press_group(press: StoredPress, cover: ExportIdentity, source: Dataset, frame: int) -> Any:
@@ -103,17 +105,15 @@ def press_group(press: StoredPress, cover: ExportIdentity, source: Dataset, fram
         else [],
         source_images=[sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID, frames)],
     )
-    for name, word in [("role", press.role), *(("flag", flag) for flag in press.flags)]:
-        group[0].ContentSequence.append(text(name, word))
+    for name, term in [("role", press.role), *(("flag", flag) for flag in press.flags)]:
+        group[0].ContentSequence.append(text(name, term))
     return group
 
 
-def text(name: str, sentence: str) -> Any:
+def text(name: str, message: str) -> Any:
     """A sentence under one of our codes."""
     sr = highdicom("sr")
-    return sr.TextContentItem(
-        name=codes.own(name), value=sentence, relationship_type=sr.RelationshipTypeValues.CONTAINS
-    )
+    return sr.TextContentItem(name=codes.own(name), value=message, relationship_type=sr.RelationshipTypeValues.CONTAINS)
 
 
 def _tracking(what: str, cover: ExportIdentity, identity: str) -> Any:
@@ -138,19 +138,19 @@ NO_DATE, NO_TIME = "19000101", "000000"  # a report must have a time; this one s
 OF_NOW = ("InstanceCreationDate", "InstanceCreationTime", "ContributingEquipmentSequence")
 
 
-def has_report(dossier: TargetRecord) -> bool:
+def has_report(record: TargetRecord) -> bool:
     """Whether there is anything to report: an estimate, a force, or a flag."""
-    return bool(dossier.estimates) or any(press.force_n is not None or press.flags for press in dossier.presses)
+    return bool(record.estimates) or any(press.force_n is not None or press.flags for press in record.presses)
 
 
-def report(dossier: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Dataset:
+def report(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Dataset:
     """The report on images that are exported with it; it has no UID of its own yet."""
-    made = max([stored.made for stored in dossier.in_force] or [press.taken for press in dossier.presses])
-    date, time = cover.moment(made) or (NO_DATE, NO_TIME)
+    created = max([stored.made for stored in record.in_force] or [press.taken for press in record.presses])
+    date, time = cover.moment(created) or (NO_DATE, NO_TIME)
     sr = highdicom("sr")
     document: Dataset = sr.ComprehensiveSR(
         evidence=[image for _, image in images],
-        content=_content(dossier, cover, images)[0],
+        content=_content(record, cover, images)[0],
         series_instance_uid=deterministic_uid("series", cover.key, "report"),
         series_number=SERIES,
         sop_instance_uid=deterministic_uid("unsealed"),
@@ -164,25 +164,27 @@ def report(dossier: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[
         ],
     )
     described = "Estimate and forces, research use only"
-    describe(document, cover, Series(number=SERIES, what="report", description=described, modality="SR", started=made))
+    describe(
+        document, cover, Series(number=SERIES, what="report", description=described, modality="SR", started=created)
+    )
     for what in OF_NOW:
         del document[what]
     document.ContentDate, document.ContentTime = date, time
     return document
 
 
-def _content(dossier: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Any:
+def _content(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Any:
     sr = highdicom("sr")
-    places = {  # by the press itself: two may share a frame, and those of no store have no identity
+    positions = {  # by the press itself: two may share a frame, and those of no store have no identity
         id(press): (image, number) for stack, image in images for number, press in enumerate(stack.presses, 1)
     }
     groups = [
         estimate_group(stored, cover, [image for stack, image in images if stack.holds(stored.presses)])
-        for stored in dossier.in_force
+        for stored in record.in_force
     ]
     groups += [
-        press_group(press, cover, *places[id(press)])
-        for press in dossier.presses
+        press_group(press, cover, *positions[id(press)])
+        for press in record.presses
         if press.force_n is not None or press.flags
     ]
     content = sr.MeasurementReport(

@@ -78,10 +78,10 @@ def _check_address(url: str, *, allow_plain_http: bool) -> bool:
     try:
         parts = urlsplit(url)
         host = parts.hostname or ""
-        known = parts.scheme in ("http", "https") and host and parts.port != 0
+        given = parts.scheme in ("http", "https") and host and parts.port != 0
     except ValueError:
-        known, host = False, ""
-    if not known or parts.username is not None or parts.query or parts.fragment:
+        given, host = False, ""
+    if not given or parts.username is not None or parts.query or parts.fragment:
         raise InputError(
             "url must be the http or https address of a DICOMweb service, without name, password or query; "
             f"got {url!r:.200}"
@@ -125,7 +125,7 @@ def _check_answer(response: Any, **_: Any) -> None:
 def _store(client: Any, file: DicomFile, url: str, timeout_s: float) -> None:
     errors = import_extra("requests.exceptions", feature="STOW-RS", extra="dicom")
     try:
-        answer = client.store_instances([file.dataset()])
+        response = client.store_instances([file.dataset()])
     except errors.HTTPError as error:
         raise RecordsError(_refusal(error.response, file, url)) from error
     except errors.Timeout as error:
@@ -138,8 +138,8 @@ def _store(client: Any, file: DicomFile, url: str, timeout_s: float) -> None:
         raise RecordsError(
             f"{url} must answer as a DICOMweb service does; it did not at {file.name}: {error}"
         ) from error
-    failed = answer.get("FailedSOPSequence")
-    stored = {str(item.get("ReferencedSOPInstanceUID")) for item in answer.get("ReferencedSOPSequence") or []}
+    failed = response.get("FailedSOPSequence")
+    stored = {str(item.get("ReferencedSOPInstanceUID")) for item in response.get("ReferencedSOPSequence") or []}
     if failed or file.sop_instance_uid not in stored:
         reason = failed[0].get("FailureReason") if failed else None
         why = f"failure reason 0x{reason:04X}" if reason is not None else "it does not say that it stored it"
@@ -165,5 +165,5 @@ def _cause(error: BaseException) -> str:
     while getattr(reason, "args", None) and isinstance(reason.args[0], BaseException):
         reason = reason.args[0]
     reason = getattr(reason, "reason", reason)
-    said = str(reason).rpartition(": ")[2] or type(error).__name__
-    return said[:200]
+    message = str(reason).rpartition(": ")[2] or type(error).__name__
+    return message[:200]

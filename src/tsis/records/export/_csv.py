@@ -90,31 +90,31 @@ def target_rows(target: Target) -> list[list[Any]]:
     return [list(row), list(row.values())]
 
 
-def press_rows(dossier: TargetRecord, frame_files: Sequence[str]) -> list[Sequence[Any]]:
+def press_rows(record: TargetRecord, frame_files: Sequence[str]) -> list[Sequence[Any]]:
     """Headings and one row a press."""
     rows: list[Sequence[Any]] = [PRESS_HEADINGS]
-    for number, (press, file) in enumerate(zip(dossier.presses, frame_files, strict=True), start=1):
+    for number, (press, file) in enumerate(zip(record.presses, frame_files, strict=True), start=1):
         pixel = (None, None) if press.mm_per_pixel is None else press.mm_per_pixel
-        known = [number, press.role, press.taken.isoformat(), _float(press.force_n), *map(_float, pixel)]
-        known += [*map(_float, press.axis_px), press.rows, press.columns, _float(press.full_scale)]
-        said = [press.probe, " ".join(press.flags), press.name, press.note, file, press.frame, press.calibration]
+        existing = [number, press.role, press.taken.isoformat(), _float(press.force_n), *map(_float, pixel)]
+        existing += [*map(_float, press.axis_px), press.rows, press.columns, _float(press.full_scale)]
+        messages = [press.probe, " ".join(press.flags), press.name, press.note, file, press.frame, press.calibration]
         settings = json.dumps(free_to_plain(press.settings, "settings"), sort_keys=True, allow_nan=False)
-        rows.append([*known, *said, settings, press.id, press.version])
+        rows.append([*existing, *messages, settings, press.id, press.version])
     return rows
 
 
-def estimate_rows(dossier: TargetRecord) -> list[Sequence[Any]]:
+def estimate_rows(record: TargetRecord) -> list[Sequence[Any]]:
     """Headings and one row an estimate and parameter."""
     rows: list[Sequence[Any]] = [ESTIMATE_HEADINGS]
-    for number, stored in enumerate(dossier.estimates, start=1):
-        rows += _parameter_rows(number, stored, in_force=stored in dossier.in_force)
+    for number, stored in enumerate(record.estimates, start=1):
+        rows += _parameter_rows(number, stored, in_force=stored in record.in_force)
     return rows
 
 
 def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> Iterator[list[Any]]:
-    found = stored.estimate
-    numbers = _numbers(found)
-    for name in found.samples:
+    result = stored.estimate
+    numbers = _numbers(result)
+    for name in result.samples:
         yield [
             number,
             in_force,
@@ -123,11 +123,11 @@ def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> I
             name,
             unit_of(name),
             *numbers[name],
-            found.identified(name),
-            found.trusted,
-            _float(found.presence) if found.trusted else None,
-            " ".join(found.flags),
-            " ".join(found.notes),
+            result.identified(name),
+            result.trusted,
+            _float(result.presence) if result.trusted else None,
+            " ".join(result.flags),
+            " ".join(result.notes),
             stored.probe,
             " ".join(stored.presses),
             stored.calibration,
@@ -136,14 +136,14 @@ def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> I
         ]
 
 
-def _numbers(found: Estimate) -> dict[str, list[Any]]:
+def _numbers(estimate: Estimate) -> dict[str, list[Any]]:
     """Mean, sd, interval, prior sd, Cramer-Rao sd and narrowing of each parameter; the prior alone if not trusted."""
-    if not found.trusted:
-        return {name: [None] * 4 + [_float(prior), None, None] for name, prior in found.prior_sd.items()}
-    mean, sd, narrowing, interval = found.mean, found.sd, found.narrowing, found.interval(INTERVAL_LEVEL)
+    if not estimate.trusted:
+        return {name: [None] * 4 + [_float(prior), None, None] for name, prior in estimate.prior_sd.items()}
+    mean, sd, narrowing, interval = estimate.mean, estimate.sd, estimate.narrowing, estimate.interval(INTERVAL_LEVEL)
     rows: dict[str, list[Any]] = {}
-    for name, prior in found.prior_sd.items():
-        bound = found.cramer_rao_sd.get(name)
+    for name, prior in estimate.prior_sd.items():
+        bound = estimate.cramer_rao_sd.get(name)
         least = "infinite" if bound == math.inf else _float(bound)
         rows[name] = [mean[name], sd[name], *interval[name], _float(prior), least, narrowing[name]]
     return rows
@@ -201,11 +201,11 @@ def table_bytes(rows: Sequence[Sequence[Any]]) -> bytes:
     """Rows as RFC 4180 wants them, the first being the headings."""
     out = io.StringIO(newline="")
     writer = csv.writer(out, lineterminator="\r\n")
-    writer.writerows([cell(each) for each in row] for row in rows)
+    writer.writerows([cell(item) for item in row] for row in rows)
     return out.getvalue().encode()
 
 
-def csv_files(dossier: TargetRecord) -> dict[str, bytes]:
+def csv_files(record: TargetRecord) -> dict[str, bytes]:
     """Every file of the export by its name, frames and all: `write_csv` does not hold all of them at once.
 
     Raises
@@ -213,10 +213,10 @@ def csv_files(dossier: TargetRecord) -> dict[str, bytes]:
     RecordsError
         When a frame is not what its press says.
     """
-    return dict(_parts(dossier))
+    return dict(_parts(record))
 
 
-def write_csv(dossier: TargetRecord, folder: str | os.PathLike[str]) -> None:
+def write_csv(record: TargetRecord, folder: str | os.PathLike[str]) -> None:
     """Write the files into a new folder, frame by frame; it appears whole or not at all.
 
     Raises
@@ -228,13 +228,13 @@ def write_csv(dossier: TargetRecord, folder: str | os.PathLike[str]) -> None:
     """
     with export_folder(folder) as draft:
         (draft / "frames").mkdir()
-        for name, content in _parts(dossier):
+        for name, content in _parts(record):
             (draft / name).write_bytes(content)
 
 
-def _parts(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
+def _parts(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
     entries: dict[str, dict[str, Any]] = {}
-    for name, content in _content(dossier):
+    for name, content in _content(record):
         entries[name] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
         yield name, content
     manifest = {
@@ -247,16 +247,16 @@ def _parts(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
     yield "manifest.json", (json.dumps(manifest, indent=2) + "\n").encode()
 
 
-def _content(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
-    names = frame_names(dossier)
-    yield "target.csv", table_bytes(target_rows(dossier.target))
-    yield "presses.csv", table_bytes(press_rows(dossier, names))
-    yield "estimates.csv", table_bytes(estimate_rows(dossier))
-    yield "README.txt", README.format(number=dossier.target.number).encode()
-    for press, name in zip(dossier.presses, names, strict=True):
-        yield name, frame_png(dossier, press)
+def _content(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
+    names = frame_names(record)
+    yield "target.csv", table_bytes(target_rows(record.target))
+    yield "presses.csv", table_bytes(press_rows(record, names))
+    yield "estimates.csv", table_bytes(estimate_rows(record))
+    yield "README.txt", README.format(number=record.target.number).encode()
+    for press, name in zip(record.presses, names, strict=True):
+        yield name, frame_png(record, press)
 
 
-def frame_names(dossier: TargetRecord) -> list[str]:
+def frame_names(record: TargetRecord) -> list[str]:
     """Name of the file of each press's frame."""
-    return [f"frames/{number:05d}-{press.role}.png" for number, press in enumerate(dossier.presses, start=1)]
+    return [f"frames/{number:05d}-{press.role}.png" for number, press in enumerate(record.presses, start=1)]

@@ -38,9 +38,9 @@ def urn(kind: str, identity: str) -> str:
     return f"urn:uuid:{uuid5(ROOT, f'{kind}/{identity}')}"
 
 
-def concept(code: str, words: str) -> Resource:
+def concept(code: str, text: str) -> Resource:
     """A concept of this program's own."""
-    return {"coding": [{"system": CODES, "code": code, "display": words}], "text": words}
+    return {"coding": [{"system": CODES, "code": code, "display": text}], "text": text}
 
 
 def quantity(name: str, value: float) -> Resource:
@@ -56,9 +56,9 @@ def absent(code: str, why: str) -> Resource:
     return {"coding": [{"system": ABSENT, "code": code}], "text": why}
 
 
-def component(code: str, words: str, name: str, value: float) -> Resource:
+def component(code: str, text: str, name: str, value: float) -> Resource:
     """A part of an observation: a number in the unit of ``name``, or the reason why there is none."""
-    coded: Resource = {"code": concept(code, words)}
+    coded: Resource = {"code": concept(code, text)}
     if not math.isfinite(value):
         return coded | {"dataAbsentReason": absent("positive-infinity", "infinite: the data tell nothing of it")}
     return coded | {"valueQuantity": quantity(name, value)}
@@ -88,20 +88,20 @@ UNIDENTIFIED = "not identified: the data tell hardly more than was believed befo
 def force_observation(press: StoredPress, subject: Resource, device: Resource, *, identified: bool) -> Resource:
     """The force of one press."""
     assert press.force_n is not None
-    seen = {"derivedFrom": [hashed(press.frame, "Frame")]} if SHA256.fullmatch(press.frame) else {}
+    observed = {"derivedFrom": [hashed(press.frame, "Frame")]} if SHA256.fullmatch(press.frame) else {}
     return {
         **_frame_of("force_n", "Force of a press", subject, device, press.taken, identified=identified),
         "method": {"text": FORCE_METHOD},
         "valueQuantity": quantity("force_n", press.force_n),
-        **seen,
+        **observed,
     }
 
 
 def estimate_observations(
-    dossier: TargetRecord, stored: StoredEstimate, subject: Resource, device: Resource, *, identified: bool
+    record: TargetRecord, stored: StoredEstimate, subject: Resource, device: Resource, *, identified: bool
 ) -> list[Resource]:
     """One observation a parameter, and one of the probability that there is anything at all."""
-    presses = [each for each in dossier.presses if each.id in set(stored.presses)]
+    presses = [press for press in record.presses if press.id in set(stored.presses)]
     when = max((press.taken for press in presses), default=stored.made)
     sources = [hashed(press.frame, "Frame") for press in presses if SHA256.fullmatch(press.frame)]
     if SHA256.fullmatch(stored.calibration):
@@ -111,14 +111,14 @@ def estimate_observations(
         common["derivedFrom"] = sources
     if identified:
         common["issued"] = stored.made.isoformat(timespec="seconds")
-    found = []
+    results = []
     for name in stored.estimate.samples:
         frame = _frame_of(name, words(name), subject, device, when, identified=identified)
-        found.append(frame | common | _value(stored, name))
+        results.append(frame | common | _value(stored, name))
     if stored.estimate.presence is not None:
         frame = _frame_of("presence", "Probability of presence", subject, device, when, identified=identified)
-        found.append(frame | common | _presence(stored, stored.estimate.presence))
-    return found
+        results.append(frame | common | _presence(stored, stored.estimate.presence))
+    return results
 
 
 def _frame_of(
@@ -140,10 +140,10 @@ def _frame_of(
 
 def _value(stored: StoredEstimate, name: str) -> Resource:
     """The mean with its interval; what may not be used is not there."""
-    found = stored.estimate
-    if not found.trusted:
+    result = stored.estimate
+    if not result.trusted:
         return {"dataAbsentReason": absent("error", UNTRUSTED)}
-    low, high = found.interval(INTERVAL_LEVEL)[name]
+    low, high = result.interval(INTERVAL_LEVEL)[name]
     tail = (1 - INTERVAL_LEVEL) / 2
     parts = [
         component(
@@ -152,15 +152,15 @@ def _value(stored: StoredEstimate, name: str) -> Resource:
         component(
             "interval-high", f"{INTERVAL_LEVEL:.0%} credible interval, upper end ({1 - tail:.0%} quantile)", name, high
         ),
-        component("sd", "Standard deviation of the posterior", name, found.sd[name]),
-        component("prior-sd", "Standard deviation of the prior", name, found.prior_sd[name]),
+        component("sd", "Standard deviation of the posterior", name, result.sd[name]),
+        component("prior-sd", "Standard deviation of the prior", name, result.prior_sd[name]),
     ]
-    if name in found.cramer_rao_sd:
-        bound = found.cramer_rao_sd[name]
+    if name in result.cramer_rao_sd:
+        bound = result.cramer_rao_sd[name]
         parts.append(component("cramer-rao-sd", "Least standard deviation of any unbiased estimate", name, bound))
-    if not found.identified(name):
+    if not result.identified(name):
         return {"dataAbsentReason": absent("unknown", UNIDENTIFIED), "component": parts}
-    return {"valueQuantity": quantity(name, found.mean[name]), "component": parts}
+    return {"valueQuantity": quantity(name, result.mean[name]), "component": parts}
 
 
 def _presence(stored: StoredEstimate, presence: float) -> Resource:
@@ -169,12 +169,12 @@ def _presence(stored: StoredEstimate, presence: float) -> Resource:
     return {"valueQuantity": quantity("presence", presence)}
 
 
-def fhir_observations(dossier: TargetRecord, *, identified: bool = False) -> bytes:
+def fhir_observations(record: TargetRecord, *, identified: bool = False) -> bytes:
     """A FHIR Bundle of type ``collection`` as JSON, valid as R4B and as R5.
 
     Parameters
     ----------
-    dossier
+    record
         Target, presses and estimates; of each kind of estimate the last is told.
     identified
         Whether times, kind, number and label of the target are told. Otherwise times are masked, a pseudonym stands
@@ -184,43 +184,43 @@ def fhir_observations(dossier: TargetRecord, *, identified: bool = False) -> byt
     -----
     A phantom is a Device, a subject a Patient of whom nothing but a pseudonym is known. Free text never leaves.
     """
-    dossier = dossier if identified else deidentified(dossier)
-    subject = {"reference": urn("target", dossier.target.id or str(dossier.target.number))}
-    entries = [(subject["reference"], _subject(dossier, identified=identified))]
-    entries += [(urn("probe", name), _probe(name)) for name in _probes(dossier)]
-    for number, press in enumerate(dossier.presses):
+    record = record if identified else deidentified(record)
+    subject = {"reference": urn("target", record.target.id or str(record.target.number))}
+    entries = [(subject["reference"], _subject(record, identified=identified))]
+    entries += [(urn("probe", name), _probe(name)) for name in _probes(record)]
+    for number, press in enumerate(record.presses):
         if press.force_n is not None:
             name = urn("force", press.id or f"{subject['reference']}/{number}")
             device: Resource = {"reference": urn("probe", press.probe)}
             entries.append((name, force_observation(press, dict(subject), device, identified=identified)))
-    for stored in dossier.in_force:
+    for stored in record.in_force:
         device = {"reference": urn("probe", stored.probe)}
-        made = estimate_observations(dossier, stored, dict(subject), device, identified=identified)
+        created = estimate_observations(record, stored, dict(subject), device, identified=identified)
         name = stored.id or f"{subject['reference']}/{stored.kind}"
-        entries += [(urn("estimate", f"{name}/{number}"), each) for number, each in enumerate(made)]
+        entries += [(urn("estimate", f"{name}/{number}"), item) for number, item in enumerate(created)]
     bundle: Resource = {"resourceType": "Bundle", "type": "collection"}
-    times = [press.taken for press in dossier.presses] + [stored.made for stored in dossier.estimates]
+    times = [press.taken for press in record.presses] + [stored.made for stored in record.estimates]
     if identified and times:
         bundle["timestamp"] = max(times).astimezone(UTC).isoformat(timespec="seconds")
     bundle["entry"] = [{"fullUrl": name, "resource": resource} for name, resource in entries]
     return (json.dumps(bundle, indent=2, allow_nan=False) + "\n").encode()
 
 
-def _probes(dossier: TargetRecord) -> list[str]:
-    names = [press.probe for press in dossier.presses if press.force_n is not None]
-    return sorted({*names, *(stored.probe for stored in dossier.in_force)})
+def _probes(record: TargetRecord) -> list[str]:
+    names = [press.probe for press in record.presses if press.force_n is not None]
+    return sorted({*names, *(stored.probe for stored in record.in_force)})
 
 
-def _subject(dossier: TargetRecord, *, identified: bool) -> Resource:
-    target = dossier.target
-    known = [{"system": TARGETS, "value": shown_identity(target) if identified else target.id}]
+def _subject(record: TargetRecord, *, identified: bool) -> Resource:
+    target = record.target
+    existing = [{"system": TARGETS, "value": shown_identity(target) if identified else target.id}]
     if identified and target.name:
-        known.append({"system": TARGETS, "value": target.name})
+        existing.append({"system": TARGETS, "value": target.name})
     if target.kind == "subject":
-        return {"resourceType": "Patient", "identifier": known}
+        return {"resourceType": "Patient", "identifier": existing}
     return {
         "resourceType": "Device",
-        "identifier": known,
+        "identifier": existing,
         "status": "active",
         "modelNumber": "phantom",
         "note": [{"text": RESEARCH_USE_ONLY}],

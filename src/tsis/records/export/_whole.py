@@ -29,8 +29,8 @@ def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     FileInputError
         When there is something of that name, or it cannot be written.
     """
-    wanted = as_path(path)
-    with _refusing(wanted), atomic_file(wanted) as draft:
+    requested = as_path(path)
+    with _refusing(requested), atomic_file(requested) as draft:
         yield draft
 
 
@@ -43,25 +43,27 @@ def export_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     FileInputError
         When there is something of that name, or it cannot be written.
     """
-    wanted = as_path(path)
-    with _refusing(wanted), atomic_folder(wanted) as draft:
+    requested = as_path(path)
+    with _refusing(requested), atomic_folder(requested) as draft:
         yield draft
 
 
 @contextmanager
-def _refusing(wanted: Path) -> Iterator[None]:
+def _refusing(requested: Path) -> Iterator[None]:
     try:
         yield
     except FileExistsError as error:
         raise FileInputError(
-            f"{printable_path(wanted)} must be a new name; there is such a file or folder (choose another)"
+            f"{printable_path(requested)} must be a new name; there is such a file or folder (choose another)"
         ) from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileInputError(f"{printable_path(wanted)} must be a place that can be written; got: {reason}") from error
+        raise FileInputError(
+            f"{printable_path(requested)} must be a place that can be written; got: {reason}"
+        ) from error
 
 
-def frame_png(dossier: TargetRecord, press: StoredPress) -> bytes:
+def frame_png(record: TargetRecord, press: StoredPress) -> bytes:
     """The frame of a press as a grey PNG of as many bits as it has.
 
     Raises
@@ -69,4 +71,4 @@ def frame_png(dossier: TargetRecord, press: StoredPress) -> bytes:
     RecordsError
         When the stored frame is not what its press says.
     """
-    return bytes(cv2.imencode(".png", dossier.levels(press), QUICK_PNG)[1].tobytes())
+    return bytes(cv2.imencode(".png", record.levels(press), QUICK_PNG)[1].tobytes())

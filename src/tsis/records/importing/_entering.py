@@ -24,7 +24,7 @@ EDITABLE = ("role", "force_n")  # of these; the others are as they came
 
 
 def differing_notes(
-    frames: Sequence[IncomingPress], held: Sequence[StoredPress | None], number: int
+    frames: Sequence[IncomingPress], presses: Sequence[StoredPress | None], number: int
 ) -> tuple[str, ...]:
     """One sentence for each thing that is said of frames otherwise than it is stored, with what to do about it.
 
@@ -32,13 +32,13 @@ def differing_notes(
     ----------
     frames
         What was to be entered.
-    held
+    presses
         The press of each that was there already; None for others.
     number
         Of the target.
     """
-    pairs = ((each, press) for each, press in zip(frames, held, strict=True) if press is not None)
-    counts = Counter(name for each, press in pairs for name in _differences(each, press))
+    pairs = ((frame, press) for frame, press in zip(frames, presses, strict=True) if press is not None)
+    counts = Counter(name for item, press in pairs for name in _differences(item, press))
     edit, anew = f"tsis records edit {number} --press", "tsis records import --target new"
     return tuple(
         f"{name} of {count} that {'was' if count == 1 else 'were'} there already is stored otherwise and stays so "
@@ -57,16 +57,16 @@ def truth_note(truth: Mapping[str, float], target: Target) -> tuple[str, ...]:
     )
 
 
-def _differences(each: IncomingPress, press: StoredPress) -> Iterator[str]:
+def _differences(item: IncomingPress, press: StoredPress) -> Iterator[str]:
     """Names of what was said and is not so; what nobody said is no difference."""
-    known = None if each.calibration is None else calibration_sha256(each.calibration)
-    said: Iterable[tuple[str, object, object]] = (
-        ("role", each.role, press.role),
-        ("force_n", each.force_n, press.force_n),
-        ("mm_per_pixel", each.mm_per_pixel, press.mm_per_pixel),
-        ("calibration", known, press.calibration),
+    given = None if item.calibration is None else calibration_sha256(item.calibration)
+    message: Iterable[tuple[str, object, object]] = (
+        ("role", item.role, press.role),
+        ("force_n", item.force_n, press.force_n),
+        ("mm_per_pixel", item.mm_per_pixel, press.mm_per_pixel),
+        ("calibration", given, press.calibration),
     )
-    for name, now, stored in said:
+    for name, now, stored in message:
         if now is not None and now != stored:
             yield name
 
@@ -123,10 +123,12 @@ class Entering:
     @property
     def sentence(self) -> str:
         """What is stored by now."""
-        told = f"{self.stored} of {self.total} presses are stored and stay"
+        reported = f"{self.stored} of {self.total} presses are stored and stay"
         if not self.apart or not self.targets:
-            return f"{told} (the same import goes on from there)"
-        return f"{told}, the last in target {self.targets[-1]} (go on with --target {self.targets[-1]} for its files)"
+            return f"{reported} (the same import goes on from there)"
+        return (
+            f"{reported}, the last in target {self.targets[-1]} (go on with --target {self.targets[-1]} for its files)"
+        )
 
 
 def require_enterable(batches: Iterable[ImportBatch], kind: str, target: int | None = None) -> None:
@@ -145,7 +147,7 @@ def enter(
     batches: Sequence[ImportBatch],
     *,
     target: int | None = None,
-    apart: bool = False,
+    difference: bool = False,
     tally: Entering | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Entered, ...]:
@@ -163,7 +165,7 @@ def enter(
     target
         Number of the target for all of them, entered where there is none; by default the one that the files name, else
         the one that holds all presses on the target of a batch already, else a new one for each.
-    apart
+    difference
         Whether to enter a new target for each, whatever number its files name and wherever its frames are.
     tally
         Kept up to date while it goes.
@@ -178,12 +180,13 @@ def enter(
         When a batch does not belong into this store; nothing was stored then.
     """
     tally = tally or Entering()
-    tally.apart = apart
+    tally.apart = difference
     tally.total = sum(_size(batch) for batch in batches)
     require_enterable(batches, store.kind, target)
     try:
         return tuple(
-            _entered(store, batch, target or (None if apart else batch.number), tally, progress) for batch in batches
+            _entered(store, batch, target or (None if difference else batch.number), tally, progress)
+            for batch in batches
         )
     except TsisError as error:
         raise RecordsError(f"{error}; {tally.sentence}") from error
@@ -199,24 +202,24 @@ def _entered(
     if batch.dossier is not None:
         return _taken_in(store, batch, batch.dossier, tally, progress)
     stored = () if tally.apart else stored_frames(store, batch.presses)
-    target = _target(store, batch, number, stored, apart=tally.apart)
+    target = _target(store, batch, number, stored, difference=tally.apart)
     new = target is None
     if target is None:
-        first = [each.image() for each in batch.presses[:1]]
+        first = [press.image() for press in batch.presses[:1]]
         target = new_target(store, first, number=number, name=batch.name, truth=batch.truth)
     tally.targets.append(target.number)
     held = matched(batch.presses, [press for press in stored if press.target == target.id])
     presses = []
-    for each, there in zip(batch.presses, held, strict=True):
+    for item, there in zip(batch.presses, held, strict=True):
         if there is None:
-            presses.append(_stored(store, target, each))
+            presses.append(_stored(store, target, item))
             tally.stored += 1
         else:
             presses.append(there)
         tally.done += 1
         if progress is not None:
             progress(tally.done, tally.total)
-    present = sum(1 for each in held if each is not None)
+    present = sum(1 for item in held if item is not None)
     notes = (*truth_note(batch.truth, target), *differing_notes(batch.presses, held, target.number))
     return Entered(
         batch=replace(batch, notes=(*batch.notes, *notes)),
@@ -230,10 +233,10 @@ def _entered(
 
 
 def _target(
-    store: Store, batch: ImportBatch, number: int | None, stored: Sequence[StoredPress], *, apart: bool
+    store: Store, batch: ImportBatch, number: int | None, stored: Sequence[StoredPress], *, difference: bool
 ) -> Target | None:
     """Where a batch goes; None for a target that is yet to be entered."""
-    if apart:
+    if difference:
         return None
     return holding(store, batch.presses, stored) if number is None else numbered(store, number)
 
@@ -245,7 +248,7 @@ def _size(batch: ImportBatch) -> int:
 def _taken_in(
     store: Store,
     batch: ImportBatch,
-    dossier: TargetRecord,
+    record: TargetRecord,
     tally: Entering,
     progress: Callable[[int, int], None] | None,
 ) -> Entered:
@@ -256,65 +259,65 @@ def _taken_in(
         if progress is not None:
             progress(tally.done, tally.total)
 
-    taken = store.take_in(dossier, progress=count)
+    taken = store.take_in(record, progress=count)
     tally.stored += taken.presses
     notes = batch.notes
     if taken.differing:
         notes += (f"{taken.differing} of what was there already says something else here, and stays as it is here",)
-    if taken.target.number != dossier.target.number:
-        notes += (f"number {dossier.target.number} is that of another target here",)
+    if taken.target.number != record.target.number:
+        notes += (f"number {record.target.number} is that of another target here",)
     return Entered(
         batch=replace(batch, notes=notes),
         target=taken.target,
         new=taken.new,
         added=taken.presses,
-        present=len(dossier.presses) - taken.presses,
+        present=len(record.presses) - taken.presses,
         estimates=taken.estimates,
     )
 
 
-def _stored(store: Store, target: Target, each: IncomingPress) -> StoredPress:
+def _stored(store: Store, target: Target, press: IncomingPress) -> StoredPress:
     return store.add_press(
         target,
-        each.image(),
-        role=each.role,
-        taken=each.taken,
-        probe=each.probe,
-        calibration=each.calibration,
-        flags=each.flags,
+        press.image(),
+        role=press.role,
+        taken=press.taken,
+        probe=press.probe,
+        calibration=press.calibration,
+        flags=press.flags,
     )
 
 
 def _estimated(store: Store, target: Target, batch: ImportBatch, presses: Sequence[StoredPress]) -> int:
     """Store the estimate of a batch, unless there is none or one of the same presses is there; how many were stored."""
-    wanted = batch.estimate
-    if wanted is None:
+    requested = batch.estimate
+    if requested is None:
         return 0
     from tsis.records._estimation import EstimationRequest, estimate_stored  # heavy, and most imports estimate nothing
 
-    dossier = store.dossier(target)
+    record = store.dossier(target)
     rests_on = used(presses)
     identities = {press.id for press in rests_on}
-    if any(set(each.presses) == identities and each.kind == wanted.kind for each in dossier.estimates):
+    if any(set(estimate.presses) == identities and estimate.kind == requested.kind for estimate in record.estimates):
         return 0
-    answer = estimate_stored(
-        dossier,
+    response = estimate_stored(
+        record,
         EstimationRequest(
-            kind=wanted.kind,
-            probe=wanted.probe,
+            kind=requested.kind,
+            probe=requested.probe,
             presses=rests_on,
-            calibration=calibration_sha256(wanted.calibration),
-            options=wanted.options,
+            calibration=calibration_sha256(requested.calibration),
+            options=requested.options,
         ),
     )
     enter_estimate(
         store,
         target,
-        answer.estimate,
-        kind=wanted.kind,
+        response.estimate,
+        kind=requested.kind,
         presses=presses,
-        probe=wanted.probe,
-        calibration=wanted.calibration,
-        options=answer.options,
+        probe=requested.probe,
+        calibration=requested.calibration,
+        options=response.options,
     )
     return 1

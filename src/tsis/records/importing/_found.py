@@ -255,8 +255,8 @@ def written(path: Path) -> datetime:
 def stored_calibration(store: Store, cited: str) -> ProbeCalibration | None:
     """The calibration of that identity in a store; None where it is not in it, `RecordsError` when it is damaged."""
     with store.database.reading() as connection:
-        found = connection.execute(select(calibration_table.c.id).where(calibration_table.c.id == cited)).first()
-    return None if found is None else store.calibration(cited)
+        result = connection.execute(select(calibration_table.c.id).where(calibration_table.c.id == cited)).first()
+    return None if result is None else store.calibration(cited)
 
 
 def cited_calibration(
@@ -275,16 +275,16 @@ def cited_calibration(
         return given.calibration, ()
     if not isinstance(citation, dict) or not isinstance(citation.get("sha256"), str):
         raise FileInputError(f"{printable_path(source)} must cite its calibration by its SHA-256; got {citation!r:.80}")
-    wanted = citation["sha256"]
+    requested = citation["sha256"]
     if given.calibration is not None:
-        if calibration_sha256(given.calibration) != wanted:
+        if calibration_sha256(given.calibration) != requested:
             raise InputError(
-                f"--calibration must be the one that {printable_path(source)} cites, {wanted[:12]}; got "
+                f"--calibration must be the one that {printable_path(source)} cites, {requested[:12]}; got "
                 f"{calibration_sha256(given.calibration)[:12]} (leave it out, or find the other)"
             )
         return given.calibration, ()
-    found = given.calibration_of(wanted)
-    if found is not None:
-        return found, ()
+    result = given.calibration_of(requested)
+    if result is not None:
+        return result, ()
     name = str(citation.get("name", ""))[:60]
-    return None, (f"the calibration {name!r} ({wanted[:12]}) is not in this store: give its file by --calibration",)
+    return None, (f"the calibration {name!r} ({requested[:12]}) is not in this store: give its file by --calibration",)

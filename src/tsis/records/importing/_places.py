@@ -101,13 +101,13 @@ def find_import_batches(
     sidecars = {path: sidecar_of(path) for path in files if path not in zipped}
     named = dict.fromkeys(path for path in sidecars.values() if path is not None)
     images = [path for path, sidecar in sidecars.items() if sidecar is None]
-    found = chain(
+    result = chain(
         *(_folder(folder, given, count) for folder in folders),
         *(_bundle(path) for path in zipped),
         snapshots(named, given, count),
         [image_files(images, given, count)] if images else (),
     )
-    return tuple(found)
+    return tuple(result)
 
 
 def _is_folder(path: Path) -> bool:
@@ -124,16 +124,16 @@ def _folder(folder: Path, given: ImportOptions, count: Callable[[], None]) -> tu
         return (result_folder(folder, count),)
     if (folder / RECORDING_INDEX).exists() or (folder / RECORDING_SUMMARY).exists():
         return (recording(folder, given, count),)
-    found = snapshot_folder(folder, given, count)
-    if not found:
+    result = snapshot_folder(folder, given, count)
+    if not result:
         raise FileInputError(
             f"{printable_path(folder)} must be a folder that tsis wrote (demo, acquire, records export "
             f"--format bundle); it "
             "holds nothing of these (name image files one by one, with --role and what is known of them)"
         )
-    return found
+    return result
 
 
 def _bundle(path: Path) -> tuple[ImportBatch, ...]:
-    dossier = read_bundle(path)
-    return (ImportBatch(source=path, kind="bundle", presses=(), dossier=dossier),)
+    record = read_bundle(path)
+    return (ImportBatch(source=path, kind="bundle", presses=(), dossier=record),)

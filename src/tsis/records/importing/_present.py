@@ -28,11 +28,11 @@ def stored_frames(store: Store, frames: Sequence[IncomingPress]) -> tuple[Stored
     Another release of the library that packs frames gives the same levels another name; the file's own hash, where a
     press tells it, is still the same then.
     """
-    found = store.presses_of_frames([each.frame for each in frames])
-    known = {press.frame for press in found}
-    missing = {each.sha256: each.name for each in frames if each.frame not in known}
+    result = store.presses_of_frames([frame.frame for frame in frames])
+    given = {press.frame for press in result}
+    missing = {frame.sha256: frame.name for frame in frames if frame.frame not in given}
     further = _named(store, sorted(set(missing.values())))
-    return (*found, *(press for press in further if press.settings.get("sha256") in missing))
+    return (*result, *(press for press in further if press.settings.get("sha256") in missing))
 
 
 def matched(frames: Sequence[IncomingPress], presses: Iterable[StoredPress]) -> list[StoredPress | None]:
@@ -46,14 +46,14 @@ def matched(frames: Sequence[IncomingPress], presses: Iterable[StoredPress]) -> 
             for label in (press.name, press.taken):
                 where.setdefault((content, label), deque()).append(press)
     used: set[str] = set()
-    found: list[StoredPress | None] = []
-    for each in frames:
-        places = [(content, label) for label in (each.name, each.taken) for content in (each.frame, each.sha256)]
-        same = next((one for place in places if (one := _unused(where.get(place), used)) is not None), None)
+    result: list[StoredPress | None] = []
+    for frame in frames:
+        positions = [(content, label) for label in (frame.name, frame.taken) for content in (frame.frame, frame.sha256)]
+        same = next((item for position in positions if (item := _unused(where.get(position), used)) is not None), None)
         if same is not None:
             used.add(same.id)
-        found.append(same)
-    return found
+        result.append(same)
+    return result
 
 
 def holding(store: Store, frames: Sequence[IncomingPress], presses: Sequence[StoredPress]) -> Target | None:
@@ -70,18 +70,18 @@ def holding(store: Store, frames: Sequence[IncomingPress], presses: Sequence[Sto
     presses
         As of `stored_frames`.
     """
-    telling = [each for each in frames if each.role == "target"] or list(frames)
-    found: list[tuple[int, Target]] = []
+    reporting = [frame for frame in frames if frame.role == "target"] or list(frames)
+    result: list[tuple[int, Target]] = []
     for identity in dict.fromkeys(press.target for press in presses):
         own = [press for press in presses if press.target == identity]
-        told = sum(press is not None for press in matched(telling, own))
-        if told == 0:
+        reported = sum(press is not None for press in matched(reporting, own))
+        if reported == 0:
             continue
         target = _target(store, target_table.c.id == identity)
-        held = sum(press is not None for press in matched(frames, own))
-        if target is not None and (told == len(telling) or held == store.press_count(target)):
-            found.append((held, target))
-    return max(found, key=lambda each: (each[0], -each[1].number))[1] if found else None
+        stored = sum(press is not None for press in matched(frames, own))
+        if target is not None and (reported == len(reporting) or stored == store.press_count(target)):
+            result.append((stored, target))
+    return max(result, key=lambda item: (item[0], -item[1].number))[1] if result else None
 
 
 def _unused(candidates: deque[StoredPress] | None, used: set[str]) -> StoredPress | None:
@@ -91,12 +91,12 @@ def _unused(candidates: deque[StoredPress] | None, used: set[str]) -> StoredPres
 
 
 def _named(store: Store, names: Sequence[str]) -> list[StoredPress]:
-    found: list[StoredPress] = []
+    presses: list[StoredPress] = []
     with store.database.reading() as connection:
         for at in range(0, len(names), MOST_AT_ONCE):
             some = press_table.c.name.in_(names[at : at + MOST_AT_ONCE])
-            found += [press_of_row(row._asdict()) for row in connection.execute(press_query().where(some))]
-    return found
+            presses += [press_of_row(row._asdict()) for row in connection.execute(press_query().where(some))]
+    return presses
 
 
 def _target(store: Store, which: object) -> Target | None:

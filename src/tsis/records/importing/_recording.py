@@ -53,10 +53,10 @@ def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) 
     """
     summary = _summary(folder)
     rows = _rows(own_file(folder, RECORDING_INDEX))
-    kept = None if summary is None else summary["report"]["kept"]
-    if kept is not None and kept != len(rows):
+    saved = None if summary is None else summary["report"]["kept"]
+    if saved is not None and saved != len(rows):
         raise FileInputError(
-            f"{printable_path(folder / RECORDING_INDEX)} must tell of the {kept!r:.20} frames of the "
+            f"{printable_path(folder / RECORDING_INDEX)} must tell of the {saved!r:.20} frames of the "
             f"report; it tells of {len(rows)}"
         )
     known, notes = cited_calibration(folder / RECORDING_SUMMARY, (summary or {}).get("calibration"), given)

@@ -98,8 +98,8 @@ def result_folder(folder: Path, progress: Callable[[], None]) -> ImportBatch:
     except FileInputError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
-        said = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
-        raise FileInputError(f"{printable_path(source)} must be as tsis demo wrote it; {said}") from error
+        message = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
+        raise FileInputError(f"{printable_path(source)} must be as tsis demo wrote it; {message}") from error
 
 
 def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None]) -> ImportBatch:
@@ -110,14 +110,16 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
             f"one of {command!r:.40} "
             "(name the frames, or repeat the command with --keep)"
         )
-    told = document["estimate"]["provenance"]
-    known = read_calibration(own_file(folder, CALIBRATION_FILE))
-    probe, phantom = text(told["probe"], "name", "probe"), document["simulated"]["phantom"]
-    presses = list(_presses(folder, told, known, probe, progress))
+    reported = document["estimate"]["provenance"]
+    calibration = read_calibration(own_file(folder, CALIBRATION_FILE))
+    probe, phantom = text(reported["probe"], "name", "probe"), document["simulated"]["phantom"]
+    presses = list(_presses(folder, reported, calibration, probe, progress))
     inclusion = phantom.get("inclusion")
     truth = {} if inclusion is None else {name: number(inclusion, name, "inclusion") for name in TRUTH}
-    wanted = RequestedEstimate(kind="inclusion", probe=probe, calibration=known, options={"prior": dict(told["prior"])})
-    _require_estimable(wanted)
+    requested = RequestedEstimate(
+        kind="inclusion", probe=probe, calibration=calibration, options={"prior": dict(reported["prior"])}
+    )
+    _require_estimable(requested)
     return ImportBatch(
         source=folder,
         kind="virtual presses",
@@ -125,25 +127,25 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         name=text(phantom, "name", "phantom"),
         truth=truth,
         simulated=True,
-        estimate=wanted,
+        estimate=requested,
     )
 
 
-def _require_estimable(wanted: RequestedEstimate) -> None:
+def _require_estimable(estimate: RequestedEstimate) -> None:
     """Refuse what no estimate would take, before anything is stored."""
     from tsis.records._estimation import require_options  # heavy, and of no use to other imports
 
-    load_probe(wanted.probe)
-    wanted.calibration.known_response("")
-    require_options(wanted.kind, wanted.options)
+    load_probe(estimate.probe)
+    estimate.calibration.known_response("")
+    require_options(estimate.kind, estimate.options)
 
 
 def _presses(
-    folder: Path, told: dict[str, Any], known: ProbeCalibration, probe: str, progress: Callable[[], None]
+    folder: Path, document: dict[str, Any], calibration: ProbeCalibration, probe: str, progress: Callable[[], None]
 ) -> Iterator[IncomingPress]:
     taken = written(folder / RESULT)
-    entries = [("target", each) for each in told["images"]] + [("plain", each) for each in told["reference"]]
-    if not told["images"] or len(entries) > MOST_PRESSES:
+    entries = [("target", item) for item in document["images"]] + [("plain", item) for item in document["reference"]]
+    if not document["images"] or len(entries) > MOST_PRESSES:
         raise InputError(
             f"it must tell of a press on the phantom and of at most {MOST_PRESSES} in all; got {len(entries)}"
         )
@@ -163,7 +165,7 @@ def _presses(
             force_n=absent(number, entry, "force_n", role),
             mm_per_pixel=scale,
             probe=probe,
-            calibration=known,
+            calibration=calibration,
             settings=dict(entry["settings"]),
         )
         progress()
@@ -177,6 +179,6 @@ def _presses(
             force_n=0.0,
             mm_per_pixel=scale,
             probe=probe,
-            calibration=known,
+            calibration=calibration,
         )
         progress()

@@ -46,8 +46,8 @@ def sidecar_of(path: Path) -> Path | None:
 def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> tuple[ImportBatch, ...]:
     """Snapshots in a folder, and in the folders of targets in it; none where there is no sidecar."""
     try:
-        inside = sorted(each for each in folder.iterdir() if each.is_dir() and not each.is_symlink())
-        sidecars = [path for place in (folder, *inside) for path in sorted(place.glob("*.json"))]
+        inside = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
+        sidecars = [path for position in (folder, *inside) for path in sorted(position.glob("*.json"))]
     except OSError as error:
         raise FileInputError(
             f"{printable_path(folder)} must be a folder that can be read; got: {error.strerror}"
@@ -57,17 +57,17 @@ def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], N
             f"{printable_path(folder)} must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}"
         )
     unfinished = [path for path in sidecars if not path.is_symlink() and path.stat().st_size == 0]
-    found = snapshots([path for path in sidecars if path not in unfinished], given, progress, alone=False)
-    if not found or not unfinished:
-        return found
+    result = snapshots([path for path in sidecars if path not in unfinished], given, progress, single=False)
+    if not result or not unfinished:
+        return result
     note = (
         f"{len(unfinished)} snapshots in {printable_path(folder)} were cut short while they were saved and are left out"
     )
-    return (*found[:-1], _noted(found[-1], note))
+    return (*result[:-1], _noted(result[-1], note))
 
 
 def snapshots(
-    sidecars: Iterable[Path], given: ImportOptions, progress: Callable[[], None], *, alone: bool = True
+    sidecars: Iterable[Path], given: ImportOptions, progress: Callable[[], None], *, single: bool = True
 ) -> tuple[ImportBatch, ...]:
     """A batch for each target that these sidecars name.
 
@@ -79,7 +79,7 @@ def snapshots(
         Role, scale and calibration where the sidecars do not say it.
     progress
         Called after each frame.
-    alone
+    single
         Whether each file was named by itself, so that another kind of JSON is an error and not passed over.
 
     Raises
@@ -93,28 +93,28 @@ def snapshots(
     for sidecar in sidecars:
         document = read_object(own_file(sidecar.parent, sidecar.name))
         if document.get("format") != SIDECAR_FORMAT:
-            if not alone:
+            if not single:
                 continue
             raise FileInputError(
                 f"{printable_path(sidecar)} must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got "
                 f"{document.get('format')!r:.60}"
             )
         try:
-            target, press, said = _snapshot(sidecar, document, given)
+            target, press, message = _snapshot(sidecar, document, given)
         except FileInputError:
             raise
         except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
             what = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
             raise FileInputError(f"{printable_path(sidecar)} must be as tsis acquire wrote it; {what}") from error
         targets.setdefault(target, []).append(press)
-        notes.setdefault(target, {}).update(dict.fromkeys(said))
+        notes.setdefault(target, {}).update(dict.fromkeys(message))
         first.setdefault(target, sidecar.parent)
         progress()
     return tuple(
         ImportBatch(
-            source=first[target], kind="snapshots", presses=tuple(each), number=target, notes=tuple(notes[target])
+            source=first[target], kind="snapshots", presses=tuple(item), number=target, notes=tuple(notes[target])
         )
-        for target, each in targets.items()
+        for target, item in targets.items()
     )
 
 
@@ -125,7 +125,7 @@ def _snapshot(
         raise InputError(f"version must be {SIDECAR_VERSION}; got {document['version']!r:.20}")
     target = require_integer("target", document["target"], 1, LARGEST_TARGET)
     hashes: dict[str, Any] = document["sha256"]
-    ending = next((each for each in RAW if each in hashes), None)
+    ending = next((item for item in RAW if item in hashes), None)
     if ending is None:
         raise InputError(f"sha256 must tell of a raw frame; got {sorted(hashes)!r:.80}")
     raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
@@ -200,10 +200,10 @@ def save_snapshot_to_store(
     TsisError
         When it could not be stored.
     """
-    known = None if calibration is None else calibration.known
-    named = probe if known is None or not known.probe else known.probe
-    found = snapshots([sidecar], ImportOptions(role=role, probe=named, calibration=known), lambda: None)
-    (entered,) = enter(store, found)
+    given = None if calibration is None else calibration.known
+    named = probe if given is None or not given.probe else given.probe
+    result = snapshots([sidecar], ImportOptions(role=role, probe=named, calibration=given), lambda: None)
+    (entered,) = enter(store, result)
     (press,) = entered.presses
     return {
         "store": str(store.folder.resolve()),

@@ -72,8 +72,8 @@ def locked_head(connection: Connection) -> AuditHead:
 
 def has_entry(connection: Connection, head: AuditHead) -> bool:
     """Whether the audit holds the entry of that number with that hash."""
-    found = connection.execute(select(audit_table.c.hash).where(audit_table.c.number == head.number)).scalar()
-    return bool(found == head.hash)
+    result = connection.execute(select(audit_table.c.hash).where(audit_table.c.number == head.number)).scalar()
+    return bool(result == head.hash)
 
 
 def last_content(connection: Connection, kind: str, row: str) -> str | None:
@@ -131,10 +131,10 @@ def read_anchor(folder: Path) -> tuple[str, AuditHead]:
     path = folder / ANCHOR_FILE
     try:
         document = read_object(path)
-        store, number, found = document.get("store"), document.get("number"), document.get("hash")
-        for name, value in (("store", store), ("hash", found)):
+        store, number, result = document.get("store"), document.get("number"), document.get("hash")
+        for name, value in (("store", store), ("hash", result)):
             require_type(name, value, str)
-        return str(store), AuditHead(number=require_integer("number", number, 0, 2**62), hash=str(found))
+        return str(store), AuditHead(number=require_integer("number", number, 0, 2**62), hash=str(result))
     except TsisError as error:
         raise RecordsError(
             f"the anchor of the audit, {printable_path(path)}, must be there and whole; {error}"

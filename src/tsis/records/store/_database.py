@@ -58,10 +58,10 @@ class SameFile:
 def _identity(file: Path) -> tuple[int, int] | None:
     """What tells a file from another of its name; None where there is none to be seen."""
     try:
-        found = file.stat()
+        result = file.stat()
     except OSError:
         return None
-    return found.st_dev, found.st_ino  # the latter is 0 on some systems: then only a missing file is noticed
+    return result.st_dev, result.st_ino  # the latter is 0 on some systems: then only a missing file is noticed
 
 
 DATABASE_FILE = "records.sqlite3"
@@ -98,8 +98,8 @@ class Database:
             engine = reading_engine if read_only else sqlite_engine
             self.name, self._engine = str(self.file), engine(folder / DATABASE_FILE)
         else:
-            found = postgresql_url(url)
-            self.name, self._engine = public_name(found), postgresql_engine(found)
+            result = postgresql_url(url)
+            self.name, self._engine = public_name(result), postgresql_engine(result)
         try:
             with self.reading() as connection:
                 if self.read_only:

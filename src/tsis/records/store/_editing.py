@@ -49,13 +49,13 @@ def update_row(connection: Connection, table: Table, before: Any, changed: Row) 
     """
     what = "target" if table is tables.target_table else "press"
     unchanged = (table.c.id == before.id) & (table.c.version == before.version)
-    found = connection.execute(select(table).where(unchanged)).first()
-    if found is None:
+    result = connection.execute(select(table).where(unchanged)).first()
+    if result is None:
         raise StaleRecordError(
             f"the {what} must be as it was read to be changed; somebody else has changed it since version "
             f"{before.version} (read it again)"
         )
-    if digest_of_any(found._asdict()) != last_content(connection, table.name, before.id):
+    if digest_of_any(result._asdict()) != last_content(connection, table.name, before.id):
         raise RecordsError(
             f"the {what} must be as it was stored to be changed; it was changed behind the program's back "
             "(tsis records verify tells more; take the store from a backup)"
@@ -65,13 +65,13 @@ def update_row(connection: Connection, table: Table, before: Any, changed: Row) 
     return AuditChange(action="edit", kind=table.name, row=before.id, values=row)
 
 
-def require_row(connection: Connection, table: Table, wanted: str, what: str, **of: str) -> None:
+def require_row(connection: Connection, table: Table, requested: str, what: str, **of: str) -> None:
     """Refuse, with `RecordsError`, to name a row that is not there, or not ``of`` the values given."""
-    query = select(table.c.id).where(table.c.id == wanted)
+    query = select(table.c.id).where(table.c.id == requested)
     for name, value in of.items():
         query = query.where(table.c[name] == value)
     if connection.execute(query).first() is None:
-        raise RecordsError(f"a {what} must be stored before another record names it; {wanted!r:.40} is not")
+        raise RecordsError(f"a {what} must be stored before another record names it; {requested!r:.40} is not")
 
 
 EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "flags", "note")}
@@ -96,8 +96,8 @@ def press_edit(
 
     def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
         change = update_row(connection, tables.press_table, press, changed)
-        found = connection.execute(press_query().where(tables.press_table.c.id == press.id)).one()
-        return press_of_row(found._asdict()), [change]
+        result = connection.execute(press_query().where(tables.press_table.c.id == press.id)).one()
+        return press_of_row(result._asdict()), [change]
 
     return enter
 

@@ -119,15 +119,15 @@ def postgresql_engine(url: URL) -> Engine:
 def postgresql_url(text: str) -> URL:
     """The URL of a PostgreSQL database; `RecordsError`, which never repeats it, for anything else."""
     try:
-        found = make_url(text)
+        url = make_url(text)
     except (ArgumentError, ValueError) as error:
         raise RecordsError("the database must be a URL as postgresql://user@host/name; got something else") from error
-    if found.get_backend_name() != "postgresql":
+    if url.get_backend_name() != "postgresql":
         raise RecordsError(
-            f"the database must be PostgreSQL, as postgresql://user@host/name; got {found.drivername!r:.40} "
+            f"the database must be PostgreSQL, as postgresql://user@host/name; got {url.drivername!r:.40} "
             "(for SQLite name no database, only the folder)"
         )
-    return found.set(drivername="postgresql+psycopg")
+    return url.set(drivername="postgresql+psycopg")
 
 
 def public_name(url: URL) -> str:

@@ -178,7 +178,7 @@ def samples_bytes(estimate: Estimate) -> bytes:
     if (reason := _unsound(parameters)) is not None:
         raise InputError(f"samples must be of at most {MOST_PARAMETERS} parameters and {MOST_SAMPLES}; got {reason}")
     header = json.dumps({"parameters": parameters}, separators=(",", ":")).encode() + b"\n"
-    rest = header + b"".join(np.ascontiguousarray(each, _DOUBLE).tobytes() for each in estimate.samples.values())
+    rest = header + b"".join(np.ascontiguousarray(sample, _DOUBLE).tobytes() for sample in estimate.samples.values())
     return FORMAT + hashlib.sha256(rest).hexdigest().encode() + b"\n" + rest
 
 
@@ -201,34 +201,39 @@ def samples_of(content: bytes, source: str = "samples") -> dict[str, NDArray[np.
         raise FileInputError(f"{source} must name its parameters in its header; got something else") from error
     if (reason := _unsound(parameters)) is not None:
         raise FileInputError(f"{source} must hold a sensible number of samples; got {reason}")
-    wanted = end + 1 + _DOUBLE.itemsize * sum(size for _, size in parameters)
-    if len(content) != wanted:
-        raise FileInputError(f"{source} must be {wanted} bytes long; got {len(content)}")
+    requested = end + 1 + _DOUBLE.itemsize * sum(size for _, size in parameters)
+    if len(content) != requested:
+        raise FileInputError(f"{source} must be {requested} bytes long; got {len(content)}")
     return _parts(content, parameters, end + 1, source)
 
 
 def _parts(content: bytes, parameters: list[Any], start: int, source: str) -> dict[str, NDArray[np.float64]]:
-    found: dict[str, NDArray[np.float64]] = {}
+    document: dict[str, NDArray[np.float64]] = {}
     for name, size in parameters:
-        found[name] = np.frombuffer(content, _DOUBLE, count=size, offset=start).astype(np.float64)
+        document[name] = np.frombuffer(content, _DOUBLE, count=size, offset=start).astype(np.float64)
         start += size * _DOUBLE.itemsize
-        if not np.isfinite(found[name]).all():
+        if not np.isfinite(document[name]).all():
             raise FileInputError(f"{source} must hold finite samples; got others of {name!r}")
-    return found
+    return document
 
 
 def _unsound(parameters: Any) -> str | None:
     """What is wrong with names and lengths; None when nothing is."""
     if not isinstance(parameters, list) or len(parameters) > MOST_PARAMETERS:
         return "no list of parameters, or a long one"
-    for each in parameters:
-        if not isinstance(each, list) or len(each) != 2 or not isinstance(each[0], str) or type(each[1]) is not int:
-            return f"{each!r:.80} for a name and a length"
-        if not 0 < len(each[0]) <= LONGEST_NAME or not each[0].isprintable():
-            return f"the name {each[0]!r:.80}"
-        if not 0 < each[1] <= MOST_SAMPLES:
-            return f"{each[1]!r:.20} of {each[0]!r:.80}"
-    names = {each[0] for each in parameters}
-    if len(names) != len(parameters) or sum(each[1] for each in parameters) > MOST_SAMPLES:
+    for parameter in parameters:
+        if (
+            not isinstance(parameter, list)
+            or len(parameter) != 2
+            or not isinstance(parameter[0], str)
+            or type(parameter[1]) is not int
+        ):
+            return f"{parameter!r:.80} for a name and a length"
+        if not 0 < len(parameter[0]) <= LONGEST_NAME or not parameter[0].isprintable():
+            return f"the name {parameter[0]!r:.80}"
+        if not 0 < parameter[1] <= MOST_SAMPLES:
+            return f"{parameter[1]!r:.20} of {parameter[0]!r:.80}"
+    names = {parameter[0] for parameter in parameters}
+    if len(names) != len(parameters) or sum(parameter[1] for parameter in parameters) > MOST_SAMPLES:
         return "a name twice, or too many in all"
     return None

@@ -98,58 +98,58 @@ def open_store(
     require_one_of("kind of store", kind, KINDS)
     actor = _user() if actor is None else actor
     require_label("actor", actor)
-    place = default_folder(kind) if folder is None else as_path(folder)
-    if not create and (not place.is_dir() if database else not (place / DATABASE_FILE).is_file()):
+    position = default_folder(kind) if folder is None else as_path(folder)
+    if not create and (not position.is_dir() if database else not (position / DATABASE_FILE).is_file()):
         raise RecordsError(
-            f"{printable_path(place)} must be a store of records; there is none (tsis records import makes one)"
+            f"{printable_path(position)} must be a store of records; there is none (tsis records import makes one)"
         )
-    read_only = only_readable(place) and (database is not None or (place / DATABASE_FILE).is_file())
+    read_only = only_readable(position) and (database is not None or (position / DATABASE_FILE).is_file())
     if not read_only:
-        _make(place, disk, own_database=database is None)
-    rows_of = Database(database, place, read_only=read_only)
+        _make(position, disk, own_database=database is None)
+    rows_of = Database(database, position, read_only=read_only)
     try:
         if not create or read_only:
             _require_begun(rows_of)
         rows_of.migrate()
-        found = _terms(rows_of) or _begun(rows_of, place, kind, actor, disk)
-        _require_kind(place, kind, found["kind"])
-        _require_own_place(rows_of, place, found["identity"])
+        result = _terms(rows_of) or _begun(rows_of, position, kind, actor, disk)
+        _require_kind(position, kind, result["kind"])
+        _require_own_place(rows_of, position, result["identity"])
         if not read_only:
-            _warn_of_open_modes(place)
-        return Store(place, rows_of, identity=found["identity"], kind=kind, actor=actor, disk=disk)
+            _warn_of_open_modes(position)
+        return Store(position, rows_of, identity=result["identity"], kind=kind, actor=actor, disk=disk)
     except BaseException:
         rows_of.close()
         raise
 
 
-def only_readable(place: Path) -> bool:
+def only_readable(path: Path) -> bool:
     """Whether a folder is there and nothing can be written into it, as on a backup medium or in somebody else's."""
     try:
-        return any(each.exists() and not os.access(each, os.W_OK) for each in (place, place / DATABASE_FILE))
+        return any(item.exists() and not os.access(item, os.W_OK) for item in (path, path / DATABASE_FILE))
     except (OSError, ValueError):  # a name that no folder can have
         return False
 
 
-def _make(place: Path, disk: Disk, *, own_database: bool) -> None:
+def _make(path: Path, disk: Disk, *, own_database: bool) -> None:
     """Make the folders and the database file of a store where they are missing; remove what killed programs left."""
     try:
-        make_folder_durably(place / FILES, disk=disk, private=True)
+        make_folder_durably(path / FILES, disk=disk, private=True)
         if own_database:  # SQLite would let everyone read the file; its log takes over the mode
-            os.close(os.open(place / DATABASE_FILE, os.O_RDWR | os.O_CREAT, PRIVATE_FILE))
+            os.close(os.open(path / DATABASE_FILE, os.O_RDWR | os.O_CREAT, PRIVATE_FILE))
     except (OSError, ValueError) as error:  # ValueError: a NUL character in its name
         raise RecordsError(
-            f"{printable_path(place)} must be a folder that can be made; got: {one_line(error)} (choose another)"
+            f"{printable_path(path)} must be a folder that can be made; got: {one_line(error)} (choose another)"
         ) from error
-    for folder in (place, place / FILES):
+    for folder in (path, path / FILES):
         remove_unfinished(folder, age_s=ABANDONED_S)
 
 
-def _warn_of_open_modes(place: Path) -> None:
+def _warn_of_open_modes(path: Path) -> None:
     """Warn, once a program, where other users of this machine may read a store that an older release made."""
-    if os.name == "posix" and all(map(_open_to_others, (place, place / FILES))):
+    if os.name == "posix" and all(map(_open_to_others, (path, path / FILES))):
         warnings.warn(
-            f"other users of this machine can read the records in {printable_path(place)} "
-            f"(this closes the folder: chmod -R go= {shlex.quote(str(place))})",
+            f"other users of this machine can read the records in {printable_path(path)} "
+            f"(this closes the folder: chmod -R go= {shlex.quote(str(path))})",
             RecordsWarning,
             stacklevel=1,
         )
@@ -171,22 +171,22 @@ def _require_begun(database: Database) -> None:
         raise RecordsError(f"{database.name} must hold a store of records; it is empty (tsis records import makes one)")
 
 
-def _require_kind(place: Path, wanted: str, kind: str) -> None:
-    if kind != wanted:
+def _require_kind(path: Path, requested: str, kind: str) -> None:
+    if kind != requested:
         raise RecordsError(
-            f"{printable_path(place)} must be a store of {wanted}s; it is one of {kind}s, which are kept apart "
+            f"{printable_path(path)} must be a store of {requested}s; it is one of {kind}s, which are kept apart "
             f"(name it with --kind {kind})"
         )
 
 
-def _require_own_place(database: Database, place: Path, identity: str) -> None:
+def _require_own_place(database: Database, path: Path, identity: str) -> None:
     """Refuse a folder whose files are those of another store, or that never held any."""
-    if (place / ANCHOR).exists():
+    if (path / ANCHOR).exists():
         try:
-            anchored = read_anchor(place)[0]
+            anchored = read_anchor(path)[0]
         except RecordsError:
             return  # it is damaged: `verify` says so, and nothing can be added
-    elif any((place / FILES).glob("*/*")):
+    elif any((path / FILES).glob("*/*")):
         return  # the anchor is lost: `verify` says so
     else:
         with database.reading() as connection:
@@ -195,7 +195,7 @@ def _require_own_place(database: Database, place: Path, identity: str) -> None:
         anchored = "none"
     if anchored != identity:
         raise RecordsError(
-            f"{printable_path(place)} must be the folder of the store {identity[:12]}; it is that of {anchored[:12]!r} "
+            f"{printable_path(path)} must be the folder of the store {identity[:12]}; it is that of {anchored[:12]!r} "
             "(name the folder and the database that belong together)"
         )
 
@@ -203,53 +203,53 @@ def _require_own_place(database: Database, place: Path, identity: str) -> None:
 def _terms(database: Database) -> dict[str, str]:
     """What the store says of itself; empty for a new one."""
     with database.reading() as connection:
-        found = {row.name: row.value for row in connection.execute(select(tables.store_table))}
+        results = {row.name: row.value for row in connection.execute(select(tables.store_table))}
         begun = any(
             connection.execute(select(table).limit(1)).first() is not None
             for table in (tables.audit_head_table, tables.audit_table)
         )
-    if (found or begun) and (found.get("kind") not in KINDS or not isinstance(found.get("identity"), str)):
-        shown_terms = {name: value for name, value in found.items() if name != TERM}
+    if (results or begun) and (results.get("kind") not in KINDS or not isinstance(results.get("identity"), str)):
+        shown_terms = {name: value for name, value in results.items() if name != TERM}
         raise RecordsError(
             f"{database.name} must say what store it is; got {shown_terms!r:.80} (take it from a backup)"
         )
-    return found
+    return results
 
 
-def _begun(database: Database, place: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
+def _begun(database: Database, path: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
     terms = {"kind": kind, "identity": uuid.uuid4().hex, "made": rows.moment(datetime.now(UTC)), TERM: new_secret()}
     with database.beginning() as connection:
         if connection.execute(select(tables.audit_head_table)).first() is not None:
             head = None  # another program was faster
         else:
-            _require_no_other(database, place)
+            _require_no_other(database, path)
             begin_audit(connection)
             entered = [{"name": name, "value": value} for name, value in terms.items()]
             connection.execute(insert(tables.store_table), entered)
             changes = [AuditChange(action="add", kind="store", row=row["name"], values=row) for row in entered]
             head = append_audit(connection, locked_head(connection), changes, actor=actor)
-            _anchor(place, terms["identity"], BEFORE, disk)  # so that a store without one was tampered with
+            _anchor(path, terms["identity"], BEFORE, disk)  # so that a store without one was tampered with
     if head is None:
         return _terms(database)
-    _anchor(place, terms["identity"], head, disk)
+    _anchor(path, terms["identity"], head, disk)
     return terms
 
 
-def _require_no_other(database: Database, place: Path) -> None:
+def _require_no_other(database: Database, path: Path) -> None:
     """Refuse to begin anew in a folder whose database was lost."""
-    if (place / ANCHOR).exists():
-        identity, anchored = read_anchor(place)
+    if (path / ANCHOR).exists():
+        identity, anchored = read_anchor(path)
         if anchored != BEFORE:  # else a first beginning was cut short
             raise RecordsError(
-                f"{printable_path(place)} must have its database; {database.name} is empty, and the anchor tells of "
+                f"{printable_path(path)} must have its database; {database.name} is empty, and the anchor tells of "
                 f"{anchored.number} entries of the store {identity[:12]!r} (take the database from a backup)"
             )
 
 
-def _anchor(place: Path, identity: str, head: AuditHead, disk: Disk) -> None:
+def _anchor(path: Path, identity: str, head: AuditHead, disk: Disk) -> None:
     try:
-        write_anchor(place, identity, head, disk=disk)
+        write_anchor(path, identity, head, disk=disk)
     except OSError as error:
         raise RecordsError(
-            f"{printable_path(place)} must be a folder that can be written; got: {one_line(error)}"
+            f"{printable_path(path)} must be a folder that can be written; got: {one_line(error)}"
         ) from error

@@ -92,20 +92,20 @@ class StoreReader:
 
     def presses_of_frames(self, frames: Sequence[str]) -> tuple[StoredPress, ...]:
         """Presses of any target whose frame is one of these: by it one tells what is stored already."""
-        found: list[Any] = []
+        result: list[Any] = []
         with self.database.reading() as connection:
             for at in range(0, len(frames), MOST_AT_ONCE):
                 some = tables.frame_table.c.id.in_(frames[at : at + MOST_AT_ONCE])
-                held = list(connection.execute(select(tables.frame_table.c.id).where(some)).scalars())
-                if held:  # else no press needs to be looked at
-                    found += connection.execute(press_query().where(tables.press_table.c.frame.in_(held)))
-        return tuple(rows.press_of_row(row._asdict()) for row in found)
+                stored = list(connection.execute(select(tables.frame_table.c.id).where(some)).scalars())
+                if stored:  # else no press needs to be looked at
+                    result += connection.execute(press_query().where(tables.press_table.c.frame.in_(stored)))
+        return tuple(rows.press_of_row(row._asdict()) for row in result)
 
     def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
         """Estimates of a target in the order in which they were made; one that supersedes another after it."""
         with self.database.reading() as connection:
-            found = _estimate_rows(connection, target)
-        return in_lineage([self._estimate(row) for row in found])
+            result = _estimate_rows(connection, target)
+        return in_lineage([self._estimate(row) for row in result])
 
     def _estimate(self, row: rows.Row) -> StoredEstimate:
         name = str(row["samples"])
@@ -119,10 +119,10 @@ class StoreReader:
         """The stored calibration of that identity; `RecordsError` when there is none or it is damaged."""
         table = tables.calibration_table
         with self.database.reading() as connection:
-            found = connection.execute(select(table.c.file).where(table.c.id == cited)).scalar()
-        if found is None:
+            result = connection.execute(select(table.c.file).where(table.c.id == cited)).scalar()
+        if result is None:
             raise RecordsError(f"a calibration must be stored before it is cited; {cited[:12]!r} is not")
-        file = str(found)
+        file = str(result)
         return parse_calibration(self.blobs.get(file, "json"), f"calibration {cited:.12}")
 
     def dossier(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
@@ -131,16 +131,16 @@ class StoreReader:
         Of its presses only ``limit`` after the first ``offset``, where one is given.
         """
         with self.database.reading() as connection:  # one state, so that presses that estimates rest on are there
-            presses, made = _presses_of(connection, target, limit, offset), _estimate_rows(connection, target)
+            presses, created = _presses_of(connection, target, limit, offset), _estimate_rows(connection, target)
         damaged: list[str] = []
-        found = _whole(self._estimate, made, damaged)
-        cited = {str(each["calibration"]) for each in made}
-        cited |= {each.calibration for each in presses if each.calibration is not None}
-        named = _whole(lambda each: (each, self.calibration(each)), sorted(cited), damaged)
+        result = _whole(self._estimate, created, damaged)
+        cited = {str(item["calibration"]) for item in created}
+        cited |= {press.calibration for press in presses if press.calibration is not None}
+        named = _whole(lambda item: (item, self.calibration(item)), sorted(cited), damaged)
         return TargetRecord(
             target=target,
             presses=presses,
-            estimates=in_lineage(found),
+            estimates=in_lineage(result),
             calibrations=dict(named),
             read=self.levels,
             damaged=tuple(damaged),
@@ -149,13 +149,13 @@ class StoreReader:
 
 def _whole(read: Callable[[Named], Whole], names: Iterable[Named], damaged: list[str]) -> list[Whole]:
     """What can be read of these, and a sentence more for each other: one damaged file hides nothing else."""
-    found = []
+    results = []
     for name in names:
         try:
-            found.append(read(name))
+            results.append(read(name))
         except (RecordsError, FileInputError) as error:
             damaged.append(str(error))
-    return found
+    return results
 
 
 def _presses_of(
@@ -164,10 +164,10 @@ def _presses_of(
     table = tables.press_table.c
     page = select(table.id).where(table.target == target.id).order_by(table.taken, table.id)
     # Which they are tells the index alone; only their own rows are read.
-    found = connection.execute(
+    result = connection.execute(
         press_query().where(table.id.in_(page.limit(limit).offset(offset))).order_by(table.taken, table.id)
     )
-    names, values = tuple(found.keys()), found.all()
+    names, values = tuple(result.keys()), result.all()
     return tuple(rows.press_of_row(dict(zip(names, row, strict=True))) for row in values)
 
 

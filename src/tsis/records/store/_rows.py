@@ -38,8 +38,8 @@ def moment(when: datetime) -> str:
 
 def target_row(target: Target) -> Row:
     """Row of a target."""
-    plain = target_to_plain(target)
-    return plain | {"truth": canonical(plain["truth"]), "made": moment(target.made)}
+    document = target_to_plain(target)
+    return document | {"truth": canonical(document["truth"]), "made": moment(target.made)}
 
 
 def target_of_row(row: Mapping[str, Any]) -> Target:
@@ -49,21 +49,21 @@ def target_of_row(row: Mapping[str, Any]) -> Target:
 
 def press_row(press: StoredPress) -> Row:
     """Row of a press; the size of its frame stands in that of the frame."""
-    plain = press_to_plain(press)
-    scale, axis = plain.pop("mm_per_pixel") or (None, None), plain.pop("axis_px")
-    force = plain["force_n"]
+    document = press_to_plain(press)
+    scale, axis = document.pop("mm_per_pixel") or (None, None), document.pop("axis_px")
+    force = document["force_n"]
     for name in ("rows", "columns"):
-        del plain[name]
-    return plain | {
+        del document[name]
+    return document | {
         "taken": moment(press.taken),
         "mm_per_pixel_x": scale[0],
         "mm_per_pixel_y": scale[1],
         "axis_px_x": axis[0] + 0.0,  # -0.0 becomes 0.0, as SQLite makes it
         "axis_px_y": axis[1] + 0.0,
         "force_n": None if force is None else force + 0.0,
-        "settings": canonical(plain["settings"]),
-        "flags": canonical(plain["flags"]) if plain["flags"] else None,
-        "note": plain["note"] or None,
+        "settings": canonical(document["settings"]),
+        "flags": canonical(document["flags"]) if document["flags"] else None,
+        "note": document["note"] or None,
     }
 
 
@@ -71,41 +71,47 @@ def press_of_row(row: Mapping[str, Any]) -> StoredPress:
     """The press of a row joined with the size of its frame; `RecordsError` when it holds what is none."""
 
     def press() -> StoredPress:
-        plain = dict(row)
-        scale = [plain.pop("mm_per_pixel_x"), plain.pop("mm_per_pixel_y")]
-        plain["mm_per_pixel"] = None if None in scale else scale
-        plain["axis_px"] = [plain.pop("axis_px_x"), plain.pop("axis_px_y")]
-        plain["settings"] = parsed(row["settings"], "settings")
-        plain["flags"] = parsed(row["flags"] or "[]", "flags")
-        plain["note"] = row["note"] or ""
-        return press_of_plain(plain)
+        document = dict(row)
+        scale = [document.pop("mm_per_pixel_x"), document.pop("mm_per_pixel_y")]
+        document["mm_per_pixel"] = None if None in scale else scale
+        document["axis_px"] = [document.pop("axis_px_x"), document.pop("axis_px_y")]
+        document["settings"] = parsed(row["settings"], "settings")
+        document["flags"] = parsed(row["flags"] or "[]", "flags")
+        document["note"] = row["note"] or ""
+        return press_of_plain(document)
 
     return _believed(press, "press", row)
 
 
 def estimate_row(stored: StoredEstimate, samples: str) -> Row:
     """Row of an estimate whose samples are the stored file of that name."""
-    plain = estimate_to_plain(stored)
-    document = plain.pop("estimate")
-    nested = {name: canonical(plain[name]) for name in ("presses", "options", "environment")}
-    return plain | nested | {"made": moment(stored.made), "document": canonical(document), "samples": samples}
+    reference = estimate_to_plain(stored)
+    document = reference.pop("estimate")
+    nested = {name: canonical(reference[name]) for name in ("presses", "options", "environment")}
+    return reference | nested | {"made": moment(stored.made), "document": canonical(document), "samples": samples}
 
 
 def estimate_of_row(row: Mapping[str, Any], samples: Mapping[str, NDArray[np.float64]]) -> StoredEstimate:
     """The estimate of a row with its samples, name -> shape (n,); `RecordsError` when it holds what is none."""
 
     def estimate() -> StoredEstimate:
-        plain = {name: value for name, value in row.items() if name not in ("document", "samples")}
+        document = {name: value for name, value in row.items() if name not in ("document", "samples")}
         nested = {name: parsed(row[name], name) for name in ("presses", "options", "environment")}
-        return estimate_of_plain(plain | nested | {"estimate": parsed(row["document"], "document")}, samples)
+        return estimate_of_plain(document | nested | {"estimate": parsed(row["document"], "document")}, samples)
 
     return _believed(estimate, "estimate", row)
 
 
-def calibration_row(known: ProbeCalibration, file: str) -> Row:
+def calibration_row(calibration: ProbeCalibration, file: str) -> Row:
     """Row of a calibration that is the stored file of that name."""
-    made = "" if known.made is None else moment(known.made)
-    return {"id": calibration_sha256(known), "file": file, "name": known.name, "probe": known.probe, "made": made}
+    created = "" if calibration.made is None else moment(calibration.made)
+    return {
+        "id": calibration_sha256(calibration),
+        "file": file,
+        "name": calibration.name,
+        "probe": calibration.probe,
+        "made": created,
+    }
 
 
 def _believed(build: Callable[[], Believed], what: str, row: Mapping[str, Any]) -> Believed:

@@ -39,8 +39,8 @@ def read_secret(connection: Connection) -> str | None:
     RecordsError
         When it was changed into none, or taken out.
     """
-    found = connection.execute(select(store_table.c.value).where(store_table.c.name == TERM)).scalar()
-    if found is None:
+    result = connection.execute(select(store_table.c.value).where(store_table.c.name == TERM)).scalar()
+    if result is None:
         entered = (
             select(audit_table.c.number)
             .where((audit_table.c.kind == store_table.name) & (audit_table.c.row == TERM))
@@ -48,8 +48,8 @@ def read_secret(connection: Connection) -> str | None:
         )
         if connection.execute(entered).first() is None:
             return None
-    elif isinstance(found, str) and len(found) == 2 * BYTES and set(found) <= set("0123456789abcdef"):
-        return found
+    elif isinstance(result, str) and len(result) == 2 * BYTES and set(result) <= set("0123456789abcdef"):
+        return result
     raise RecordsError(
         "the secret of the store, from which pseudonyms follow, must be as it was made; it was changed or taken out "
         "(tsis records verify; take the database from a backup)"
@@ -58,9 +58,9 @@ def read_secret(connection: Connection) -> str | None:
 
 def entered_secret(connection: Connection) -> tuple[str, list[AuditChange]]:
     """Give a secret to a store that has none, with what the audit is told of it."""
-    known = read_secret(connection)
-    if known is not None:  # another program was faster
-        return known, []
+    secret = read_secret(connection)
+    if secret is not None:  # another program was faster
+        return secret, []
     row = {"name": TERM, "value": new_secret()}
     connection.execute(insert(store_table).values(row))
     return row["value"], [AuditChange(action="add", kind=store_table.name, row=TERM, values=row)]

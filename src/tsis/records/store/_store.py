@@ -108,7 +108,7 @@ class Store(StoreReader):
         RecordsError
             When it cannot be stored.
         """
-        wanted = Target(
+        requested = Target(
             number=1 if number is None else number,
             kind=self.kind,
             name=name,
@@ -121,7 +121,7 @@ class Store(StoreReader):
         def enter(connection: Connection) -> tuple[Target, list[AuditChange]]:
             if number is not None and is_taken(connection, number):
                 raise InputError(f"number must be that of no target of this store; {number} is taken")
-            target = replace(wanted, number=next_number(connection)) if number is None else wanted
+            target = replace(requested, number=next_number(connection)) if number is None else requested
             return target, [insert_row(connection, tables.target_table, rows.target_row(entered(target)))]
 
         return self._write(enter)
@@ -185,13 +185,13 @@ class Store(StoreReader):
             target=target.id,
         )
         press = press_of_plain(press_to_plain(press))  # as it will be read again: settings as lists, not as tuples
-        held = None if calibration is None else self._calibration_row(calibration)
+        stored = None if calibration is None else self._calibration_row(calibration)
         frame = {"id": press.frame, "rows": shape[0], "columns": shape[1], "bytes": len(content)}
 
         def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
             require_row(connection, tables.target_table, target.id, "target")
             return press, [
-                *insert_row_once(connection, tables.calibration_table, held),
+                *insert_row_once(connection, tables.calibration_table, stored),
                 *insert_row_once(connection, tables.frame_table, frame),
                 insert_row(connection, tables.press_table, rows.press_row(press)),
             ]
@@ -245,12 +245,12 @@ class Store(StoreReader):
 
         return self._write(enter)
 
-    def take_in(self, dossier: TargetRecord, *, progress: Callable[[int, int], None] | None = None) -> ImportedTarget:
+    def take_in(self, record: TargetRecord, *, progress: Callable[[int, int], None] | None = None) -> ImportedTarget:
         """Enter a target of another store with its presses, estimates and calibrations, all of it or nothing.
 
         Parameters
         ----------
-        dossier
+        record
             As `tsis.records.export.bundle.read_bundle` gives it.
         progress
             Told (done, all) of the frames.
@@ -260,13 +260,13 @@ class Store(StoreReader):
         RecordsError
             When it is of the other kind, an identity in it is that of something else here, or it cannot be stored.
         """
-        require_kind(dossier.target, self.kind)
+        require_kind(record.target, self.kind)
         with self.database.reading() as connection:
-            held = held_frames(connection, dossier.presses)
-        return self._write(TargetImport(dossier, self.blobs, held, progress).enter)
+            stored = held_frames(connection, record.presses)
+        return self._write(TargetImport(record, self.blobs, stored, progress).enter)
 
-    def _calibration_row(self, known: ProbeCalibration) -> rows.Row:
-        return rows.calibration_row(known, self.blobs.put(calibration_bytes(known), "json"))
+    def _calibration_row(self, calibration: ProbeCalibration) -> rows.Row:
+        return rows.calibration_row(calibration, self.blobs.put(calibration_bytes(calibration), "json"))
 
     # What is changed: the old version stays in the audit as a digest, the new one takes its place
 
@@ -294,11 +294,11 @@ class Store(StoreReader):
             with self.database.writing() as connection:
                 head = locked_head(connection)
                 lost = not require_anchored(connection, self.folder) and head != BEFORE
-                kept, changes = enter(connection)
+                saved, changes = enter(connection)
                 changes = [lost_after(head), *changes] if lost else changes
                 head = append_audit(connection, head, changes, actor=self.actor)
             # The record lasts by now, and who were told that it failed would store it twice: an anchor that cannot be
             # written lags behind until the next one, and `verify` tells by how much.
             with suppress(OSError):
                 write_anchor(self.folder, self.identity, head, disk=self._disk)
-        return kept
+        return saved

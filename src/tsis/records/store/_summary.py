@@ -35,14 +35,14 @@ def in_lineage(estimates: Sequence[StoredEstimate]) -> tuple[StoredEstimate, ...
     tuple
         All of them; the last is the one in force.
     """
-    known = {stored.id: stored for stored in estimates}
+    by_name = {stored.id: stored for stored in estimates}
 
     def made(stored: StoredEstimate) -> tuple[datetime, int, str]:
-        latest, generation, seen = stored.made, 0, {stored.id}
+        latest, generation, observed = stored.made, 0, {stored.id}
         before = stored
-        while before.supersedes in known and before.supersedes not in seen:  # seen: somebody tampered with it
-            before = known[before.supersedes]
-            seen.add(before.id)
+        while before.supersedes in by_name and before.supersedes not in observed:  # seen: somebody tampered with it
+            before = by_name[before.supersedes]
+            observed.add(before.id)
             latest, generation = max(latest, before.made), generation + 1
         return latest, generation, stored.id
 
@@ -71,12 +71,12 @@ class TargetSummary:
 
 def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
     """Every target of the store, by number."""
-    pressed, made = tables.press_table.c, tables.estimate_table.c
+    pressed, created = tables.press_table.c, tables.estimate_table.c
     count = select(pressed.target, func.count().label("number"), func.max(pressed.taken).label("last"))
     presses = {row.target: (row.number, row.last) for row in connection.execute(count.group_by(pressed.target))}
-    query = select(made.target, func.count().label("number")).group_by(made.target)
+    query = select(created.target, func.count().label("number")).group_by(created.target)
     estimates = {row.target: row.number for row in connection.execute(query)}
-    found = [
+    results = [
         row._asdict() for row in connection.execute(select(tables.target_table).order_by(tables.target_table.c.number))
     ]
     return tuple(
@@ -86,7 +86,7 @@ def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
             estimates=estimates.get(row["id"], 0),
             last=_moment(presses[row["id"]][1]) if row["id"] in presses else None,
         )
-        for row in found
+        for row in results
     )
 
 

@@ -56,10 +56,10 @@ def next_number(connection: Connection) -> int:
     return last + 1
 
 
-def free_number(connection: Connection, wanted: int) -> int:
+def free_number(connection: Connection, requested: int) -> int:
     """That number; where another target has it the next after all, else the lowest that is free."""
-    if not is_taken(connection, wanted):
-        return wanted
+    if not is_taken(connection, requested):
+        return requested
     last = _last(connection)
     return last + 1 if last < LARGEST_TARGET else _lowest(connection)
 
@@ -127,41 +127,43 @@ class TargetImport:
 
     def __init__(
         self,
-        dossier: TargetRecord,
+        record: TargetRecord,
         blobs: Blobs,
         held: Mapping[str, str],
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
-        self.target = dossier.target
+        self.target = record.target
         self.frames: dict[str, rows.Row] = {}
         self.presses: list[rows.Row] = []
-        for done, press in enumerate(dossier.presses, start=1):
+        for done, press in enumerate(record.presses, start=1):
             # Other libraries pack the same levels into other bytes: those that are here are not stored twice.
-            content = _content(dossier, press, blobs, held) or frame_bytes(dossier.image(press))
+            content = _content(record, press, blobs, held) or frame_bytes(record.image(press))
             frame = blobs.put(content, "png")
             sizes = {"rows": press.rows, "columns": press.columns, "bytes": len(content)}
             self.frames[frame] = {"id": frame, **sizes}
             self.presses.append(rows.press_row(replace(press, frame=frame)))
             if progress is not None:
-                progress(done, len(dossier.presses))
+                progress(done, len(record.presses))
         self.calibrations = [
-            rows.calibration_row(known, blobs.put(calibration_bytes(known), "json"))
-            for known in dossier.calibrations.values()
+            rows.calibration_row(calibration, blobs.put(calibration_bytes(calibration), "json"))
+            for calibration in record.calibrations.values()
         ]
         self.estimates = [
             rows.estimate_row(stored, blobs.put(samples_bytes(stored.estimate), "samples"))
-            for stored in in_lineage(dossier.estimates)  # a row can name only those that are there
+            for stored in in_lineage(record.estimates)  # a row can name only those that are there
         ]
 
     def enter(self, connection: Connection) -> tuple[ImportedTarget, list[AuditChange]]:
         """Enter what is not there yet; `RecordsError` when an identity is that of something else here."""
-        held = connection.execute(select(tables.target_table).where(tables.target_table.c.id == self.target.id)).first()
+        stored = connection.execute(
+            select(tables.target_table).where(tables.target_table.c.id == self.target.id)
+        ).first()
         changes: list[AuditChange] = []
-        if held is None:
+        if stored is None:
             target = replace(self.target, number=free_number(connection, self.target.number), version=1)
             changes.append(insert_row(connection, tables.target_table, rows.target_row(target), action=ACTION))
         else:
-            target = rows.target_of_row(held._asdict())
+            target = rows.target_of_row(stored._asdict())
         for table, shared in (
             (tables.calibration_table, self.calibrations),
             (tables.frame_table, list(self.frames.values())),
@@ -181,7 +183,7 @@ class TargetImport:
         given = len(self.presses) + len(self.estimates)
         return ImportedTarget(
             target=target,
-            new=held is None,
+            new=stored is None,
             presses=added["presses"],
             estimates=added["estimates"],
             present=given - sum(added.values()),
@@ -205,18 +207,18 @@ def require_kind(target: Target, kind: str) -> None:
 
 def held_frames(connection: Connection, presses: Sequence[StoredPress]) -> dict[str, str]:
     """Frames of those of the presses that are stored already, by the identity of the press."""
-    table, wanted = tables.press_table.c, [press.id for press in presses]
-    found: dict[str, str] = {}
-    for at in range(0, len(wanted), MOST_AT_ONCE):
-        query = select(table.id, table.frame).where(table.id.in_(wanted[at : at + MOST_AT_ONCE]))
-        found |= {row.id: row.frame for row in connection.execute(query)}
-    return found
+    table, requested = tables.press_table.c, [press.id for press in presses]
+    document: dict[str, str] = {}
+    for at in range(0, len(requested), MOST_AT_ONCE):
+        query = select(table.id, table.frame).where(table.id.in_(requested[at : at + MOST_AT_ONCE]))
+        document |= {row.id: row.frame for row in connection.execute(query)}
+    return document
 
 
-def _content(dossier: TargetRecord, press: StoredPress, blobs: Blobs, held: Mapping[str, str]) -> bytes | None:
+def _content(record: TargetRecord, press: StoredPress, blobs: Blobs, stored: Mapping[str, str]) -> bytes | None:
     """The stored file of a press's frame; None where there is none that holds its grey levels."""
-    levels = dossier.levels(press)
-    for name in (held.get(press.id, ""), press.frame):
+    levels = record.levels(press)
+    for name in (stored.get(press.id, ""), press.frame):
         with suppress(RecordsError):  # it is not there, or was damaged
             content = blobs.get(name, "png")
             if np.array_equal(frame_levels(content, name), levels):
@@ -225,5 +227,5 @@ def _content(dossier: TargetRecord, press: StoredPress, blobs: Blobs, held: Mapp
 
 
 def _held(connection: Connection, table: Table, row: rows.Row) -> dict[str, Any] | None:
-    found = connection.execute(select(table).where(table.c.id == row["id"])).first()
-    return None if found is None else found._asdict()
+    result = connection.execute(select(table).where(table.c.id == row["id"])).first()
+    return None if result is None else result._asdict()

@@ -51,13 +51,13 @@ def revision(connection: Connection, name: str) -> str | None:
     """
     if not inspect(connection).has_table(VERSIONS):
         return None
-    found = list(connection.execute(text(f"SELECT version_num FROM {VERSIONS}")).scalars())
-    if len(found) != 1 or found[0] not in known_revisions():
+    result = list(connection.execute(text(f"SELECT version_num FROM {VERSIONS}")).scalars())
+    if len(result) != 1 or result[0] not in known_revisions():
         raise RecordsError(
-            f"{name} must have a schema up to {wanted_revision()}; it has {', '.join(map(repr, found)) or 'none':.60} "
+            f"{name} must have a schema up to {wanted_revision()}; it has {', '.join(map(repr, result)) or 'none':.60} "
             "(was it written by a newer release of tsis? then update tsis)"
         )
-    return str(found[0])
+    return str(result[0])
 
 
 def upgraded(connection: Connection) -> None:
@@ -112,17 +112,17 @@ def schema_faults(connection: Connection) -> Iterator[str]:
 
 
 def _in_sqlite(connection: Connection) -> Iterator[str]:
-    for (said,) in connection.execute(text("PRAGMA integrity_check(10)")):  # an index that lacks a row hides it
-        if said != "ok":
-            yield f"the database file is damaged: {one_line(said)}"
-    wanted, found = _made_by_migrations(), _sqlite_schema(connection)
-    for kind, name in sorted(wanted.keys() | found.keys()):
+    for (message,) in connection.execute(text("PRAGMA integrity_check(10)")):  # an index that lacks a row hides it
+        if message != "ok":
+            yield f"the database file is damaged: {one_line(message)}"
+    requested, result = _made_by_migrations(), _sqlite_schema(connection)
+    for kind, name in sorted(requested.keys() | result.keys()):
         what = f"{kind} {one_line(name, 80)} of the database"
-        if (kind, name) not in found:
+        if (kind, name) not in result:
             yield f"the {what} was taken out"
-        elif (kind, name) not in wanted:
+        elif (kind, name) not in requested:
             yield f"the {what} was put in"
-        elif found[kind, name] != wanted[kind, name]:
+        elif result[kind, name] != requested[kind, name]:
             yield f"the {what} is not as it was made"
 
 
@@ -163,16 +163,16 @@ def _in_postgresql(connection: Connection) -> Iterator[str]:
 def _postgresql_trigger_faults(connection: Connection) -> Iterator[str]:
     query = """SELECT relname, tgname, tgenabled, tgtype, prosrc FROM pg_trigger JOIN pg_class ON pg_class.oid = tgrelid
         JOIN pg_proc ON pg_proc.oid = tgfoid WHERE NOT tgisinternal AND relnamespace = current_schema()::regnamespace"""
-    kept = False
+    saved = False
     for row in connection.execute(text(query)):
         if (row.relname, row.tgname) == ("audit", "audit_append_only"):
             enabled = row.tgenabled.decode() if isinstance(row.tgenabled, bytes) else row.tgenabled
-            kept = (
+            saved = (
                 enabled in _EVER
                 and row.tgtype == _BEFORE_UPDATE_DELETE_TRUNCATE
                 and " ".join(row.prosrc.split()) == "BEGIN RAISE EXCEPTION 'audit is append-only'; END"
             )
         elif row.relname in metadata.tables:
             yield f"the trigger {one_line(row.tgname, 80)} of the table {row.relname} was put in"
-    if not kept:
+    if not saved:
         yield "the trigger by which the audit is append-only was taken out, changed or switched off"

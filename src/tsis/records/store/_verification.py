@@ -97,22 +97,22 @@ def verify_store(store: Store, *, progress: Callable[[int, int], None] | None = 
             )
         row_faults, count = _row_faults(connection)
         notes = tuple(_notes(connection))
-        wanted = dict(_files(connection))
+        requested = dict(_files(connection))
     faults += row_faults
-    for done, ((name, ending), of) in enumerate(wanted.items(), start=1):
+    for done, ((name, ending), of) in enumerate(requested.items(), start=1):
         try:
             store.blobs.get(name, ending)
         except RecordsError as error:
             faults.append(f"{of}: {error}")
         if progress is not None:
-            progress(done, len(wanted))
+            progress(done, len(requested))
     return StoreVerification(
         faults=tuple(faults),
         notes=notes,
         head=head,
         rows=count,
-        files=len(wanted),
-        unnamed=sum(1 for each in store.blobs.names() if each not in wanted),
+        files=len(requested),
+        unnamed=sum(1 for name in store.blobs.names() if name not in requested),
         unanchored=max(0, head.number - (0 if anchored is None else anchored.number)),
     )
 
@@ -130,7 +130,7 @@ def _anchor(store: Store) -> tuple[list[str], AuditHead | None]:
 def _notes(connection: Connection) -> Iterator[str]:
     """Times at which the anchor was lost and somebody went on."""
     for row in _all(connection, select(audit_table).where(audit_table.c.action == LOST).order_by(audit_table.c.number)):
-        number, moment, actor = (one_line(each, 80) for each in (row.number, row.moment, row.actor))
+        number, moment, actor = (one_line(item, 80) for item in (row.number, row.moment, row.actor))
         yield (
             f"audit entry {number} tells that the anchor was missing when {actor} went on at {moment}: whether the "
             "entries before it were cut short or written anew until then, only a backup or a head that was written "
@@ -140,10 +140,10 @@ def _notes(connection: Connection) -> Iterator[str]:
 
 def _head(connection: Connection) -> AuditHead:
     """What the database says is the last entry; that before the first where it says nothing sensible."""
-    found = [tuple(row) for row in connection.execute(select(audit_head_table).limit(2))]
-    if len(found) != 1 or found[0][0] != 1 or type(found[0][1]) is not int or not isinstance(found[0][2], str):
+    results = [tuple(row) for row in connection.execute(select(audit_head_table).limit(2))]
+    if len(results) != 1 or results[0][0] != 1 or type(results[0][1]) is not int or not isinstance(results[0][2], str):
         return BEFORE
-    return AuditHead(number=found[0][1], hash=found[0][2])
+    return AuditHead(number=results[0][1], hash=results[0][2])
 
 
 def _all(connection: Connection, query: Select[Any]) -> Iterator[Row[Any]]:
@@ -177,8 +177,8 @@ def _row_faults(connection: Connection) -> tuple[list[str], int]:
     faults, count = [], 0
     for name, table in RECORDED.items():
         primary = next(iter(table.primary_key)).name
-        for found in _all(connection, select(table)):
-            row = found._asdict()
+        for result in _all(connection, select(table)):
+            row = result._asdict()
             count += 1
             key, shown = (name, row[primary]), one_line(row[primary], 80)
             if key not in last:

@@ -62,18 +62,18 @@ def _card_row(given: Sequence[Card], count: int) -> Table:
     cells: list[Any] = []
     looks: list[Any] = [("VALIGN", (0, 0), (-1, -1), "TOP"), *_no_padding()]
     for number, card in enumerate(given):
-        place = 2 * number
+        position = 2 * number
         cells += [_card(card, wide - 2 * PADDING), ""]
         looks += [
-            ("BOX", (place, 0), (place, 0), 0.5, LINE),
-            ("LINEBEFORE", (place, 0), (place, 0), 2.5, WARM if card.doubtful else BLUE),
-            ("LEFTPADDING", (place, 0), (place, 0), PADDING),
-            ("RIGHTPADDING", (place, 0), (place, 0), PADDING),
-            ("TOPPADDING", (place, 0), (place, 0), 4),
-            ("BOTTOMPADDING", (place, 0), (place, 0), 5),
+            ("BOX", (position, 0), (position, 0), 0.5, LINE),
+            ("LINEBEFORE", (position, 0), (position, 0), 2.5, WARM if card.doubtful else BLUE),
+            ("LEFTPADDING", (position, 0), (position, 0), PADDING),
+            ("RIGHTPADDING", (position, 0), (position, 0), PADDING),
+            ("TOPPADDING", (position, 0), (position, 0), 4),
+            ("BOTTOMPADDING", (position, 0), (position, 0), 5),
         ]
     cells = (cells + ["", ""] * count)[: 2 * count - 1]
-    widths = [wide if place % 2 == 0 else GAP for place in range(2 * count - 1)]
+    widths = [wide if index % 2 == 0 else GAP for index in range(2 * count - 1)]
     return Table([cells], colWidths=widths, style=looks, spaceAfter=GAP)
 
 
@@ -116,9 +116,9 @@ def _image(picture: Picture, wide: float) -> Image:
     size = picture.size[0] * POINTS, picture.size[1] * POINTS
     shrink = min(1.0, EASE * wide / size[0], EASE * tall / size[1])
     drawn = tuple(max(shrink * side, LEAST_POINTS) for side in size)
-    place = min(wide / drawn[0], tall / drawn[1], 1.0)
-    content = pixels(picture, size=(drawn[0] / POINTS, drawn[1] / POINTS), dpi=PAPER_DPI * place)
-    return Image(io.BytesIO(content), width=place * drawn[0], height=place * drawn[1], hAlign="LEFT")
+    position = min(wide / drawn[0], tall / drawn[1], 1.0)
+    content = pixels(picture, size=(drawn[0] / POINTS, drawn[1] / POINTS), dpi=PAPER_DPI * position)
+    return Image(io.BytesIO(content), width=position * drawn[0], height=position * drawn[1], hAlign="LEFT")
 
 
 def _words(picture: Picture) -> str:
@@ -128,8 +128,8 @@ def _words(picture: Picture) -> str:
 
 
 def _sentence(text: str) -> str:
-    said = _one_line(text)
-    return said if said.endswith((".", "!", "?")) else f"{said}."
+    message = _one_line(text)
+    return message if message.endswith((".", "!", "?")) else f"{message}."
 
 
 def _long(text: str) -> bool:
@@ -137,15 +137,15 @@ def _long(text: str) -> bool:
 
 
 def _caption(picture: Picture) -> list[Paragraph]:
-    title, words = _sentence(picture.title), _words(picture)
+    title, text = _sentence(picture.title), _words(picture)
     heading = "Named below." if _long(title) else title
-    said = "Described below." if _long(words) else words
-    return [Paragraph(f'<font name="{BOLD}" color="#1b1f24">{markup(heading, BOLD)}</font> {markup(said)}', SMALL)]
+    message = "Described below." if _long(text) else text
+    return [Paragraph(f'<font name="{BOLD}" color="#1b1f24">{markup(heading, BOLD)}</font> {markup(message)}', SMALL)]
 
 
 def _long_caption(picture: Picture) -> list[Paragraph]:
-    said = [text for text in (_sentence(picture.title), _words(picture)) if _long(text)]
-    return [part for text in said for part in paragraphs(text, SMALL)]
+    messages = [text for text in (_sentence(picture.title), _words(picture)) if _long(text)]
+    return [part for text in messages for part in paragraphs(text, SMALL)]
 
 
 def provenance(given: Mapping[str, Any]) -> list[Any]:
@@ -162,12 +162,12 @@ def leaves(value: Any, path: str = "") -> list[tuple[str, str]]:
     [('images[0]', 'name: a; force_n: 1.0'), ('images[0].settings', 'gain: 2'), ('forces', '1.0, 2.0')]
     """
     if isinstance(value, Mapping):
-        plain = {name: inner for name, inner in value.items() if path and not _nested(inner)}
-        below = [(f"{path}.{name}" if path else str(name), value[name]) for name in value if name not in plain]
-        own = [(path, _told(plain))] if plain or not below else []
+        reference = {name: inner for name, inner in value.items() if path and not _nested(inner)}
+        below = [(f"{path}.{name}" if path else str(name), value[name]) for name in value if name not in reference]
+        own = [(path, _told(reference))] if reference or not below else []
         return [*own, *(leaf for name, inner in below for leaf in leaves(inner, name))]
     if _listed(value) and any(_nested(inner) or _listed(inner) for inner in value):
-        return [leaf for place, inner in enumerate(value) for leaf in leaves(inner, f"{path}[{place}]")]
+        return [leaf for index, inner in enumerate(value) for leaf in leaves(inner, f"{path}[{index}]")]
     return [(path, _told(value))]
 
 

@@ -84,8 +84,8 @@ def _story(page: Page) -> list[Any]:
         rows = paper_parts.picture_rows(page.pictures)
         story += _section("Pictures", rows[0], room=rows[0][0].wrap(WIDTH, HEIGHT)[1])
         story += [part for row in rows[1:] for part in row]
-    for each in page.tables:
-        story += _section(each.title, table(each.headings, each.rows))
+    for item in page.tables:
+        story += _section(item.title, table(item.headings, item.rows))
     if page.provenance:
         story += _section("Provenance", paper_parts.provenance(page.provenance))
     return story

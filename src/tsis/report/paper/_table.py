@@ -59,7 +59,7 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], *, cell: Parag
     return [_part(_chosen(names, cut), tuple(_chosen(row, cut) for row in filled), cell) for cut in cuts]
 
 
-def column_widths(least: Sequence[float], wanted: Sequence[float], available: float = WIDTH) -> list[float]:
+def column_widths(least: Sequence[float], requested: Sequence[float], available: float = WIDTH) -> list[float]:
     """Widths that fill ``available``: each at least its longest word if all of them can be, at best its longest text.
 
     Examples
@@ -69,17 +69,17 @@ def column_widths(least: Sequence[float], wanted: Sequence[float], available: fl
     >>> column_widths([10, 40], [10, 990], 100)
     [10.0, 90.0]
     """
-    if sum(wanted) <= available:
-        more = (available - sum(wanted)) / len(wanted)
-        return [float(each + more) for each in wanted]
+    if sum(requested) <= available:
+        more = (available - sum(requested)) / len(requested)
+        return [float(item + more) for item in requested]
     if sum(least) >= available:
         fair = available / len(least)  # nobody loses who needs less than that
-        modest = [min(each, fair) for each in least]
-        want = [each - kept for each, kept in zip(least, modest, strict=True)]
-        share = (available - sum(modest)) / sum(want) if sum(want) else 0.0
-        return [float(kept + share * more) for kept, more in zip(modest, want, strict=True)]
-    share = (available - sum(least)) / (sum(wanted) - sum(least))
-    return [float(low + share * (high - low)) for low, high in zip(least, wanted, strict=True)]
+        modest = [min(item, fair) for item in least]
+        want = [item - saved for item, saved in zip(least, modest, strict=True)]
+        fraction = (available - sum(modest)) / sum(want) if sum(want) else 0.0
+        return [float(saved + fraction * more) for saved, more in zip(modest, want, strict=True)]
+    fraction = (available - sum(least)) / (sum(requested) - sum(least))
+    return [float(low + fraction * (high - low)) for low, high in zip(least, requested, strict=True)]
 
 
 def _filled(row: Sequence[str], count: int) -> tuple[str, ...]:
@@ -87,7 +87,7 @@ def _filled(row: Sequence[str], count: int) -> tuple[str, ...]:
 
 
 def _chosen(row: Sequence[str], cut: Sequence[int]) -> tuple[str, ...]:
-    return tuple(row[place] for place in cut) if row else ()
+    return tuple(row[position] for position in cut) if row else ()
 
 
 def _part(headings: tuple[str, ...], rows: Rows, cell: ParagraphStyle) -> LongTable:
@@ -118,12 +118,12 @@ def _part(headings: tuple[str, ...], rows: Rows, cell: ParagraphStyle) -> LongTa
 def _cells(texts: tuple[str, ...], kind: ParagraphStyle, widths: Sequence[float]) -> list[list[Any]]:
     """A row of texts as rows of paragraphs: one, or several where a text is long."""
     cut = [
-        list(pieces(text, kind.fontName, kind.fontSize, within=each - 2 * PADDING, lines=LINES))
-        for text, each in zip(texts, widths, strict=True)
+        list(pieces(text, kind.fontName, kind.fontSize, within=width - 2 * PADDING, lines=LINES))
+        for text, width in zip(texts, widths, strict=True)
     ]
     return [
-        [Paragraph(escaped(parts[place]), kind) if place < len(parts) else "" for parts in cut]
-        for place in range(max(map(len, cut)))
+        [Paragraph(escaped(parts[index]), kind) if index < len(parts) else "" for parts in cut]
+        for index in range(max(map(len, cut)))
     ]
 
 
@@ -131,11 +131,11 @@ def _widths(names: tuple[str, ...], texts: Rows, cell: ParagraphStyle) -> list[f
     around = 2 * PADDING + ROOM
     columns = list(zip(*texts, strict=True))
     titles = names or ("",) * len(columns)
-    wanted, least = [], []
+    requested, least = [], []
     for name, column in zip(titles, columns, strict=True):
-        wanted.append(max(_wide(name, CELL_HEADING), *(_wide(text, cell) for text in column)) + around)
+        requested.append(max(_wide(name, CELL_HEADING), *(_wide(text, cell) for text in column)) + around)
         least.append(max(_widest_word(name, CELL_HEADING), *(_widest_word(text, cell) for text in column)) + around)
-    return column_widths(least, wanted)
+    return column_widths(least, requested)
 
 
 def _wide(text: str, kind: ParagraphStyle) -> float:
@@ -143,4 +143,4 @@ def _wide(text: str, kind: ParagraphStyle) -> float:
 
 
 def _widest_word(text: str, kind: ParagraphStyle) -> float:
-    return min(max((width(word, kind.fontName, kind.fontSize) for word in text.split()), default=0.0), float(WIDTH))
+    return min(max((width(part, kind.fontName, kind.fontSize) for part in text.split()), default=0.0), float(WIDTH))

@@ -46,8 +46,8 @@ def drawable_text(text: str, font: str = SANS) -> str:
     >>> drawable_text("4 mm²\t± 1\x07")
     '4 mm² ± 1[U+0007]'
     """
-    plain = unicodedata.normalize("NFC", text).replace("\r\n", "\n").replace("\t", " ")
-    return "\n".join(_drawable(in_drawn_order(line), font) for line in plain.split("\n"))
+    reference = unicodedata.normalize("NFC", text).replace("\r\n", "\n").replace("\t", " ")
+    return "\n".join(_drawable(in_drawn_order(line), font) for line in reference.split("\n"))
 
 
 def markup(text: str, font: str = SANS) -> str:
@@ -109,40 +109,40 @@ def _end_of_run(kinds: list[str], start: int) -> int:
     end = start
     if kinds[start] not in RIGHT_TO_LEFT:
         return end
-    for place in range(start, len(kinds)):
-        if kinds[place] == "L":
+    for index in range(start, len(kinds)):
+        if kinds[index] == "L":
             break
-        if kinds[place] in RIGHT_TO_LEFT or kinds[place] == "NSM":
-            end = place + 1
+        if kinds[index] in RIGHT_TO_LEFT or kinds[index] == "NSM":
+            end = index + 1
     return end
 
 
 def _turned(run: str) -> str:
     clusters: list[str] = []
-    place = 0
-    while place < len(run):
-        number = NUMBER.match(run, place)
+    position = 0
+    while position < len(run):
+        number = NUMBER.match(run, position)
         if number:
             clusters.append(number.group())
-        elif clusters and unicodedata.bidirectional(run[place]) == "NSM":
-            clusters[-1] += run[place]  # an accent stays behind its letter
+        elif clusters and unicodedata.bidirectional(run[position]) == "NSM":
+            clusters[-1] += run[position]  # an accent stays behind its letter
         else:
-            clusters.append(_mirrored(run[place]))
-        place = number.end() if number else place + 1
+            clusters.append(_mirrored(run[position]))
+        position = number.end() if number else position + 1
     return "".join(reversed(clusters))
 
 
 def _mirrored(letter: str) -> str:
     pairs = "()[]{}<>"
-    found = pairs.find(letter)
-    return letter if found < 0 else pairs[found ^ 1]
+    result = pairs.find(letter)
+    return letter if result < 0 else pairs[result ^ 1]
 
 
 def _drawable(line: str, font: str) -> str:
     register_fonts()
-    known = pdfmetrics.getFont(font).face.charToGlyph
+    given = pdfmetrics.getFont(font).face.charToGlyph
     return "".join(
-        letter if ord(letter) in known and letter not in TURNS else f"[U+{ord(letter):04X}]" for letter in line
+        letter if ord(letter) in given and letter not in TURNS else f"[U+{ord(letter):04X}]" for letter in line
     )
 
 

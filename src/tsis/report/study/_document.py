@@ -32,7 +32,10 @@ if TYPE_CHECKING:
 def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
     """All of it, as plain values with the names of Python; null where something could not be told."""
     plan = analysis.study.plan
-    scores = {one.judged.device: {each.code: each.score for each in one.judged.targets} for one in analysis.devices}
+    scores = {
+        device.judged.device: {target.code: target.score for target in device.judged.targets}
+        for device in analysis.devices
+    }
     return envelope(
         "study analyse",
         study={
@@ -47,8 +50,8 @@ def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
             "threshold": plan.threshold,
         },
         verification=study_verification_document(analysis.verification),
-        devices=[_device(one) for one in analysis.devices],
-        comparisons=[_comparison(one) for one in analysis.comparisons],
+        devices=[_device(device) for device in analysis.devices],
+        comparisons=[_comparison(comparison) for comparison in analysis.comparisons],
         targets=[
             {
                 "code": code,
@@ -61,58 +64,62 @@ def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
     )
 
 
-def study_verification_document(found: StudyVerification) -> dict[str, Any]:
+def study_verification_document(study_verification: StudyVerification) -> dict[str, Any]:
     """Whether a study is as it was written."""
     return {
-        "sound": found.sound,
-        "faults": [str(fault) for fault in found.faults],
-        "head": found.head,
-        "lines": found.lines,
-        "unblinded": found.unblinded,
+        "sound": study_verification.sound,
+        "faults": [str(fault) for fault in study_verification.faults],
+        "head": study_verification.head,
+        "lines": study_verification.lines,
+        "unblinded": study_verification.unblinded,
     }
 
 
-def _device(one: DeviceAnalysis) -> dict[str, Any]:
-    judged = one.judged
+def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
+    results = device_analysis.judged
     return {
-        "device": judged.device,
-        "threshold": judged.threshold,
-        "readings": one.readings,
-        "undecided_readings": one.undecided_readings,
-        "decided_targets": len(judged.decided),
-        "undecided_targets": [target.code for target in judged.undecided],
-        "unread_targets": [target.code for target in judged.unread],
-        "counts": _counts(one.counts),
-        "counts_if_undecided_are_wrong": _counts(one.counts_if_wrong),
-        "ranked_by": "log_bayes_factor" if judged.is_ranked else "score",
-        "auc": None if one.curve is None else one.curve.auc,
-        "auc_interval": interval_document(one.auc_interval),
-        "auc_if_undecided_are_wrong": one.auc_if_wrong,
+        "device": results.device,
+        "threshold": results.threshold,
+        "readings": device_analysis.readings,
+        "undecided_readings": device_analysis.undecided_readings,
+        "decided_targets": len(results.decided),
+        "undecided_targets": [target.code for target in results.undecided],
+        "unread_targets": [target.code for target in results.unread],
+        "counts": _counts(device_analysis.counts),
+        "counts_if_undecided_are_wrong": _counts(device_analysis.counts_if_wrong),
+        "ranked_by": "log_bayes_factor" if results.is_ranked else "score",
+        "auc": None if device_analysis.curve is None else device_analysis.curve.auc,
+        "auc_interval": interval_document(device_analysis.auc_interval),
+        "auc_if_undecided_are_wrong": device_analysis.auc_if_wrong,
         "roc": None
-        if one.curve is None
+        if device_analysis.curve is None
         else {
-            "thresholds": [None if math.isinf(each) else float(each) for each in one.curve.thresholds],
-            "true_positive_rate": one.curve.true_positive_rate.tolist(),
-            "false_positive_rate": one.curve.false_positive_rate.tolist(),
+            "thresholds": [
+                None if math.isinf(threshold) else float(threshold) for threshold in device_analysis.curve.thresholds
+            ],
+            "true_positive_rate": device_analysis.curve.true_positive_rate.tolist(),
+            "false_positive_rate": device_analysis.curve.false_positive_rate.tolist(),
         },
-        "operating_points_optimistic": [_point(each) for each in one.points],
-        "held_out_counts": _counts(one.held_out),
-        "reliability": None if one.reliability is None else _reliability(one.reliability),
-        "brier_interval": interval_document(one.brier_interval),
-        "recalibration": None if one.recalibration is None else _recalibration(one.recalibration),
-        "errors": [_errors(each) for each in one.errors],
+        "operating_points_optimistic": [_point(point) for point in device_analysis.points],
+        "held_out_counts": _counts(device_analysis.held_out),
+        "reliability": None if device_analysis.reliability is None else _reliability(device_analysis.reliability),
+        "brier_interval": interval_document(device_analysis.brier_interval),
+        "recalibration": None
+        if device_analysis.recalibration is None
+        else _recalibration(device_analysis.recalibration),
+        "errors": [_errors(error) for error in device_analysis.errors],
         "found_by": [
             {
-                "quantity": each.quantity,
-                "low": each.low,
-                "high": None if math.isinf(each.high) else each.high,
-                "found": proportion_document(each.found),
-                "undecided": each.undecided,
+                "quantity": item.quantity,
+                "low": item.low,
+                "high": None if math.isinf(item.high) else item.high,
+                "found": proportion_document(item.found),
+                "undecided": item.undecided,
             }
-            for each in one.strata
+            for item in device_analysis.strata
         ],
-        "agreement": [_agreement(each) for each in one.agreements],
-        "missing": dict(one.missing),
+        "agreement": [_agreement(agreement) for agreement in device_analysis.agreements],
+        "missing": dict(device_analysis.missing),
     }
 
 
@@ -124,12 +131,12 @@ def interval_document(interval: Interval | None) -> dict[str, Any] | None:
     return {"low": low, "high": high, "level": interval.level, "method": interval.method}
 
 
-def proportion_document(share: Proportion | None) -> dict[str, Any] | None:
+def proportion_document(fraction: Proportion | None) -> dict[str, Any] | None:
     """So many of so many, and the interval."""
-    if share is None:
+    if fraction is None:
         return None
-    found = {"successes": share.successes, "trials": share.trials, "value": share.value}
-    return {**found, "interval": interval_document(share.interval())}
+    results = {"successes": fraction.successes, "trials": fraction.trials, "value": fraction.value}
+    return {**results, "interval": interval_document(fraction.interval())}
 
 
 def _counts(counts: Counts | None) -> dict[str, Any] | None:
@@ -161,18 +168,22 @@ def _reliability(curve: ReliabilityCurve) -> dict[str, Any]:
         "expected_calibration_error": curve.expected_calibration_error,
         "bins": [
             {
-                "low": one.low,
-                "high": one.high,
-                "probability": one.probability,
-                "observed": proportion_document(one.observed),
+                "low": item.low,
+                "high": item.high,
+                "probability": item.probability,
+                "observed": proportion_document(item.observed),
             }
-            for one in curve.bins
+            for item in curve.bins
         ],
     }
 
 
-def _recalibration(found: Recalibration) -> dict[str, Any]:
-    named = {"slope": found.slope, "intercept": found.intercept, "in_the_large": found.in_the_large}
+def _recalibration(recalibration: Recalibration) -> dict[str, Any]:
+    named = {
+        "slope": recalibration.slope,
+        "intercept": recalibration.intercept,
+        "in_the_large": recalibration.in_the_large,
+    }
     return {
         name: {"value": fitted.value, "interval": interval_document(fitted.interval())}
         for name, fitted in named.items()
@@ -197,26 +208,26 @@ def _number(number: AgreementValue) -> dict[str, Any]:
     return {"value": value, "interval": interval_document(number.interval), "remark": number.remark}
 
 
-def _agreement(one: Agreement) -> dict[str, Any]:
+def _agreement(agreement: Agreement) -> dict[str, Any]:
     return {
-        "quantity": one.quantity,
-        "between": one.between,
-        "targets": one.targets,
-        "operators": one.operators,
-        "repeats": one.repeats,
-        "form": one.form,
-        "correlation": _number(one.correlation),
-        "coefficient": _number(one.coefficient),
+        "quantity": agreement.quantity,
+        "between": agreement.between,
+        "targets": agreement.targets,
+        "operators": agreement.operators,
+        "repeats": agreement.repeats,
+        "form": agreement.form,
+        "correlation": _number(agreement.correlation),
+        "coefficient": _number(agreement.coefficient),
     }
 
 
-def _comparison(one: DeviceComparison) -> dict[str, Any]:
-    areas = one.areas
+def _comparison(device_comparison: DeviceComparison) -> dict[str, Any]:
+    areas = device_comparison.areas
     return {
-        "first": one.first,
-        "second": one.second,
-        "targets": one.targets,
-        "remark": one.remark,
+        "first": device_comparison.first,
+        "second": device_comparison.second,
+        "targets": device_comparison.targets,
+        "remark": device_comparison.remark,
         "areas": None
         if areas is None
         else {
@@ -228,24 +239,24 @@ def _comparison(one: DeviceComparison) -> dict[str, Any]:
             "method": areas.method,
             "remark": areas.remark,
         },
-        "limits_of_agreement": {name: _limits(found) for name, found in one.limits.items()},
+        "limits_of_agreement": {name: _limits(limit) for name, limit in device_comparison.limits.items()},
     }
 
 
-def _limits(found: BlandAltman) -> dict[str, Any]:
-    bias, limits = limit_intervals(found)
+def _limits(bland_altman: BlandAltman) -> dict[str, Any]:
+    bias, limits = limit_intervals(bland_altman)
     return {
-        "targets": found.targets,
-        "bias": found.bias,
+        "targets": bland_altman.targets,
+        "bias": bland_altman.bias,
         "bias_interval": interval_document(bias),
-        "limits": list(found.limits()),
+        "limits": list(bland_altman.limits()),
         "limit_intervals": [interval_document(limit) for limit in limits],
     }
 
 
-def limit_intervals(found: BlandAltman) -> tuple[Interval | None, tuple[Interval | None, Interval | None]]:
+def limit_intervals(bland_altman: BlandAltman) -> tuple[Interval | None, tuple[Interval | None, Interval | None]]:
     """Intervals of the bias and of both limits; None where all differences are equal."""
     try:
-        return found.bias_interval(), found.limit_intervals()
+        return bland_altman.bias_interval(), bland_altman.limit_intervals()
     except InputError:
         return None, (None, None)

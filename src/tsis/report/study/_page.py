@@ -59,18 +59,21 @@ def study_page(analysis: StudyAnalysis) -> Page:
     return Page(
         title=f"Study {plan.name}",
         subtitle=f"{present} targets with an inclusion and {len(plan.codes) - present} without, read blind, in "
-        f"an order by chance; {', '.join(one.judged.device for one in devices)}",
-        cards=(_record_card(analysis), *(card for one in devices for card in _cards(one, several=len(devices) > 1))),
+        f"an order by chance; {', '.join(device.judged.device for device in devices)}",
+        cards=(
+            _record_card(analysis),
+            *(card for device in devices for card in _cards(device, several=len(devices) > 1)),
+        ),
         notes=(
             *record_notes(analysis),
-            *(note for one in devices for note in (*few_notes(one), *undecided_notes(one))),
+            *(note for device in devices for note in (*few_notes(device), *undecided_notes(device))),
             f"What counts is {JUDGED_BY}; repeats serve to tell how well readings agree. Intervals hold 95 %, unless "
             "said otherwise, for each number by itself.",
         ),
         pictures=tuple(study_pictures(analysis)),
         tables=(
-            *(table for one in devices for table in device_tables(one)),
-            *(comparison_table(one) for one in analysis.comparisons),
+            *(table for device in devices for table in device_tables(device)),
+            *(comparison_table(comparison) for comparison in analysis.comparisons),
             targets_table(analysis),
             Table(title="What this study does not tell", headings=("of", "why"), rows=NOT_TOLD),
         ),
@@ -92,10 +95,10 @@ def study_files(analysis: StudyAnalysis) -> dict[str, bytes]:
 
 
 def _record_card(analysis: StudyAnalysis) -> Card:
-    found = analysis.verification
-    if found.sound:
-        return Card(title="The record", value="as written", detail=f"head {found.head[:16]}, {found.lines} lines")
-    count = len(found.faults)
+    result = analysis.verification
+    if result.sound:
+        return Card(title="The record", value="as written", detail=f"head {result.head[:16]}, {result.lines} lines")
+    count = len(result.faults)
     return Card(
         title="The record",
         value="CHANGED",
@@ -104,32 +107,41 @@ def _record_card(analysis: StudyAnalysis) -> Card:
     )
 
 
-def _cards(one: DeviceAnalysis, *, several: bool) -> tuple[Card, ...]:
-    of = f", {one.judged.device}" if several else ""
-    counts, cards = one.counts, []
+def _cards(device_analysis: DeviceAnalysis, *, several: bool) -> tuple[Card, ...]:
+    of = f", {device_analysis.judged.device}" if several else ""
+    counts, cards = device_analysis.counts, []
     rates = {}
     if counts is not None and counts.present:
         rates["Sensitivity"] = counts.sensitivity
     if counts is not None and counts.absent:
         rates["Specificity"] = counts.specificity
     for name, rate in rates.items():
-        told = f"{rate.successes} of {rate.trials}; {share_ends(rate)}, Wilson"
-        cards.append(Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=told, doubtful=one.few))
-    if one.curve is not None:
-        told = f"{ends(one.auc_interval)}, {method_of(one.auc_interval)}"
+        reported = f"{rate.successes} of {rate.trials}; {share_ends(rate)}, Wilson"
         cards.append(
-            Card(title=f"Area under the curve{of}", value=f"{one.curve.auc:.3f}", detail=told, doubtful=one.few)
+            Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=reported, doubtful=device_analysis.few)
         )
-    if one.reliability is not None:
-        interval = one.brier_interval
-        told = "no interval" if interval is None else f"{ends(interval)}, {method_of(interval)}"
-        cards.append(Card(title=f"Brier score{of}", value=small(one.reliability.brier.score), detail=told))
+    if device_analysis.curve is not None:
+        reported = f"{ends(device_analysis.auc_interval)}, {method_of(device_analysis.auc_interval)}"
+        cards.append(
+            Card(
+                title=f"Area under the curve{of}",
+                value=f"{device_analysis.curve.auc:.3f}",
+                detail=reported,
+                doubtful=device_analysis.few,
+            )
+        )
+    if device_analysis.reliability is not None:
+        interval = device_analysis.brier_interval
+        reported = "no interval" if interval is None else f"{ends(interval)}, {method_of(interval)}"
+        cards.append(
+            Card(title=f"Brier score{of}", value=small(device_analysis.reliability.brier.score), detail=reported)
+        )
     return tuple(cards)
 
 
 def _provenance(analysis: StudyAnalysis, pressed: str) -> dict[str, Any]:
     plan, study = analysis.study.plan, analysis.study
-    prior = next((each.evidence["prior"] for each in study.readings if "prior" in each.evidence), None)
+    prior = next((reading.evidence["prior"] for reading in study.readings if "prior" in reading.evidence), None)
     return {
         "study": {"name": plan.name, "made": plan.made.isoformat(), "tsis": plan.tsis},
         "virtual probe": pressed,
@@ -147,17 +159,26 @@ def _reading_rows(analysis: StudyAnalysis) -> list[list[Any]]:
     rows: list[list[Any]] = [
         [*headings, "score", *QUANTITIES, *(f"sd_{name}" for name in QUANTITIES), "flags", "reason"]
     ]
-    for each in analysis.study.readings:
-        truth = analysis.truths[each.code]
-        known = [truth.values.get(name) for name in QUANTITIES]
-        said = [
-            each.score,
-            *(each.values.get(name) for name in QUANTITIES),
-            *(each.sd.get(name) for name in QUANTITIES),
+    for reading in analysis.study.readings:
+        truth = analysis.truths[reading.code]
+        existing = [truth.values.get(name) for name in QUANTITIES]
+        messages = [
+            reading.score,
+            *(reading.values.get(name) for name in QUANTITIES),
+            *(reading.sd.get(name) for name in QUANTITIES),
         ]
-        by = [each.device, each.operator, each.repeat]
+        by = [reading.device, reading.operator, reading.repeat]
         rows.append(
-            [each.code, truth.label, truth.has_inclusion, *known, *by, *said, " ".join(each.flags), each.reason]
+            [
+                reading.code,
+                truth.label,
+                truth.has_inclusion,
+                *existing,
+                *by,
+                *messages,
+                " ".join(reading.flags),
+                reading.reason,
+            ]
         )
     return rows
 
@@ -207,22 +228,22 @@ def publish_study(
     RecordsError
         When there is no reading, or the truth cannot be read.
     """
-    place = _own_place(study) if out is None else free_folder(out)
-    require_room(place)  # before what cannot be taken back
+    position = _own_place(study) if out is None else free_folder(out)
+    require_room(position)  # before what cannot be taken back
     for device in study.devices:
         study.threshold_of(device)
     analysis = analyse(unblind(study, by=by), progress=progress)
     files = study_files(analysis)
-    folder = write_folder(place, files)
+    folder = write_folder(position, files)
     inside = folder.name if folder.parent == study.folder.resolve() else ""
-    told = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    entries = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
     return PublishedStudy(
-        analysis=analysis, study=enter_analysis(analysis.study, by=by, folder=inside, files=told), folder=folder
+        analysis=analysis, study=enter_analysis(analysis.study, by=by, folder=inside, files=entries), folder=folder
     )
 
 
 def _own_place(study: Study) -> Path:
     """A new folder in the study: a name that its log knows is not given again, though that report may be gone."""
-    known = [entry.content.get("folder") for entry in study.chain.entries if entry.action == ANALYSED]
+    existing = [entry.content.get("folder") for entry in study.chain.entries if entry.action == ANALYSED]
     names = itertools.chain([FOLDER], (f"{FOLDER}-{number}" for number in itertools.count(2)))
-    return next(study.folder / name for name in names if name not in known and not (study.folder / name).exists())
+    return next(study.folder / name for name in names if name not in existing and not (study.folder / name).exists())

@@ -119,44 +119,46 @@ def score_words(score: float, *, probability: bool) -> str:
 
 def record_notes(analysis: StudyAnalysis) -> tuple[str, ...]:
     """Whether the study is as it was written, and the head by which that can be told later."""
-    found = analysis.verification
+    result = analysis.verification
     head = (
-        f"Unblinded {found.unblinded}. The log has {found.lines} lines; its head is {found.head}. Keep the head "
+        f"Unblinded {result.unblinded}. The log has {result.lines} lines; its head is {result.head}. Keep the head "
         "elsewhere: tsis study verify --head tells from it whether the log was cut short or written anew."
     )
-    if found.sound:
+    if result.sound:
         return ("Plan, sealed truth and every line of the log are as they were written.", head)
     return (
         "NOT AS IT WAS WRITTEN, in these places:",
-        *(str(fault) for fault in found.faults),
+        *(str(fault) for fault in result.faults),
         head,
     )
 
 
-def few_notes(one: DeviceAnalysis) -> tuple[str, ...]:
+def few_notes(device_analysis: DeviceAnalysis) -> tuple[str, ...]:
     """What to say of a study so small that it says little."""
-    if not one.few:
+    if not device_analysis.few:
         return ()
-    inside = sum(target.truth.has_inclusion for target in one.judged.decided)
-    outside = len(one.judged.decided) - inside
+    inside = sum(target.truth.has_inclusion for target in device_analysis.judged.decided)
+    outside = len(device_analysis.judged.decided) - inside
     return (
-        f"{one.judged.device}: judged on {counted(inside, 'target')} with an inclusion and {outside} without. With "
+        f"{device_analysis.judged.device}: judged on {counted(inside, 'target')} with an inclusion and "
+        f"{outside} without. With "
         f"fewer than {FEW} of a class a study says little: read the intervals, not the values.",
     )
 
 
-def undecided_notes(one: DeviceAnalysis) -> tuple[str, ...]:
+def undecided_notes(device_analysis: DeviceAnalysis) -> tuple[str, ...]:
     """What was not read or not decided, and what it would change."""
     notes = []
-    judged, wrong = one.judged, one.counts_if_wrong
-    if judged.undecided and wrong is not None:
+    results, wrong = device_analysis.judged, device_analysis.counts_if_wrong
+    if results.undecided and wrong is not None:
         sensitivity = share(wrong.sensitivity) if wrong.present else "none"
         specificity = share(wrong.specificity) if wrong.absent else "none"
-        area = "" if one.auc_if_wrong is None else f", area {one.auc_if_wrong:.3f}"
+        area = "" if device_analysis.auc_if_wrong is None else f", area {device_analysis.auc_if_wrong:.3f}"
         notes.append(
-            f"{judged.device}: {counted(len(judged.undecided), 'target')} undecided, left out of the numbers. Taken as "
+            f"{results.device}: {counted(len(results.undecided), 'target')} undecided, left out of the "
+            f"numbers. Taken as "
             f"the wrong answer: sensitivity {sensitivity}, specificity {specificity}{area}."
         )
-    if judged.unread:
-        notes.append(f"{judged.device}: {counted(len(judged.unread), 'target')} not read, left out of the numbers.")
+    if results.unread:
+        notes.append(f"{results.device}: {counted(len(results.unread), 'target')} not read, left out of the numbers.")
     return tuple(notes)

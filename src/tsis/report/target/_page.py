@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
 
 
-def target_page(dossier: TargetRecord) -> Page:
+def target_page(record: TargetRecord) -> Page:
     """The page of a target, for `tsis.report.html` and `tsis.report.paper.pdf`.
 
     Parameters
     ----------
-    dossier
+    record
         All that the store holds of it; with no estimate, scale, force or calibration the page says so.
 
     Returns
@@ -31,57 +31,58 @@ def target_page(dossier: TargetRecord) -> Page:
         calibrations, all estimates and where each number came from. That of a subject shows the pseudonym and no
         other name.
     """
-    dossier = without_identity(dossier)
-    target, gallery = dossier.target, target_gallery(dossier)
+    record = without_identity(record)
+    target, gallery = record.target, target_gallery(record)
     name = f": {target.name}" if target.name else ""
     return Page(
         title=f"{'Subject, target' if target.kind == 'subject' else 'Target'} {target.number}{name}",
-        subtitle=_subtitle(dossier),
-        cards=target_cards(dossier),
-        notes=(*target_notes(dossier), *gallery.notes),
+        subtitle=_subtitle(record),
+        cards=target_cards(record),
+        notes=(*target_notes(record), *gallery.notes),
         pictures=gallery.pictures,
-        tables=target_tables(dossier),
-        provenance=_provenance(dossier),
+        tables=target_tables(record),
+        provenance=_provenance(record),
     )
 
 
-def _subtitle(dossier: TargetRecord) -> str:
-    presses = dossier.presses
+def _subtitle(record: TargetRecord) -> str:
+    presses = record.presses
     if not presses:
-        return f"{dossier.target.kind}, entered {time_text(dossier.target.made)} UTC, nothing recorded"
+        return f"{record.target.kind}, entered {time_text(record.target.made)} UTC, nothing recorded"
     first, last = min(press.taken for press in presses), max(press.taken for press in presses)
     taken = time_text(first) if first == last else f"{time_text(first)} to {time_text(last)}"
     probes = ", ".join(sorted({press.probe for press in presses if press.probe})) or "not named"
-    return f"{dossier.target.kind}, probe {probes}, recorded {taken} UTC"
+    return f"{record.target.kind}, probe {probes}, recorded {taken} UTC"
 
 
-def target_cards(dossier: TargetRecord) -> tuple[Card, ...]:
+def target_cards(record: TargetRecord) -> tuple[Card, ...]:
     """The numbers of the estimates in force, the newest first; what there is to estimate from where there is none."""
-    found = newest_first(dossier)
-    if not found:
+    result = newest_first(record)
+    if not result:
         return (
             Card(title="Estimate", value="none yet", detail="the frames are kept and can be estimated", doubtful=True),
-            Card(title="Recorded", value=count_of(len(dossier.presses), "press"), detail=roles(dossier.presses)),
+            Card(title="Recorded", value=count_of(len(record.presses), "press"), detail=roles(record.presses)),
         )
     cards = []
-    for stored in found:
-        own = estimate_cards(stored, dossier.target.truth)
-        cards += [replace(card, title=heading(dossier, stored, card.title)) for card in own]
+    for stored in result:
+        own = estimate_cards(stored, record.target.truth)
+        cards += [replace(card, title=heading(record, stored, card.title)) for card in own]
     return tuple(cards)
 
 
-def _provenance(dossier: TargetRecord) -> dict[str, Any]:
+def _provenance(record: TargetRecord) -> dict[str, Any]:
     """Where every number came from, with whole hashes and identities."""
-    target = dossier.target
-    found = {heading(dossier, each, "estimate in force"): _estimate(each) for each in newest_first(dossier)}
-    stored = {} if len(found) > 1 else next(iter(found.values()), {})
+    target = record.target
+    results = {heading(record, item, "estimate in force"): _estimate(item) for item in newest_first(record)}
+    stored = {} if len(results) > 1 else next(iter(results.values()), {})
     return {
         "target": {"id": target.id, "version": target.version, "entered": time_text(target.made) + " UTC"},
         "report": f"tsis {__version__}",
-        **(stored or found),
-        **{f"press {number}": _press(press) for number, press in enumerate(dossier.presses, 1)},
+        **(stored or results),
+        **{f"press {number}": _press(press) for number, press in enumerate(record.presses, 1)},
         "calibrations": [
-            {"name": known.name, "sha256": identity} for identity, known in sorted(dossier.calibrations.items())
+            {"name": calibration.name, "sha256": identity}
+            for identity, calibration in sorted(record.calibrations.items())
         ],
     }
 
@@ -104,7 +105,7 @@ def _estimate(stored: StoredEstimate) -> dict[str, Any]:
 
 def _press(press: StoredPress) -> str:
     """One line a press: there may be hundreds."""
-    said = [
+    messages = [
         f"frame {press.frame}",
         f"id {press.id}, version {press.version}",
         f"{press.columns} × {press.rows} pixels, full scale {press.full_scale:g}",
@@ -113,4 +114,4 @@ def _press(press: StoredPress) -> str:
         f"calibration {press.calibration or 'none'}",
         *(f"{name} {value}" for name, value in press.settings.items()),
     ]
-    return "; ".join(said)
+    return "; ".join(messages)

@@ -51,24 +51,24 @@ class FrameWithRole:
     image: TactileImage
 
 
-def target_gallery(dossier: TargetRecord) -> Gallery:
+def target_gallery(record: TargetRecord) -> Gallery:
     """Everything that the frames and the estimates in force let one draw."""
-    frames, unread = _frames(dossier)
-    gallery = unread + _posteriors(dossier) + _strongest(frames) + _profiles(dossier, frames)
+    frames, unread = _frames(record)
+    gallery = unread + _posteriors(record) + _strongest(frames) + _profiles(record, frames)
     if len(frames) > 1:
         gallery += Gallery(pictures=(sheet_picture([(frame.role, frame.image) for frame in frames]),))
     return gallery
 
 
-def _frames(dossier: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
+def _frames(record: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
     """Frames in the order of their presses, of many those that estimates rest on, and what cannot be read."""
-    used = {press for stored in dossier.in_force for press in stored.presses}
-    numbered = list(enumerate(dossier.presses, 1))
+    used = {press for stored in record.in_force for press in stored.presses}
+    numbered = list(enumerate(record.presses, 1))
     chosen = sorted(numbered, key=lambda pair: (pair[1].id not in used, pair[0]))[:MOST_FRAMES]
     frames, notes = [], []
     for number, press in sorted(chosen, key=lambda pair: pair[0]):
         try:
-            image = replace(dossier.image(press), name=press.name or f"press {number}")
+            image = replace(record.image(press), name=press.name or f"press {number}")
         except TsisError as error:
             notes.append(f"The frame of press {number} cannot be shown: {error}.")
         else:
@@ -78,17 +78,17 @@ def _frames(dossier: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
     return frames, Gallery(notes=tuple(notes))
 
 
-def _posteriors(dossier: TargetRecord) -> Gallery:
-    found = Gallery()
-    for stored in newest_first(dossier):
-        found += _posterior(dossier, stored)
-    return found
+def _posteriors(record: TargetRecord) -> Gallery:
+    gallery = Gallery()
+    for stored in newest_first(record):
+        gallery += _posterior(record, stored)
+    return gallery
 
 
-def _posterior(dossier: TargetRecord, stored: StoredEstimate) -> Gallery:
+def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
     if not stored.estimate.trusted:
         return Gallery()
-    estimate, truth = stored.estimate, dossier.target.truth
+    estimate, truth = stored.estimate, record.target.truth
     if stored.kind == "hardness":
         return Gallery(pictures=(modulus_picture(estimate, truth.get("young_kpa")),))
     joint = (trade_off_picture(estimate, truth),) if len(estimate.samples) > 1 else ()
@@ -102,11 +102,11 @@ def _posterior(dossier: TargetRecord, stored: StoredEstimate) -> Gallery:
 
 def _prior(stored: StoredEstimate) -> InclusionPrior | None:
     """The prior that the estimate was made with, None where its record tells another kind of prior."""
-    told = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}
-    if not isinstance(told, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.samples):
+    reported = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}
+    if not isinstance(reported, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.samples):
         return None
     fields: dict[str, Any] = {
-        str(name): tuple(value) if isinstance(value, list) else value for name, value in told.items()
+        str(name): tuple(value) if isinstance(value, list) else value for name, value in reported.items()
     }
     try:
         return InclusionPrior(**fields)
@@ -139,32 +139,32 @@ def _change(target: TactileImage, references: list[FrameWithRole]) -> Gallery:
         except InputError as error:
             notes.append(f"{target.name} cannot be compared with {near.image.name}: {error}.")
         else:
-            said = f"{target.name} minus {near.image.name}, {what}; outline and centroid in white."
-            pictures.append(change_picture(signal, title=title, caption=said))
+            message = f"{target.name} minus {near.image.name}, {what}; outline and centroid in white."
+            pictures.append(change_picture(signal, title=title, caption=message))
     if signal.mm_per_pixel is not None and min(signal.grey.shape) > 1:
         pictures.append(surface_picture(signal))
     return Gallery(pictures=tuple(pictures), notes=tuple(notes))
 
 
-def _profiles(dossier: TargetRecord, frames: list[FrameWithRole]) -> Gallery:
+def _profiles(record: TargetRecord, frames: list[FrameWithRole]) -> Gallery:
     """Ring means, for which probe and scale must be known."""
     scaled = [frame for frame in frames if frame.role in GROUPS and frame.image.mm_per_pixel is not None]
     if not scaled:
         return Gallery()
-    name = _probe(dossier)
+    name = _probe(record)
     try:
         edges = ring_edges(load_probe(name))
     except UnknownNameError:
-        said = f"the catalog has no probe {name}" if name else "nobody wrote down which probe pressed"
-        return Gallery(notes=(f"Profiles in rings are left out: {said}.",))
+        message = f"the catalog has no probe {name}" if name else "nobody wrote down which probe pressed"
+        return Gallery(notes=(f"Profiles in rings are left out: {message}.",))
     scaled = sorted(scaled, key=lambda frame: -force_of(frame.image))[:MOST_PROFILES]
-    groups = {words: [frame.image for frame in scaled if frame.role == role] for role, words in GROUPS.items()}
-    rests = any(stored.kind == "inclusion" for stored in dossier.in_force)
+    groups = {text: [frame.image for frame in scaled if frame.role == role] for role, text in GROUPS.items()}
+    rests = any(stored.kind == "inclusion" for stored in record.in_force)
     title = "The profiles that the estimate rests on" if rests else "Profiles"
     return Gallery(pictures=(profile_picture(groups, edges, title=title),))
 
 
-def _probe(dossier: TargetRecord) -> str:
-    if dossier.in_force:  # that of the inclusion where there is one, which rests on profiles
-        return dossier.in_force[0].probe
-    return next((press.probe for press in dossier.presses if press.probe), "")
+def _probe(record: TargetRecord) -> str:
+    if record.in_force:  # that of the inclusion where there is one, which rests on profiles
+        return record.in_force[0].probe
+    return next((press.probe for press in record.presses if press.probe), "")

@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
 
 
-def target_tables(dossier: TargetRecord) -> tuple[Table, ...]:
+def target_tables(record: TargetRecord) -> tuple[Table, ...]:
     """All tables that there is anything to say in."""
     return (
-        *_result(dossier),
-        *_presses(dossier),
+        *_result(record),
+        *_presses(record),
         *(
             Table(
-                title=f"Calibration {known.name} ({identity[:SHORT]})",
+                title=f"Calibration {calibration.name} ({identity[:SHORT]})",
                 headings=("quantity", "value", "95 % interval"),
-                rows=held_rows(known, cited=identity),
+                rows=held_rows(calibration, cited=identity),
             )
-            for identity, known in sorted(dossier.calibrations.items())
+            for identity, calibration in sorted(record.calibrations.items())
         ),
-        *history_tables(dossier),
+        *history_tables(record),
     )
 
 
@@ -51,20 +51,20 @@ def measure(value: float, unit: str) -> str:
     return f"{value:.4g} {unit}".strip()
 
 
-def _result(dossier: TargetRecord) -> tuple[Table, ...]:
-    truth = dossier.target.truth
-    if not dossier.estimates:
-        known = tuple(
+def _result(record: TargetRecord) -> tuple[Table, ...]:
+    truth = record.target.truth
+    if not record.estimates:
+        given = tuple(
             (parameter_label(name)[0], measure(value, parameter_label(name)[1])) for name, value in truth.items()
         )
         return (
-            (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=known),) if known else ()
+            (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=given),) if given else ()
         )
-    return tuple(_estimate_in_force(dossier, stored) for stored in newest_first(dossier))
+    return tuple(_estimate_in_force(record, stored) for stored in newest_first(record))
 
 
-def _estimate_in_force(dossier: TargetRecord, stored: StoredEstimate) -> Table:
-    title, truth = heading(dossier, stored, "Estimate in force"), dossier.target.truth
+def _estimate_in_force(record: TargetRecord, stored: StoredEstimate) -> Table:
+    title, truth = heading(record, stored, "Estimate in force"), record.target.truth
     if stored.kind == "hardness":
         true = [
             (f"truth of {parameter_label(name)[0]}", measure(value, parameter_label(name)[1]))
@@ -79,34 +79,33 @@ def _estimate_in_force(dossier: TargetRecord, stored: StoredEstimate) -> Table:
 
 
 def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) -> tuple[str, ...]:
-    words, unit = parameter_label(name)
-    known = () if not truth else (measure(truth[name], unit) if name in truth else "not known",)
+    text, unit = parameter_label(name)
+    given = () if not truth else (measure(truth[name], unit) if name in truth else "not known",)
     if name not in estimate.samples:
-        return (words, "not estimated", "", "", "", "", *known)
-    doubt = withheld_reason(estimate, name)
+        return (text, "not estimated", "", "", "", "", *given)
+    uncertainty = withheld_reason(estimate, name)
     if not estimate.trusted:
-        return (words, doubt, "", "", "", "", *known)
+        return (text, uncertainty, "", "", "", "", *given)
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
     bound = estimate.cramer_rao_sd.get(name, np.inf)
     return (
-        words,
-        doubt or f"{estimate.mean[name]:.3g} {unit}",
+        text,
+        uncertainty or f"{estimate.mean[name]:.3g} {unit}",
         f"{low:.3g} to {high:.3g} {unit}",
         sd_text(estimate.sd[name]),
         sd_text(estimate.prior_sd[name]),
         sd_text(bound) if np.isfinite(bound) else "none known",
-        *known,
+        *given,
     )
 
 
-def _presses(dossier: TargetRecord) -> tuple[Table, ...]:
-    if not dossier.presses:
+def _presses(record: TargetRecord) -> tuple[Table, ...]:
+    if not record.presses:
         return ()
-    noted = any(press.name or press.note for press in dossier.presses)
+    noted = any(press.name or press.note for press in record.presses)
     headings = ("no.", "taken (UTC)", "role", "force", "mm per pixel", "flags", "frame, SHA-256")
     rows = tuple(
-        _press_row(number, press) + ((_said(press),) if noted else ())
-        for number, press in enumerate(dossier.presses, 1)
+        _press_row(number, press) + ((_said(press),) if noted else ()) for number, press in enumerate(record.presses, 1)
     )
     return (Table(title="Presses", headings=(*headings, "name and note") if noted else headings, rows=rows),)
 
@@ -127,24 +126,24 @@ def _said(press: StoredPress) -> str:
     return ": ".join(part for part in (press.name, press.note) if part)
 
 
-def history_tables(dossier: TargetRecord) -> tuple[Table, ...]:
+def history_tables(record: TargetRecord) -> tuple[Table, ...]:
     """Every estimate that was made; no table where there is none."""
-    if not dossier.estimates:
+    if not record.estimates:
         return ()
     headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "takes the place of")
-    rows = tuple(_history_row(stored) for stored in dossier.estimates)
+    rows = tuple(_history_row(stored) for stored in record.estimates)
     return (Table(title="All estimates, the last of each kind in force", headings=headings, rows=rows),)
 
 
 def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
     estimate = stored.estimate
-    told = "; ".join(_told(estimate, name) for name in estimate.samples)
+    reported = "; ".join(_told(estimate, name) for name in estimate.samples)
     return (
         time_text(stored.made),
         stored.id[:SHORT],
         stored.kind,
         _version(stored.environment),
-        told if estimate.trusted else "not to be trusted",
+        reported if estimate.trusted else "not to be trusted",
         str(len(stored.presses)),
         stored.supersedes[:SHORT] if stored.supersedes else "none",
     )
@@ -155,7 +154,7 @@ def _version(environment: Mapping[str, Any]) -> str:
 
 
 def _told(estimate: Estimate, name: str) -> str:
-    words, unit = parameter_label(name)
+    text, unit = parameter_label(name)
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
     mean = withheld_reason(estimate, name) or f"{estimate.mean[name]:.3g} {unit}".strip()
-    return f"{words} {mean} ({low:.3g} to {high:.3g})"
+    return f"{text} {mean} ({low:.3g} to {high:.3g})"

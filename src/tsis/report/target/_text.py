@@ -23,20 +23,20 @@ IDENTITY_NOTE = (
 )
 
 
-def without_identity(dossier: TargetRecord) -> TargetRecord:
+def without_identity(record: TargetRecord) -> TargetRecord:
     """A phantom's as it is; a subject's with the label alone, which is a pseudonym, and identities of this page."""
-    if dossier.target.kind != "subject":
-        return dossier
+    if record.target.kind != "subject":
+        return record
     from tsis.records import deidentified  # loads the libraries of records, as the dossier has
 
-    found = deidentified(dossier)
-    presses = {press.id: f"press {number}" for number, press in enumerate(found.presses, 1)}
-    estimates = {stored.id: f"estimate {number}" for number, stored in enumerate(found.estimates, 1)}
+    result = deidentified(record)
+    presses = {press.id: f"press {number}" for number, press in enumerate(result.presses, 1)}
+    estimates = {stored.id: f"estimate {number}" for number, stored in enumerate(result.estimates, 1)}
     return replace(
-        found,
-        target=replace(found.target, id="not told", name=dossier.target.name),
-        presses=tuple(replace(press, id=presses[press.id]) for press in found.presses),
-        estimates=tuple(_renamed(stored, presses, estimates) for stored in found.estimates),
+        result,
+        target=replace(result.target, id="not told", name=record.target.name),
+        presses=tuple(replace(press, id=presses[press.id]) for press in result.presses),
+        estimates=tuple(_renamed(stored, presses, estimates) for stored in result.estimates),
     )
 
 
@@ -45,7 +45,7 @@ def _renamed(stored: StoredEstimate, presses: dict[str, str], estimates: dict[st
         stored,
         id=estimates[stored.id],
         supersedes=estimates.get(stored.supersedes, "another") if stored.supersedes else None,
-        presses=tuple(presses.get(each, "another press") for each in stored.presses),
+        presses=tuple(presses.get(press, "another press") for press in stored.presses),
     )
 
 
@@ -69,40 +69,40 @@ def roles(presses: Sequence[StoredPress]) -> str:
     from tsis.records import ROLE_WORDS  # loads the libraries of records, which have loaded for a press
 
     counts = Counter(press.role for press in presses)
-    return ", ".join(f"{counts[role]} {words}" for role, words in ROLE_WORDS.items() if counts[role])
+    return ", ".join(f"{counts[role]} {text}" for role, text in ROLE_WORDS.items() if counts[role])
 
 
-def newest_first(dossier: TargetRecord) -> tuple[StoredEstimate, ...]:
+def newest_first(record: TargetRecord) -> tuple[StoredEstimate, ...]:
     """The estimates in force, of each kind one."""
-    return tuple(sorted(dossier.in_force, key=lambda stored: stored.made, reverse=True))
+    return tuple(sorted(record.in_force, key=lambda stored: stored.made, reverse=True))
 
 
-def heading(dossier: TargetRecord, stored: StoredEstimate, title: str) -> str:
+def heading(record: TargetRecord, stored: StoredEstimate, title: str) -> str:
     """A title, with the kind of the estimate that it is of where more than one is in force."""
-    return f"{title} ({stored.kind})" if len(dossier.in_force) > 1 else title
+    return f"{title} ({stored.kind})" if len(record.in_force) > 1 else title
 
 
-def target_notes(dossier: TargetRecord) -> tuple[str, ...]:
+def target_notes(record: TargetRecord) -> tuple[str, ...]:
     """All sentences, those of the estimate in force first."""
     return (
-        *_estimate_notes(dossier),
-        *_flag_notes(dossier),
-        *_gap_notes(dossier),
-        *(f"Left out: {sentence}." for sentence in dossier.damaged),
-        *((f"Note: {dossier.target.note}",) if dossier.target.note else ()),
-        *((IDENTITY_NOTE,) if dossier.target.kind == "subject" else ()),
+        *_estimate_notes(record),
+        *_flag_notes(record),
+        *_gap_notes(record),
+        *(f"Left out: {message}." for message in record.damaged),
+        *((f"Note: {record.target.note}",) if record.target.note else ()),
+        *((IDENTITY_NOTE,) if record.target.kind == "subject" else ()),
     )
 
 
-def _estimate_notes(dossier: TargetRecord) -> tuple[str, ...]:
-    found = newest_first(dossier)
-    if not found:
-        return ("Nothing was estimated from these presses yet.",) if dossier.presses else ("Nothing was recorded yet.",)
-    said = []
-    for stored in found:
-        told = (*estimate_sentences(stored), origin(stored), *_coverage(dossier, stored))
-        said += [f"Of the {stored.kind}: {sentence}" if len(found) > 1 else sentence for sentence in told]
-    return tuple(said)
+def _estimate_notes(record: TargetRecord) -> tuple[str, ...]:
+    result = newest_first(record)
+    if not result:
+        return ("Nothing was estimated from these presses yet.",) if record.presses else ("Nothing was recorded yet.",)
+    messages = []
+    for stored in result:
+        reported = (*estimate_sentences(stored), origin(stored), *_coverage(record, stored))
+        messages += [f"Of the {stored.kind}: {message}" if len(result) > 1 else message for message in reported]
+    return tuple(messages)
 
 
 def origin(stored: StoredEstimate) -> str:
@@ -115,19 +115,19 @@ def origin(stored: StoredEstimate) -> str:
     )
 
 
-def _coverage(dossier: TargetRecord, stored: StoredEstimate) -> tuple[str, ...]:
-    known = {press.id for press in dossier.presses}
-    left, gone = len(known.difference(stored.presses)), len(set(stored.presses).difference(known))
-    said = [f"The estimate does not rest on {count_of(left, 'other press')} of this target."] if left else []
+def _coverage(record: TargetRecord, stored: StoredEstimate) -> tuple[str, ...]:
+    given = {press.id for press in record.presses}
+    left, gone = len(given.difference(stored.presses)), len(set(stored.presses).difference(given))
+    message = [f"The estimate does not rest on {count_of(left, 'other press')} of this target."] if left else []
     if gone:
-        said.append(f"The store no longer shows {count_of(gone, 'press')} that the estimate rests on.")
-    return tuple(said)
+        message.append(f"The store no longer shows {count_of(gone, 'press')} that the estimate rests on.")
+    return tuple(message)
 
 
-def _flag_notes(dossier: TargetRecord) -> tuple[str, ...]:
+def _flag_notes(record: TargetRecord) -> tuple[str, ...]:
     """One sentence a flag of the press guard: the presses that it was raised for, and what it means."""
     raised: dict[str, list[int]] = {}
-    for number, press in enumerate(dossier.presses, 1):
+    for number, press in enumerate(record.presses, 1):
         for flag in press.flags:
             raised.setdefault(flag, []).append(number)
     return tuple(
@@ -137,16 +137,16 @@ def _flag_notes(dossier: TargetRecord) -> tuple[str, ...]:
     )
 
 
-def _gap_notes(dossier: TargetRecord) -> tuple[str, ...]:
+def _gap_notes(record: TargetRecord) -> tuple[str, ...]:
     """What nobody measured."""
-    pressed = [(number, press) for number, press in enumerate(dossier.presses, 1) if press.role != "untouched"]
+    pressed = [(number, press) for number, press in enumerate(record.presses, 1) if press.role != "untouched"]
     gaps = {
         "without a measured force": [number for number, press in pressed if press.force_n is None],
         "without a scale, so that lengths are in pixels": [
-            number for number, press in enumerate(dossier.presses, 1) if press.mm_per_pixel is None
+            number for number, press in enumerate(record.presses, 1) if press.mm_per_pixel is None
         ],
         "without a calibration": [
-            number for number, press in enumerate(dossier.presses, 1) if press.calibration is None
+            number for number, press in enumerate(record.presses, 1) if press.calibration is None
         ],
     }
     return tuple(f"{_numbered(numbers)} {what}." for what, numbers in gaps.items() if numbers)

@@ -61,18 +61,18 @@ class Agreement:
     coefficient: AgreementValue
 
 
-def agreements(judged: DeviceResults, readings: Sequence[DeviceReading]) -> tuple[Agreement, ...]:
+def agreements(device_results: DeviceResults, readings: Sequence[DeviceReading]) -> tuple[Agreement, ...]:
     """Agreement of repeats, by the operator who read most, and of operators, as far as there are any.
 
     Sizes, depths and moduli are compared on inclusions alone.
     """
-    own = [reading for reading in readings if reading.device == judged.device]
-    inside = {target.code for target in judged.targets if target.truth.has_inclusion}
-    found = []
+    own = [reading for reading in readings if reading.device == device_results.device]
+    inside = {target.code for target in device_results.targets if target.truth.has_inclusion}
+    results = []
     for quantity in (SCORE, *QUANTITIES):
         table = _table(own, quantity, None if quantity == SCORE else inside)
-        found += [each for each in (_within(quantity, table), _between(quantity, table)) if each is not None]
-    return tuple(found)
+        results += [item for item in (_within(quantity, table), _between(quantity, table)) if item is not None]
+    return tuple(results)
 
 
 Table = dict[str, dict[str, list[float]]]  # values by operator and code
@@ -127,12 +127,12 @@ def _between(quantity: str, table: Table) -> Agreement | None:
     )
 
 
-def _value_and_interval(found: object) -> tuple[float, Callable[[], Interval]]:
-    return found.value, found.interval  # type: ignore[attr-defined]
+def _value_and_interval(result: object) -> tuple[float, Callable[[], Interval]]:
+    return result.value, result.interval  # type: ignore[attr-defined]
 
 
-def _coefficient_and_interval(found: object) -> tuple[float, Callable[[], Interval]]:
-    return found.coefficient, found.interval  # type: ignore[attr-defined]
+def _coefficient_and_interval(result: object) -> tuple[float, Callable[[], Interval]]:
+    return result.coefficient, result.interval  # type: ignore[attr-defined]
 
 
 def _number(of: Callable[[], tuple[float, Callable[[], Interval]]]) -> AgreementValue:

@@ -58,12 +58,12 @@ class DeviceComparison:
 def device_comparison(first: DeviceResults, second: DeviceResults, rng: np.random.Generator) -> DeviceComparison:
     """Compare two devices; with fewer than 30 targets of a kind by the bootstrap, else by DeLong's test."""
     both = [
-        (one, other)
-        for one, other in zip(first.targets, second.targets, strict=True)
-        if one.score is not None and other.score is not None
+        (target, other)
+        for target, other in zip(first.targets, second.targets, strict=True)
+        if target.score is not None and other.score is not None
     ]
-    scores = _ranks(first, [one for one, _ in both]), _ranks(second, [other for _, other in both])
-    present = [one.truth.has_inclusion for one, _ in both]
+    scores = _ranks(first, [item for item, _ in both]), _ranks(second, [other for _, other in both])
+    present = [item.truth.has_inclusion for item, _ in both]
     areas, remark = None, ""
     try:
         if min(sum(present), len(present) - sum(present)) >= ENOUGH:
@@ -78,26 +78,26 @@ def device_comparison(first: DeviceResults, second: DeviceResults, rng: np.rando
         targets=len(both),
         areas=areas,
         remark=remark,
-        limits={name: found for name in QUANTITIES if (found := _limits(first, second, name)) is not None},
+        limits={name: result for name in QUANTITIES if (result := _limits(first, second, name)) is not None},
     )
 
 
 def _ranks(device: DeviceResults, targets: Sequence[TargetResult]) -> list[float]:
     """What orders some of the targets that a device decided."""
-    by_code = dict(zip((each.code for each in device.decided), device.ranks()[0].tolist(), strict=True))
-    return [by_code[each.code] for each in targets]
+    by_code = dict(zip((item.code for item in device.decided), device.ranks()[0].tolist(), strict=True))
+    return [by_code[target.code] for target in targets]
 
 
 def _limits(first: DeviceResults, second: DeviceResults, quantity: str) -> BlandAltman | None:
     pairs = [
-        (one.reading.values[quantity], other.reading.values[quantity])
-        for one, other in zip(first.targets, second.targets, strict=True)
-        if one.truth.has_inclusion and one.reading and other.reading
-        if quantity in one.reading.values and quantity in other.reading.values
+        (target.reading.values[quantity], other.reading.values[quantity])
+        for target, other in zip(first.targets, second.targets, strict=True)
+        if target.truth.has_inclusion and target.reading and other.reading
+        if quantity in target.reading.values and quantity in other.reading.values
     ]
     if len(pairs) < 2:
         return None
-    return bland_altman([one for one, _ in pairs], [other for _, other in pairs])
+    return bland_altman([item for item, _ in pairs], [other for _, other in pairs])
 
 
 BOOTSTRAP = 20_110  # seed of what is drawn in an analysis, so that it can be made again to the digit
@@ -150,21 +150,21 @@ def analyse(study: Study, *, progress: Callable[[int, int], None] | None = None)
         raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
     seal, _ = read_seal(study)
     truths = {code: seal.truths[code] for code in study.plan.codes}
-    told = [
+    entries = [
         device_results(device, study.threshold_of(device), study.readings, truths, study.plan.codes)
         for device in study.devices
     ]
     devices = []
-    for number, each in enumerate(told):
+    for number, item in enumerate(entries):
         if progress is not None:
-            progress(number, len(told))
-        devices.append(device_analysis(each, study.readings, np.random.default_rng([BOOTSTRAP, number])))
+            progress(number, len(entries))
+        devices.append(device_analysis(item, study.readings, np.random.default_rng([BOOTSTRAP, number])))
     comparisons = [
-        device_comparison(told[0], each, np.random.default_rng([BOOTSTRAP, number, 1]))
-        for number, each in enumerate(told[1:], start=1)
+        device_comparison(entries[0], item, np.random.default_rng([BOOTSTRAP, number, 1]))
+        for number, item in enumerate(entries[1:], start=1)
     ]
     if progress is not None:
-        progress(len(told), len(told))
+        progress(len(entries), len(entries))
     return StudyAnalysis(
         study=study,
         truths=truths,

@@ -84,27 +84,27 @@ class FoundErrors:
         return float(np.abs(self.read - self.true).max())
 
 
-def found_errors(judged: DeviceResults) -> tuple[FoundErrors, ...]:
+def found_errors(device_results: DeviceResults) -> tuple[FoundErrors, ...]:
     """Errors of every quantity that the device read of inclusions which it found."""
-    return tuple(errors for quantity in QUANTITIES if (errors := _of(judged, quantity)) is not None)
+    return tuple(errors for quantity in QUANTITIES if (errors := _of(device_results, quantity)) is not None)
 
 
-def _of(judged: DeviceResults, quantity: str) -> FoundErrors | None:
-    held = [(each, each.reading) for each in judged.found if each.reading and quantity in each.reading.values]
-    if not held:
+def _of(device_results: DeviceResults, quantity: str) -> FoundErrors | None:
+    stored = [(item, item.reading) for item in device_results.found if item.reading and quantity in item.reading.values]
+    if not stored:
         return None
     inside = [
         reading.interval_90[quantity][0] <= target.truth.values[quantity] <= reading.interval_90[quantity][1]
-        for target, reading in held
+        for target, reading in stored
         if quantity in reading.interval_90
     ]
     return FoundErrors(
         quantity=quantity,
-        codes=tuple(target.code for target, _ in held),
-        read=np.array([reading.values[quantity] for _, reading in held]),
-        true=np.array([target.truth.values[quantity] for target, _ in held]),
+        codes=tuple(target.code for target, _ in stored),
+        read=np.array([reading.values[quantity] for _, reading in stored]),
+        true=np.array([target.truth.values[quantity] for target, _ in stored]),
         covered=Proportion(successes=sum(inside), trials=len(inside)) if inside else None,
-        not_identified=sum(f"{quantity}_not_identified" in reading.flags for _, reading in held),
+        not_identified=sum(f"{quantity}_not_identified" in reading.flags for _, reading in stored),
     )
 
 
@@ -177,13 +177,13 @@ class DeviceAnalysis:
 
 
 def device_analysis(
-    judged: DeviceResults, readings: Sequence[DeviceReading], rng: np.random.Generator
+    device_results: DeviceResults, readings: Sequence[DeviceReading], rng: np.random.Generator
 ) -> DeviceAnalysis:
     """Analyse one device.
 
     Parameters
     ----------
-    judged
+    device_results
         Its targets.
     readings
         Of all devices.
@@ -191,8 +191,8 @@ def device_analysis(
         Source of bootstrap draws.
     """
     missing: dict[str, str] = {}
-    scores, present = judged.scores()
-    ranks, _ = judged.ranks()
+    scores, present = device_results.scores()
+    ranks, _ = device_results.ranks()
     inside, outside = int(present.sum()), int((~present).sum())
     curve = None
     if inside and outside:
@@ -201,22 +201,22 @@ def device_analysis(
         missing["curve"] = (
             f"it needs targets of both kinds; {inside} with an inclusion and {outside} without were decided"
         )
-    probable = judged.are_probabilities
+    probable = device_results.are_probabilities
     bins = BINS * (2 if len(scores) >= MANY else 1)
     if not probable:
         missing["reliability"] = (
             "scores must lie in [0, 1] to be taken for probabilities" if len(scores) else "no target was decided"
         )
-    own = [reading for reading in readings if reading.device == judged.device]
+    own = [reading for reading in readings if reading.device == device_results.device]
     return DeviceAnalysis(
-        judged=judged,
+        judged=device_results,
         readings=len(own),
         undecided_readings=sum(reading.undecided for reading in own),
-        counts=judged.counts(),
-        counts_if_wrong=judged.counts(undecided_wrong=True),
+        counts=device_results.counts(),
+        counts_if_wrong=device_results.counts(undecided_wrong=True),
         curve=curve,
         auc_interval=None if curve is None else _told("auc_interval", missing, curve.auc_interval),
-        auc_if_wrong=_told("auc_if_wrong", missing, lambda: roc(*judged.ranks_if_wrong()).auc),
+        auc_if_wrong=_told("auc_if_wrong", missing, lambda: roc(*device_results.ranks_if_wrong()).auc),
         points=()
         if curve is None
         else (youden_point(curve), at_sensitivity(curve, WANTED), at_specificity(curve, WANTED)),
@@ -228,9 +228,9 @@ def device_analysis(
         if probable
         else None,
         recalibration=_told("recalibration", missing, lambda: recalibration(scores, present)) if probable else None,
-        errors=found_errors(judged),
-        strata=strata(judged),
-        agreements=agreements(judged, readings),
+        errors=found_errors(device_results),
+        strata=strata(device_results),
+        agreements=agreements(device_results, readings),
         missing=missing,
     )
 

@@ -68,7 +68,7 @@ class DeviceResults:
     @property
     def undecided(self) -> tuple[TargetResult, ...]:
         """Targets that were read without an answer."""
-        return tuple(each for each in self.targets if each.reading is not None and each.score is None)
+        return tuple(target for target in self.targets if target.reading is not None and target.score is None)
 
     @property
     def unread(self) -> tuple[TargetResult, ...]:
@@ -78,7 +78,7 @@ class DeviceResults:
     @property
     def found(self) -> tuple[TargetResult, ...]:
         """Targets with an inclusion that was found."""
-        return tuple(each for each in self.decided if each.truth.has_inclusion and self.calls(each))
+        return tuple(item for item in self.decided if item.truth.has_inclusion and self.calls(item))
 
     def calls(self, target: TargetResult) -> bool:
         """Whether a decided target was said to hold an inclusion."""
@@ -100,14 +100,14 @@ class DeviceResults:
     @property
     def is_ranked(self) -> bool:
         """Whether every decided target has a rank, which tells rounded scores apart."""
-        return bool(self.decided) and all(each.reading and each.reading.rank is not None for each in self.decided)
+        return bool(self.decided) and all(item.reading and item.reading.rank is not None for item in self.decided)
 
     def ranks(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """What orders the decided targets, their scores where there are no ranks, and truth."""
         scores, present = self.scores()
         if not self.is_ranked:
             return scores, present
-        return np.array([each.reading.rank for each in self.decided if each.reading], dtype=float), present
+        return np.array([item.reading.rank for item in self.decided if item.reading], dtype=float), present
 
     def ranks_if_wrong(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """The same with undecided targets as the wrong answer: below, or above, every other."""
@@ -118,10 +118,10 @@ class DeviceResults:
 
     def counts(self, *, undecided_wrong: bool = False) -> Counts | None:
         """Decisions at the fixed threshold, counted; None where there is none."""
-        said = [(self.calls(target), target.truth.has_inclusion) for target in self.decided]
+        messages = [(self.calls(target), target.truth.has_inclusion) for target in self.decided]
         if undecided_wrong:
-            said += [(not target.truth.has_inclusion, target.truth.has_inclusion) for target in self.undecided]
-        return Counts.of([one for one, _ in said], [other for _, other in said]) if said else None
+            messages += [(not target.truth.has_inclusion, target.truth.has_inclusion) for target in self.undecided]
+        return Counts.of([item for item, _ in messages], [other for _, other in messages]) if messages else None
 
 
 def device_results(
@@ -178,26 +178,30 @@ class Stratum:
     undecided: int
 
 
-def strata(judged: DeviceResults) -> tuple[Stratum, ...]:
+def strata(device_results: DeviceResults) -> tuple[Stratum, ...]:
     """Inclusions by size, then by depth."""
     return tuple(
-        _of(judged, quantity, low, high)
+        _of(device_results, quantity, low, high)
         for quantity, edges in EDGES_MM.items()
         for low, high in zip((0.0, *edges), (*edges, math.inf), strict=True)
     )
 
 
-def _of(judged: DeviceResults, quantity: str, low: float, high: float) -> Stratum:
+def _of(device_results: DeviceResults, quantity: str, low: float, high: float) -> Stratum:
     def inside(value: float) -> bool:
         return low <= value < high if quantity == "diameter_mm" else low < value <= high
 
-    held = [one for one in judged.targets if one.truth.has_inclusion and inside(one.truth.values[quantity])]
-    decided = [one for one in held if one.score is not None]
-    found = sum(judged.calls(one) for one in decided)
+    stored = [
+        target
+        for target in device_results.targets
+        if target.truth.has_inclusion and inside(target.truth.values[quantity])
+    ]
+    decided = [item for item in stored if item.score is not None]
+    result = sum(device_results.calls(item) for item in decided)
     return Stratum(
         quantity=quantity,
         low=low,
         high=high,
-        found=Proportion(successes=found, trials=len(decided)) if decided else None,
-        undecided=sum(one.reading is not None and one.score is None for one in held),
+        found=Proportion(successes=result, trials=len(decided)) if decided else None,
+        undecided=sum(item.reading is not None and item.score is None for item in stored),
     )

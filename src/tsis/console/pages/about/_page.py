@@ -49,12 +49,12 @@ SHORT = 16  # digits of a SHA-256 that tell one calibration from another on a pa
 
 def version_facts() -> Facts:
     """Of this program, of what it runs on, and of the libraries that it rests on."""
-    found = environment()
-    libraries = {**found["libraries"], **{name: metadata.version(name) for name in ALSO}}
+    result = environment()
+    libraries = {**result["libraries"], **{name: metadata.version(name) for name in ALSO}}
     return (
-        ("tsis", found["tsis"]),
-        ("Its code", f"SHA-256 {found['code_sha256'][:SHORT]}…"),
-        ("Python", f"{found['python']} on {found['machine']}"),
+        ("tsis", result["tsis"]),
+        ("Its code", f"SHA-256 {result['code_sha256'][:SHORT]}…"),
+        ("Python", f"{result['python']} on {result['machine']}"),
         *libraries.items(),
     )
 
@@ -65,18 +65,18 @@ def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -
         return (("In force", "the virtual probe's own, once it runs"),)
     if cited is None:
         return (("In force", "none; lengths are in pixels, and nothing can be estimated"),)
-    known = cited.known
+    given = cited.known
     dates = (
         (("Made", "with the virtual probe; it does not age"),)
-        if known.made is None or known.expires is None
-        else (("Made", time_label(known.made)), ("Good until", time_label(known.expires)))
+        if given.made is None or given.expires is None
+        else (("Made", time_label(given.made)), ("Good until", time_label(given.expires)))
     )
     return (
-        ("In force", known.name),
+        ("In force", given.name),
         ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
         *dates,
-        ("Probe", known.probe or "not written down"),
-        ("Camera", known.camera or "any; not written down"),
+        ("Probe", given.probe or "not written down"),
+        ("Camera", given.camera or "any; not written down"),
     )
 
 
@@ -84,18 +84,18 @@ def camera_facts(state: InstrumentState) -> Facts:
     """The camera and the seed of the virtual one."""
     now = state.camera
     size = f"{now.columns} x {now.rows} pixels" if now.rows else "not known before it runs"
-    found = [
+    results = [
         ("Camera", now.name or ("the virtual probe" if now.choice.is_virtual else now.choice.spec)),
         ("Mode", now.mode or "not known before it runs"),
         ("Picture", size),
     ]
     if now.choice.is_virtual:
-        found += [
+        results += [
             ("Probe", now.choice.probe),
             ("It presses", now.choice.phantom),
             ("Seed of its errors", str(now.choice.seed)),
         ]
-    return tuple(found)
+    return tuple(results)
 
 
 def place_facts(bench: Instrument) -> Facts:
@@ -111,11 +111,11 @@ def place_facts(bench: Instrument) -> Facts:
 
 
 def _counts(store: Store) -> Facts:
-    found = store.targets()
+    result = store.targets()
     return (
-        ("Targets", str(len(found))),
-        ("Presses", str(sum(each.presses for each in found))),
-        ("Estimates", str(sum(each.estimates for each in found))),
+        ("Targets", str(len(result))),
+        ("Presses", str(sum(item.presses for item in result))),
+        ("Estimates", str(sum(item.estimates for item in result))),
     )
 
 
@@ -138,7 +138,7 @@ async def about_page(bench: Instrument, viewer: Viewer) -> None:
         with _panel("Camera"):
             camera = FactList()
         with _panel("Where things are kept"):
-            places = FactList()
+            positions = FactList()
         with _panel("Versions"):
             versions = FactList()
         with _panel("Keys on the page Examine"):
@@ -146,8 +146,8 @@ async def about_page(bench: Instrument, viewer: Viewer) -> None:
         with _panel("For scripts"):
             _for_scripts()
         with _panel("To cite it"):
-            for sentence in citation():
-                ui.label(sentence)
+            for message in citation():
+                ui.label(message)
         with _panel(f"Licence: {LICENCE}"), ui.expansion("Read it").props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
@@ -159,7 +159,7 @@ async def about_page(bench: Instrument, viewer: Viewer) -> None:
 
     viewer.follow(show)
     versions.show(await viewer.attempt(version_facts) or ())
-    places.show(await viewer.attempt(place_facts, bench) or ())
+    positions.show(await viewer.attempt(place_facts, bench) or ())
 
 
 @contextmanager

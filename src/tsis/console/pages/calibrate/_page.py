@@ -40,13 +40,13 @@ def calibrate_page(bench: Instrument, viewer: Viewer) -> None:
     shown: list[Sequence[SessionSummary]] = []
 
     async def look() -> None:
-        found = await run.io_bound(bench.calibrating.listed)
-        if found is None or shown == [found]:
+        result = await run.io_bound(bench.calibrating.listed)
+        if result is None or shown == [result]:
             return
-        shown[:] = [found]
+        shown[:] = [result]
         listed.clear()
         with listed:
-            session_list(found)
+            session_list(result)
 
     def show(state: InstrumentState) -> None:
         form.show(state)
@@ -65,18 +65,18 @@ def session_list(found: Sequence[SessionSummary]) -> None:
         ).classes("muted")
         return
     with ui.element("ul").classes("calibrate-sessions"):
-        for each in found:
+        for item in found:
             with ui.element("li"), ui.element("div").classes("row"):
-                if each.trouble:
-                    ui.label(each.name).classes("strong")
-                    ui.label(each.trouble).classes("doubtful")
+                if item.trouble:
+                    ui.label(item.name).classes("strong")
+                    ui.label(item.trouble).classes("doubtful")
                     continue
-                ui.link(each.title or each.name, f"/calibrate/{quote(each.name)}").classes("strong").mark(
-                    f"session {each.name}"
+                ui.link(item.title or item.name, f"/calibrate/{quote(item.name)}").classes("strong").mark(
+                    f"session {item.name}"
                 )
-                ui.label(f"{each.probe}, {each.camera}").classes("muted")
+                ui.label(f"{item.probe}, {item.camera}").classes("muted")
                 ui.element("div").classes("spring")
-                ui.label(progress_text(each)).classes("good" if each.made else "muted")
+                ui.label(progress_text(item)).classes("good" if item.made else "muted")
 
 
 def progress_text(each: SessionSummary) -> str:
@@ -168,17 +168,17 @@ POLL_S = 0.3  # between two looks at the session
 
 async def session_page(bench: Instrument, viewer: Viewer, name: str) -> None:
     """Build the page of the session of that name."""
-    place = ui.element("div").classes("stack")
+    position = ui.element("div").classes("stack")
     try:
         session: CalibrationSession | None = await run.io_bound(bench.calibrating.open, name)
     except TsisError as error:
-        with place, ui.element("section").classes("panel"):
+        with position, ui.element("section").classes("panel"):
             ui.label(str(error)).classes("doubtful")
             ui.link("To the sessions", "/calibrate")
         return
     if session is None:  # the console is being ended
         return
-    with place:
+    with position:
         _Guide(bench, viewer, session)
 
 
@@ -222,10 +222,10 @@ class _Guide:
 
     async def _look(self) -> None:
         session = self._session
-        found = await run.io_bound(lambda: (session.steps(), session.file))
-        if found is None:
+        result = await run.io_bound(lambda: (session.steps(), session.file))
+        if result is None:
             return
-        self._steps, file = found
+        self._steps, file = result
         await self._show_step()
         self._making.look(self._steps)
         if self._state is not None:

@@ -60,21 +60,21 @@ class CalibrationResultPanel:
 
     async def look(self, file: Path | None) -> None:
         """Show what is new; ``file`` is the calibration's, None before it was made."""
-        made = self._session.made
-        now = file if made is None else made.identity
+        created = self._session.made
+        now = file if created is None else created.identity
         if now == self._shown:
             return
         self._shown = now
         self.identity = ""
         self._place.clear()
-        if made is not None:
-            await self._show_made(made)
+        if created is not None:
+            await self._show_made(created)
         elif file is not None:
-            known = await self._viewer.attempt(read_usable_calibration, file)
-            if known is not None:
-                self.identity = known.identity
+            given = await self._viewer.attempt(read_usable_calibration, file)
+            if given is not None:
+                self.identity = given.identity
                 with self._place:
-                    calibration_content(known.known)
+                    calibration_content(given.known)
         self._place.set_visibility(bool(self.identity))
 
     async def _show_made(self, made: CalibrationResult) -> None:
@@ -91,13 +91,13 @@ def whole(page: Page, sources: Sequence[str]) -> None:
     """Cards, figures beside each other, notes, and tables beside each other."""
     cards(page.cards)
     with ui.element("div").classes("calibrate-figures"):
-        ordered = sorted(zip(page.pictures, sources, strict=True), key=lambda each: each[0].wide)
+        ordered = sorted(zip(page.pictures, sources, strict=True), key=lambda item: item[0].wide)
         for picture, source in ordered:
             figure(picture, source)
     message_list(page.notes)
     with ui.element("div").classes("calibrate-tables"):
-        for each in page.tables:
-            table(each)
+        for item in page.tables:
+            table(item)
 
 
 def calibration_content(known: ProbeCalibration) -> None:
@@ -168,13 +168,13 @@ class Making:
         job = None if self._session.making is None else self._session.making.state()
         self._bar.show(job)
         failed = job is not None and job.status in (FAILED, ENDED) and not lacking
-        words = f"It needs these steps: {', '.join(lacking)}." if lacking else ""
+        text = f"It needs these steps: {', '.join(lacking)}." if lacking else ""
         if job is not None and job.running:
-            words = "The frames are read and the fits made."
+            text = "The frames are read and the fits made."
         elif job is not None and failed:
-            words = job.sentence
-        self._words.text = words
-        self._words.set_visibility(bool(words))
+            text = job.sentence
+        self._words.text = text
+        self._words.set_visibility(bool(text))
         set_class(self._words, "doubtful", failed)
 
     def cites(self, identity: str) -> None:
@@ -197,9 +197,9 @@ class Making:
     def _used(self) -> str:
         file = self._session.file
         assert file is not None  # the button is there with it
-        known = read_usable_calibration(file)
-        self._bench.use_calibration(known, by=self._viewer.identity)
-        return known.known.name
+        usable_calibration = read_usable_calibration(file)
+        self._bench.use_calibration(usable_calibration, by=self._viewer.identity)
+        return usable_calibration.known.name
 
     async def _download(self) -> None:
         content = await self._viewer.attempt(self._content)

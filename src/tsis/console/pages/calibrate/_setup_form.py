@@ -136,8 +136,8 @@ def typed_patch(text: str) -> tuple[int, int, int, int] | None:
     """
     if not text.strip():
         return None
-    found = typed_numbers("lamps seen past the probe", text)
-    if len(found) != SIDES:
+    result = typed_numbers("lamps seen past the probe", text)
+    if len(result) != SIDES:
         raise InputError(f"lamps seen past the probe must be left, top, right, bottom in pixels; got {text!r:.60}")
-    left, top, right, bottom = (require_integer("lamps seen past the probe", side, 0, 100_000) for side in found)
+    left, top, right, bottom = (require_integer("lamps seen past the probe", side, 0, 100_000) for side in result)
     return left, top, right, bottom

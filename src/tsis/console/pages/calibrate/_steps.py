@@ -39,9 +39,9 @@ async def asked(question: str, *, yes: str, why: str = "") -> bool:
             ui.element("div").classes("spring")
             ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps")
             ui.button(yes, on_click=lambda: dialog.submit(True)).props("unelevated no-caps")
-    answer = bool(await dialog)
+    response = bool(await dialog)
     dialog.delete()
-    return answer
+    return response
 
 
 SIZE_PX = 560  # of its longer side
@@ -76,10 +76,10 @@ class SavedFrame:
         self._figure.set_visibility(False)
         if state is None or name is None:
             return
-        found = await self._viewer.attempt(self._read, state.step)
-        if found is None or self._shown != name:
+        result = await self._viewer.attempt(self._read, state.step)
+        if result is None or self._shown != name:
             return
-        content, caption = found
+        content, caption = result
         self._caption.text = caption
         source = f"data:image/png;base64,{base64.b64encode(content).decode()}"
         show_drawing(self._image, source, f"Frame of step {name}")
@@ -116,9 +116,9 @@ class TypedLoading:
                 take = ui.button("Take a frame", icon="photo_camera", on_click=self._press).props("no-caps unelevated")
             self._table = ui.element("div").classes("calibrate-forces")
             with ui.element("div").classes("row"):
-                keep = ui.button("It is back at 0: keep it", icon="check", on_click=self._keep).props("no-caps outline")
+                save = ui.button("It is back at 0: keep it", icon="check", on_click=self._keep).props("no-caps outline")
                 undo = ui.button("Remove the last", icon="undo", on_click=self._undo).props("no-caps outline")
-        for control in (self._force, take, keep, undo):
+        for control in (self._force, take, save, undo):
             operated.add(control)
 
     def show(self, forces_n: Sequence[float]) -> None:
@@ -174,7 +174,7 @@ class StepCard:
         """Show the step of that name; what to do next when there is none."""
         self._progress()
         number, state = next(
-            ((place, each) for place, each in enumerate(steps, 1) if each.step.name == present), (0, None)
+            ((index, step) for index, step in enumerate(steps, 1) if step.step.name == present), (0, None)
         )
         gauge = self._session.rig.has_gauge
         now = (present, None if state is None else state.status, gauge, len(steps))
@@ -206,8 +206,8 @@ class StepCard:
             elif step.is_loading and not self._session.rig.has_gauge:
                 self._typed = TypedLoading(self._viewer, self._session, self._operated, step.name)
             else:
-                words = "Begin the loading" if step.is_loading else f"Take {step.frames} frames"
-                self._button(words, "photo_camera", self._take, step.name)
+                text = "Begin the loading" if step.is_loading else f"Take {step.frames} frames"
+                self._button(text, "photo_camera", self._take, step.name)
             if step.optional and state.status == "open":
                 self._button("Leave it out", "skip_next", self._leave_out, step.name, outline=True)
 

@@ -130,10 +130,10 @@ class FoundPanel:
                     self._line(camera)
         if findings.missing:
             with ui.expansion(f"{len(findings.missing)} sources could not look").props("dense").classes("missing"):
-                for source, sentence in findings.missing.items():
+                for source, message in findings.missing.items():
                     with ui.element("p"):
                         ui.label(source).classes("strong")
-                        ui.label(sentence).classes("muted")
+                        ui.label(message).classes("muted")
 
     def _line(self, camera: CameraInfo) -> None:
         with ui.element("tr"):
@@ -169,11 +169,11 @@ def camera_page(bench: Instrument, viewer: Viewer) -> None:
             virtual = VirtualPanel(bench, viewer, operated)
             calibration = CalibrationPanel(bench, viewer, operated)
         with ui.element("div").classes("stack"):
-            found = FoundPanel(bench, viewer, operated)
+            panel = FoundPanel(bench, viewer, operated)
             gauge = GaugePanel(bench, viewer, operated)
 
     def show(state: InstrumentState) -> None:
-        for part in (chosen, virtual, found, calibration, gauge, operated):
+        for part in (chosen, virtual, panel, calibration, gauge, operated):
             part.show(state)
 
     viewer.follow(show)

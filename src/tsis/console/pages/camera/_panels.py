@@ -79,8 +79,8 @@ class CalibrationPanel:
         """Show which it is."""
         own = state.camera.choice.is_virtual
         self._name.text = state.calibration or ("the virtual probe's own, once it runs" if own else "none")
-        known = self._calibration.of(state)
-        self._identity.text = "" if known is None and own else calibration_text(known)
+        given = self._calibration.of(state)
+        self._identity.text = "" if given is None and own else calibration_text(given)
         self._none.text = "Use the virtual probe's own" if own else "Use none"
 
     async def _given(self, event: UploadEventArguments) -> None:
@@ -91,9 +91,9 @@ class CalibrationPanel:
             self._viewer.tell(f"The calibration {done} is in force.")
 
     def _used(self, content: bytes, name: str) -> str:
-        known = parse_usable_calibration(content, name)
-        self._bench.use_calibration(known, by=self._viewer.identity)
-        return known.known.name
+        usable_calibration = parse_usable_calibration(content, name)
+        self._bench.use_calibration(usable_calibration, by=self._viewer.identity)
+        return usable_calibration.known.name
 
     async def _forgotten(self) -> None:
         await self._viewer.attempt(self._bench.use_calibration, None, by=self._viewer.identity)
@@ -103,8 +103,8 @@ def calibration_text(known: UsableCalibration | None) -> str:
     """Its identity and dates."""
     if known is None:
         return "Without one presses are kept, but nothing can be estimated from them."
-    made, expires = known.known.made, known.known.expires
-    when = "" if made is None else f", made {time_label(made)}"
+    created, expires = known.known.made, known.known.expires
+    when = "" if created is None else f", made {time_label(created)}"
     until = "" if expires is None else f", expires {time_label(expires)}"
     left = "" if expires is None else f" ({max(0, (expires - datetime.now(UTC)).days)} days left)"
     return f"{known.identity[:SHORT]}{when}{until}{left}"
@@ -137,8 +137,8 @@ class GaugePanel:
             with ui.element("div").classes("row"):
                 self._connect = ui.button("Connect", on_click=self._begin).props("no-caps outline")
                 leave = ui.button("Use no gauge", on_click=self._left).props("no-caps outline")
-            for each in (self._port, self._unit, self._baud):
-                operated.add(each.props("dense outlined"))
+            for item in (self._port, self._unit, self._baud):
+                operated.add(item.props("dense outlined"))
             for control in (self._sends, self._connect, leave):
                 operated.add(control)
         self._panel.set_visibility(False)

@@ -91,12 +91,12 @@ class OperatorControls:
 
     def show(self, _: InstrumentState) -> None:
         """Enable the controls for who holds the camera."""
-        acts, self._judged = self._viewer.acts, True
+        commands, self._judged = self._viewer.acts, True
         self._controls = [control for control in self._controls if not control.is_deleted]
         for control in self._controls:
-            if control.enabled != acts:
-                control.set_enabled(acts)
-        self._sentence.set_visibility(not acts)
+            if control.enabled != commands:
+                control.set_enabled(commands)
+        self._sentence.set_visibility(not commands)
         self._sentence.text = "You watch: take the camera, at the top of the page, to use what is grey here."
 
 

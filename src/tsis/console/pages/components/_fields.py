@@ -31,7 +31,7 @@ def with_field_labels(sentence: str, words: Mapping[str, str]) -> str:
     >>> with_field_labels("radius_mm must lie in [1, 50]; got 0 (millimetres)", {"radius_mm": "radius of the object"})
     'radius of the object must lie in [1, 50]; got 0 (millimetres)'
     """
-    return re.sub(r"\w+", lambda found: words.get(found[0], found[0]), sentence)
+    return re.sub(r"\w+", lambda result: words.get(result[0], result[0]), sentence)
 
 
 @contextmanager

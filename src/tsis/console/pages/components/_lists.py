@@ -56,10 +56,10 @@ class FactList:
 
 def message_list(sentences: Iterable[str] = ()) -> Element:
     """Place a list with these sentences; others can be `list_message` in it."""
-    with ui.element("ul").classes("sentences") as place:
-        for sentence in sentences:
-            list_message(sentence)
-    return place
+    with ui.element("ul").classes("sentences") as position:
+        for message in sentences:
+            list_message(message)
+    return position
 
 
 def list_message(sentence: str, look: str = "") -> None:
@@ -109,8 +109,8 @@ def report_parts(page: Page, sources: Iterable[str]) -> None:
     with ui.element("div").classes("grid"):
         for picture, source in zip(page.pictures, sources, strict=True):
             figure(picture, source)
-    for each in page.tables:
-        table(each)
+    for item in page.tables:
+        table(item)
 
 
 def cards(found: Iterable[Card]) -> None:
@@ -148,5 +148,5 @@ def table(found: Table) -> None:
     with ui.element("section"):
         panel_title(found.title, level=3)
         with ui.element("div").classes("scroll"), rows_under(found.headings):
-            for each in found.rows:
-                row(each)
+            for item in found.rows:
+                row(item)

@@ -123,8 +123,8 @@ class Tabs:
 
     def kept(self, identity: str, kind: type[Thing]) -> Thing:
         """What a tab keeps of this kind; a new one at first, and when many others were looked for since."""
-        found = self._kept.pop((identity, kind), None) or kind()
-        self._kept[identity, kind] = found
+        result = self._kept.pop((identity, kind), None) or kind()
+        self._kept[identity, kind] = result
         if len(self._kept) > KEPT:
             self._kept.popitem(last=False)
-        return cast("Thing", found)
+        return cast("Thing", result)

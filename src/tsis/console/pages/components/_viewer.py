@@ -74,8 +74,8 @@ class Viewer:
     @property
     def acts(self) -> bool:
         """Whether he holds the camera."""
-        holder = self._bench.control.holder()
-        return holder is not None and holder.identity == self.identity
+        owner = self._bench.control.holder()
+        return owner is not None and owner.identity == self.identity
 
     async def attempt(self, act: Callable[Given, Made], *given: Given.args, **named: Given.kwargs) -> Made | None:
         """Do something that may take a while, away from the event loop; say why when it fails, and give None then."""
@@ -160,8 +160,8 @@ class CalibrationMemory:
         """The calibration that the state names; None without one, and when another came in force since."""
         if self._known is None or self._known.identity != state.calibration_identity:
             self._known = self._bench.calibration if state.calibration_identity else None
-        known = self._known
-        return known if known is not None and known.identity == state.calibration_identity else None
+        given = self._known
+        return given if given is not None and given.identity == state.calibration_identity else None
 
 
 CHANGES_EVERY_S = 1.0
@@ -170,7 +170,7 @@ _changes_log = logging.getLogger(__name__)
 
 def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
     """Call ``changed`` now and after every change of the store, while the present part of the page is seen."""
-    seen: list[int | None] = []
+    observed: list[int | None] = []
 
     async def look() -> None:
         try:
@@ -178,8 +178,8 @@ def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None
         except TsisError as error:  # a page that is shown needs no sentence every second
             _changes_log.debug("the store was not read: %s", error)
             entries = -1
-        if seen != [entries]:
-            seen[:] = [entries]
+        if observed != [entries]:
+            observed[:] = [entries]
             await changed()
 
     viewer.every(CHANGES_EVERY_S, look)

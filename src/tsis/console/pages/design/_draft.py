@@ -35,8 +35,8 @@ class FieldMessages:
         self._said[field] = sentence
         self._place.clear()
         with self._place:
-            for each in dict.fromkeys(filter(None, self._said.values())):
-                ui.label(each)
+            for item in dict.fromkeys(filter(None, self._said.values())):
+                ui.label(item)
 
 
 def typed_field(
@@ -133,17 +133,17 @@ class ProbeDraft:
             When a field holds no number, or one outside its range.
         """
         with field_messages(WORDS):
-            made = replace(
+            created = replace(
                 self.start,
                 radius_mm=typed_number("radius", self.radius_mm),
                 face_curvature_mm=typed_number(DOME, self.curvature_mm) if self.domed else None,
                 layers=tuple(
-                    Layer(**{name: typed_number(words, texts[name]) for name, words in LAYER.items()})
+                    Layer(**{name: typed_number(text, texts[name]) for name, text in LAYER.items()})
                     for texts in self.layers
                 ),
                 leds=self._leds(),
             )
-        return self.start if made == self.start else replace(made, name=f"{self.start.name} (changed)")
+        return self.start if created == self.start else replace(created, name=f"{self.start.name} (changed)")
 
     def _leds(self) -> tuple[Led, ...]:
         """The lamps as typed, at equal angles; those of the start when nothing was changed."""
@@ -153,7 +153,7 @@ class ProbeDraft:
         count = typed_number("lamps", self.lamps)
         if not count.is_integer() or not 1 <= count <= MOST_LAMPS:
             raise InputError(f"lamps must be a whole number in [1, {MOST_LAMPS}]; got {self.lamps.strip()}")
-        values = {name: typed_number(words, self.lamp[name]) for name, words in LAMP.items()}
+        values = {name: typed_number(text, self.lamp[name]) for name, text in LAMP.items()}
         first = self.start.leds[0]
         return tuple(replace(first, azimuth_deg=360.0 * number / count, **values) for number in range(int(count)))
 

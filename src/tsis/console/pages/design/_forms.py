@@ -45,8 +45,8 @@ class QuestionForm:
         self._presses(draft)
         panel_title("Compare with", level=3).classes("below")
         with ui.element("div").classes("choices"):
-            for aspect, words in COMPARED.items():
-                ui.checkbox(words, value=aspect in draft.compared, on_change=partial(self._compare, aspect)).props(
+            for aspect, text in COMPARED.items():
+                ui.checkbox(text, value=aspect in draft.compared, on_change=partial(self._compare, aspect)).props(
                     "dense"
                 )
         panel_title("Judge by", level=3).classes("below")
@@ -59,27 +59,27 @@ class QuestionForm:
             search = ui.switch("Search better layers and forces, for minutes", value=draft.search).props("dense")
             search.bind_value_to(draft, "search")
             tries = ui.element("div")
-        sentences = FieldMessages()
+        messages = FieldMessages()
         with tries:
             typed_field(
                 "Stacks to try",
                 draft.evaluations,
                 self._evaluations,
                 lambda: self._fault(QuestionDraft(evaluations=draft.evaluations, search=True)),
-                sentences,
+                messages,
             )
         tries.bind_visibility_from(draft, "search")
 
     def _presses(self, draft: QuestionDraft) -> None:
         fields = ui.element("div").classes("fields")
-        sentences = FieldMessages()
+        messages = FieldMessages()
         with fields:
             typed_field(
                 "Forces / N",
                 draft.forces,
                 self._forces,
                 lambda: self._fault(QuestionDraft(forces=draft.forces)),
-                sentences,
+                messages,
                 empty="1; on a dome 0.5, 1",
             )
             typed_field(
@@ -87,7 +87,7 @@ class QuestionForm:
                 draft.frames,
                 self._frames,
                 lambda: self._fault(QuestionDraft(frames=draft.frames)),
-                sentences,
+                messages,
             )
             ui.switch("Press plain tissue too", value=draft.with_reference).props("dense").bind_value_to(
                 draft, "with_reference"
@@ -137,10 +137,10 @@ class LayerTable:
         layers = self._draft.layers
         with self._place:
             body = rows_under(HEADINGS, label="Layers, from the tissue up", look="layers")
-            sentences = FieldMessages()
+            messages = FieldMessages()
             with body:
                 for at in range(len(layers)):
-                    self._row(at, sentences)
+                    self._row(at, messages)
             if len(layers) < MOST_LAYERS:
                 ui.button("Add a layer at the glass", icon="add", on_click=self._add).props("dense no-caps flat")
 
@@ -148,10 +148,10 @@ class LayerTable:
         texts, number = self._draft.layers[at], at + 1
         with ui.element("tr"):
             cell(str(number))
-            for name, words in LAYER.items():
+            for name, text in LAYER.items():
                 with ui.element("td"):
                     typed_field(
-                        f"Layer {number}, {words}",
+                        f"Layer {number}, {text}",
                         texts[name],
                         partial(self._typed, texts, name),
                         partial(self._fault, number, texts, name),
@@ -250,13 +250,13 @@ class ProbeForm:
 
         panel_title("Face", level=3)
         fields = ui.element("div").classes("fields")
-        sentences = FieldMessages()
+        messages = FieldMessages()
         with fields:
-            typed_field("Radius / mm", draft.radius_mm, radius, partial(draft.face_fault, "radius_mm"), sentences)
+            typed_field("Radius / mm", draft.radius_mm, radius, partial(draft.face_fault, "radius_mm"), messages)
             ui.switch("Domed", value=draft.domed, on_change=domed).props("dense")
             if draft.domed:
                 fault = partial(draft.face_fault, "curvature_mm")
-                typed_field("Radius of the dome / mm", draft.curvature_mm, curvature, fault, sentences)
+                typed_field("Radius of the dome / mm", draft.curvature_mm, curvature, fault, messages)
 
     def _lamps(self) -> None:
         draft = self._desk.probe
@@ -271,8 +271,8 @@ class ProbeForm:
 
         panel_title("Lamps around the side", level=3)
         fields = ui.element("div").classes("fields four")
-        sentences = FieldMessages()
+        messages = FieldMessages()
         with fields:
-            typed_field("How many", draft.lamps, lamps, partial(draft.lamp_fault, "lamps"), sentences)
+            typed_field("How many", draft.lamps, lamps, partial(draft.lamp_fault, "lamps"), messages)
             for name, label in LAMP_LABELS.items():
-                typed_field(label, draft.lamp[name], partial(lamp, name), partial(draft.lamp_fault, name), sentences)
+                typed_field(label, draft.lamp[name], partial(lamp, name), partial(draft.lamp_fault, name), messages)

@@ -42,16 +42,16 @@ def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
     """The work of answering a question; a search that is ended leaves what was compared before."""
 
     def work(job: Job) -> DesignResult:
-        found = compared_designs(question, progress=job.advance)
+        result = compared_designs(question, progress=job.advance)
         job.tell(0, question.evaluations or 0)
         try:
             optimum = searched_design(question, progress=job.advance)
         except JobCancelled:
             optimum = None
             job.say("The search was ended; this is what was compared before it.")
-        answer = answered(question, found, optimum)
-        page = design_page(answer)
-        return DesignResult(answer=answer, page=page, pictures=drawings(page))
+        response = answered(question, result, optimum)
+        page = design_page(response)
+        return DesignResult(answer=response, page=page, pictures=drawings(page))
 
     return work
 
@@ -169,17 +169,17 @@ WHAT = (
 async def design_tab(bench: Instrument, viewer: Viewer) -> None:
     """Build the page, with what this tab had on its desk."""
     await ui.context.client.connected()
-    desk = viewer.kept(ProbeEditor)
+    controller = viewer.kept(ProbeEditor)
     with ui.element("div").classes("design"):
         probe_panel = ui.element("section").classes("panel")
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel"):
-                section = Section(desk, viewer)
+                section = Section(controller, viewer)
             with ui.element("section").classes("panel"):
-                QuestionForm(desk)
-                telling = DesignResultPanel(bench, viewer, desk)
+                QuestionForm(controller)
+                reporting = DesignResultPanel(bench, viewer, controller)
         with probe_panel:
-            ProbeForm(desk, lambda: background_tasks.create(section.draw(), name="section of the probe"))
+            ProbeForm(controller, lambda: background_tasks.create(section.draw(), name="section of the probe"))
             ui.label(WHAT).classes("muted below")
-    telling.answer_below()
+    reporting.answer_below()
     await section.draw()

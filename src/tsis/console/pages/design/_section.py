@@ -63,8 +63,8 @@ class Section:
 
 def picture_of(probe: Probe) -> Picture:
     """The probe's section as a picture."""
-    across, up = 2 * probe.radius_mm + 4.8, probe.thickness_mm + probe.glass.thickness_mm + 2  # as they are drawn
-    height = min(max((WIDE_IN - LABELS_IN) * up / across + LABELS_IN, LEAST_IN), MOST_IN)
+    span, up = 2 * probe.radius_mm + 4.8, probe.thickness_mm + probe.glass.thickness_mm + 2  # as they are drawn
+    height = min(max((WIDE_IN - LABELS_IN) * up / span + LABELS_IN, LEAST_IN), MOST_IN)
     return Picture(title="", draw=partial(_draw, probe), size=(WIDE_IN, height), alt=described(probe))
 
 

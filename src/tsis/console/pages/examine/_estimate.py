@@ -83,14 +83,14 @@ class EstimatePanel:
             now = (await self._viewer.entries(), state.target)
             if now == self._shown:
                 return
-            found = await run.io_bound(saved_target, self._bench.store, state.target)
+            result = await run.io_bound(saved_target, self._bench.store, state.target)
         except TsisError as error:
             self._tell(str(error))
             return
-        if found is None or self._state is None or self._state.target != found.number:  # it ends, or look again
+        if result is None or self._state is None or self._state.target != result.number:  # it ends, or look again
             return
         self._shown = now
-        self._show_recorded(found)
+        self._show_recorded(result)
 
     def _tell(self, sentence: str) -> None:
         if self._shown == (sentence,):
@@ -109,8 +109,8 @@ class EstimatePanel:
         with self._place:
             for stored in found.estimates:
                 estimate_parts(stored, {} if found.target is None else found.target.truth)
-            for sentence in found.damaged:
-                ui.label(f"Left out: {sentence}.").classes("doubtful")
+            for message in found.damaged:
+                ui.label(f"Left out: {message}.").classes("doubtful")
             presses(found)
 
 
@@ -150,6 +150,6 @@ def job_text(job: JobState | None) -> str:
     if job is None:
         return ""
     if job.running:
-        share = f", {job.done} of {job.total} steps" if job.total else ""
-        return f"Estimating{share}; the mechanics of a probe are solved once and kept."
+        fraction = f", {job.done} of {job.total} steps" if job.total else ""
+        return f"Estimating{fraction}; the mechanics of a probe are solved once and kept."
     return job.sentence if job.status == FAILED else ""

@@ -144,9 +144,9 @@ def examine_page(bench: Instrument, viewer: Viewer) -> None:
                 operated.why()
             with ui.element("div").classes("panel under-tabs"):
                 with ui.tabs().props("dense no-caps align=left") as tabs:
-                    told, set_up, recorded = ui.tab("Estimate"), ui.tab("Settings"), ui.tab("Sequence")
-                with ui.tab_panels(tabs, value=told).props("keep-alive").classes("plain-panels"):
-                    with ui.tab_panel(told):
+                    reported, set_up, recorded = ui.tab("Estimate"), ui.tab("Settings"), ui.tab("Sequence")
+                with ui.tab_panels(tabs, value=reported).props("keep-alive").classes("plain-panels"):
+                    with ui.tab_panel(reported):
                         estimate = EstimatePanel(bench, viewer)
                     with ui.tab_panel(set_up):
                         settings = SettingsPanel(bench, viewer, operated)

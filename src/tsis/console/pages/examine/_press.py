@@ -69,14 +69,14 @@ def saved_target(store: Store, number: int) -> SavedTarget:
     if target is None:
         return SavedTarget(number=number)
     count = store.press_count(target)
-    dossier = store.dossier(target, limit=SHOWN, offset=max(0, count - SHOWN))
+    record = store.dossier(target, limit=SHOWN, offset=max(0, count - SHOWN))
     return SavedTarget(
         number=number,
         target=target,
         count=count,
-        presses=dossier.presses[::-1],
-        estimates=dossier.in_force,
-        damaged=dossier.damaged,
+        presses=record.presses[::-1],
+        estimates=record.in_force,
+        damaged=record.damaged,
     )
 
 
@@ -126,11 +126,11 @@ class PressPanel:
             return
         self._keeping = True
         try:
-            kept: SavedPress | None = await self._viewer.attempt(self._bench.snapshot, by=self._viewer.identity)
+            press: SavedPress | None = await self._viewer.attempt(self._bench.snapshot, by=self._viewer.identity)
         finally:
             self._keeping = False
-        if kept is not None:
-            self._viewer.tell(snapshot_text(kept))
+        if press is not None:
+            self._viewer.tell(snapshot_text(press))
 
     async def step(self, by: int) -> None:
         """Go to the target before or after."""
@@ -220,6 +220,6 @@ def sequence_text(sequence: JobState | None) -> str:
     if sequence is None:
         return ""
     if sequence.running:
-        share = f": {sequence.share:.0%}" if sequence.total else ""
-        return f"Recording {sequence.title}{share}"
+        fraction = f": {sequence.share:.0%}" if sequence.total else ""
+        return f"Recording {sequence.title}{fraction}"
     return f"{sequence.title.capitalize()}: {sequence.sentence}"

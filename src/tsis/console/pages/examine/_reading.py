@@ -26,11 +26,11 @@ class ForceRow:
 
     def show(self, state: InstrumentState) -> None:
         """Show the newest sight."""
-        sight = present(state)
-        force = None if sight is None else sight.force
+        analysis = present(state)
+        force = None if analysis is None else analysis.force
         self._force.text = "" if force is None else f"{force.value_n:.2f} N"
         self._source.text = force_text(None) if force is None else SOURCES[force.source]
-        self._still.text = "" if sight is None else sight.still
+        self._still.text = "" if analysis is None else analysis.still
         self._still.set_visibility(bool(self._still.text))
         set_class(self._still, "good", self._still.text == "settled")
 
@@ -44,12 +44,12 @@ class FlagList:
 
     def show(self, state: InstrumentState) -> None:
         """Show those of the newest sight; a list that is the same stays, so that nobody is told of it again."""
-        found = flags(present(state))
-        if found != self._shown:
-            self._shown = found
+        result = flags(present(state))
+        if result != self._shown:
+            self._shown = result
             self._flags.clear()
             with self._flags:
-                for name, advice in found:
+                for name, advice in result:
                     with ui.element("li"):
                         ui.label(name).classes("flag" if advice else "good")
                         ui.label(advice).classes("muted")

@@ -44,14 +44,14 @@ class SettingLine:
         self._setting, self._adjust, self._viewer = setting, adjust, viewer
         self._slider: ui.slider | None = None
         self._moving = False
-        words = setting_label(setting.name)
+        text = setting_label(setting.name)
         with ui.element("div").classes("setting"):
-            self._field = NumberField(viewer, words, adjust, unit=setting.unit)
+            self._field = NumberField(viewer, text, adjust, unit=setting.unit)
             operated.add(self._field.element)
             if math.isfinite(setting.low) and math.isfinite(setting.high) and setting.low < setting.high:
                 span = setting.high - setting.low
                 self._slider = ui.slider(min=setting.low, max=setting.high, step=span / STEPS, value=setting.value)
-                self._slider.props("dense").props["aria-label"] = words
+                self._slider.props("dense").props["aria-label"] = text
                 self._slider.on("update:model-value", self._moved)
                 self._slider.on("change", self._released)
                 operated.add(self._slider)
@@ -115,19 +115,21 @@ class SettingsPanel:
     def show(self, state: InstrumentState) -> None:
         """Show the camera's settings."""
         settings = state.camera.settings
-        shape = tuple((each.name, each.low, each.high, each.unit) for each in settings)
+        shape = tuple((setting.name, setting.low, setting.high, setting.unit) for setting in settings)
         if shape != self._shape:
             self._shape = shape
             self._place.clear()
             with self._place:
                 self._lines = {
-                    each.name: SettingLine(each, partial(self._adjust, each.name), self._viewer, self._operated)
-                    for each in settings
+                    setting.name: SettingLine(
+                        setting, partial(self._adjust, setting.name), self._viewer, self._operated
+                    )
+                    for setting in settings
                 }
         self._none.set_visibility(not settings)
         self._none.text = "The camera is away." if state.camera.lost else "Start the camera to adjust it."
-        for each in settings:
-            self._lines[each.name].show(each.value)
+        for setting in settings:
+            self._lines[setting.name].show(setting.value)
 
     async def _preset(self, name: str) -> None:
         await self._viewer.attempt(self._bench.preset, name, by=self._viewer.identity)

@@ -60,16 +60,16 @@ def saved_presses(store: Store, number: int) -> SavedPresses:
     target = numbered(store, number)
     if target is None:
         return SavedPresses(number=number)
-    dossier = store.dossier(target)
-    estimate = next((stored for stored in dossier.in_force if stored.kind == HARDNESS), None)
-    return SavedPresses(number=number, dossier=dossier, presses=newest_presses(dossier, HARDNESS), estimate=estimate)
+    record = store.dossier(target)
+    estimate = next((stored for stored in record.in_force if stored.kind == HARDNESS), None)
+    return SavedPresses(number=number, dossier=record, presses=newest_presses(record, HARDNESS), estimate=estimate)
 
 
 def next_free(store: Store, number: int) -> int:
     """``number`` where nothing is kept of it, else the next after all."""
     if numbered(store, number) is None:
         return number
-    return max(each.target.number for each in store.targets()) + 1
+    return max(target.target.number for target in store.targets()) + 1
 
 
 def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
@@ -85,18 +85,18 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     camera = state.camera
     if camera.choice.is_virtual:
         return () if camera.choice.is_sphere and camera.running else ("lay an object under the virtual probe.",)
-    found = []
+    results = []
     if not camera.running:
-        found.append("start the camera, on the page Examine; it is stopped.")
+        results.append("start the camera, on the page Examine; it is stopped.")
     elif camera.lost:
-        found.append("wait until the camera is back; it is away.")
+        results.append("wait until the camera is back; it is away.")
     if not state.calibration_identity:
-        found.append("put a calibration in force, on the page Camera; there is none (the page Calibrate makes one).")
+        results.append("put a calibration in force, on the page Camera; there is none (the page Calibrate makes one).")
     elif not responds:
-        found.append(f"choose another calibration; {state.calibration!r} does not tell the answer to pressure.")
+        results.append(f"choose another calibration; {state.calibration!r} does not tell the answer to pressure.")
     elif not scaled:
-        found.append(f"choose another calibration; {state.calibration!r} does not tell the size of a pixel.")
-    return tuple(found)
+        results.append(f"choose another calibration; {state.calibration!r} does not tell the size of a pixel.")
+    return tuple(results)
 
 
 def next_step_text(found: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:

@@ -77,12 +77,12 @@ class Estimating:
         self._button.set_enabled(enough and not running)
         self._bar.show(job)
         if running:
-            words = "The contact of a probe that was never used before is solved once, which takes some minutes."
+            text = "The contact of a probe that was never used before is solved once, which takes some minutes."
         elif job is not None and failed:
-            words = with_field_labels(job.sentence, WORDS)
+            text = with_field_labels(job.sentence, WORDS)
         else:
-            words = "" if two or not enough else "One press tells nearly as much, but nothing tests it."
-        self._said.text = words
+            text = "" if two or not enough else "One press tells nearly as much, but nothing tests it."
+        self._said.text = text
         set_class(self._said, "doubtful", failed)
 
     async def _begin(self) -> None:
@@ -90,15 +90,15 @@ class Estimating:
 
     def _begun(self) -> object:
         number = self._bench.state().target
-        found = saved_presses(self._bench.store, number)
+        result = saved_presses(self._bench.store, number)
         typed = self._radius()
         options = {"radius_mm": typed.radius_mm, "radius_sd_mm": typed.sd_mm}
-        if any(press.role == BALL for press in found.presses):
+        if any(press.role == BALL for press in result.presses):
             options["reference_radius_mm"] = self._ball_radius()
         return self._bench.estimate(
             number,
             kind=HARDNESS,
-            presses=[press.id for press in found.presses] or None,
+            presses=[press.id for press in result.presses] or None,
             options={name: value for name, value in options.items() if value is not None},
         )
 
@@ -139,9 +139,9 @@ class _Measurement:
     def _show(self, state: InstrumentState) -> None:
         self._state = state
         self._live.tell(state)
-        sight = state.sight
-        self._sight.text = "" if sight is None else "; ".join(flag.advice for flag in sight.flags)
-        set_class(self._sight, "doubtful", sight is not None and bool(sight.flags))
+        analysis = state.sight
+        self._sight.text = "" if analysis is None else "; ".join(flag.advice for flag in analysis.flags)
+        set_class(self._sight, "doubtful", analysis is not None and bool(analysis.flags))
         self._operated.show(state)
         self._presses.show(state)
         self._tell(state)
@@ -157,34 +157,34 @@ class _Measurement:
             now = (await self._viewer.entries(), state.target, touches)
             if now == self._mark:
                 return
-            found = await run.io_bound(saved_presses, self._bench.store, state.target)
+            result = await run.io_bound(saved_presses, self._bench.store, state.target)
         except TsisError as error:
             self._mark, self._trouble = None, str(error)
             self._tell(self._state or state)
             return
-        if found is None:  # the console is being ended
+        if result is None:  # the console is being ended
             return
-        if not touches and found.estimate is None:  # presses on the virtual tissue tell no hardness
-            found = replace(found, presses=())
-        self._mark, self._found, self._trouble = now, found, ""
+        if not touches and result.estimate is None:  # presses on the virtual tissue tell no hardness
+            result = replace(result, presses=())
+        self._mark, self._found, self._trouble = now, result, ""
         self._tell(self._state or state)
-        await self._result.show(found)
+        await self._result.show(result)
 
     def _tell(self, state: InstrumentState) -> None:
         """Say what is to be done next; while a target was not yet read, that it is being read."""
         read = self._found.number == state.target
-        found = self._found if read else SavedPresses(number=state.target)
-        self._object.show(state, found)
-        self._presses.kept(found)
-        known = self._calibration.of(state)
+        result = self._found if read else SavedPresses(number=state.target)
+        self._object.show(state, result)
+        self._presses.kept(result)
+        given = self._calibration.of(state)
         missing = missing_text(
             state,
-            scaled=known is not None and known.known.scale is not None,
-            responds=known is not None and known.known.response is not None,
+            scaled=given is not None and given.known.scale is not None,
+            responds=given is not None and given.known.response is not None,
         )
         job = estimate_job(state)
         running = job is not None and job.running
-        words = next_step_text(found, missing, estimating=running) if read else f"Target {state.target} is being read."
-        self._next.text = self._trouble or words
+        text = next_step_text(result, missing, estimating=running) if read else f"Target {state.target} is being read."
+        self._next.text = self._trouble or text
         self._presses.allow(not missing)
-        self._estimating.show(job, enough=len(found.on_object) >= 1, two=len(found.on_object) >= PRESSES)
+        self._estimating.show(job, enough=len(result.on_object) >= 1, two=len(result.on_object) >= PRESSES)

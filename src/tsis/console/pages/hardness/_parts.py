@@ -85,8 +85,8 @@ class ObjectPart:
         self._real.set_visibility(not choice.is_virtual)
         self._name.text = state.camera.name or "The camera is stopped."
         self._target.text = f"target {state.target}"
-        stage = self._bench.desk.stage
-        written = None if stage is None else stage.written_radius_mm
+        subject = self._bench.desk.stage
+        written = None if subject is None else subject.written_radius_mm
         self._size.set_visibility(written is not None or not choice.is_virtual)
         if written is not None:
             self._fill((choice, written), written, RADIUS_SD_MM)
@@ -107,8 +107,8 @@ class ObjectPart:
                 raise InputError("radius of the object must be given with its standard deviation; got none")
             return TypedRadius()
         radius = typed_number("radius of the object", radius_text)
-        known = self._bench.calibration
-        name = self._bench.desk.choice.probe if known is None or not known.known.probe else known.known.probe
+        given = self._bench.calibration
+        name = self._bench.desk.choice.probe if given is None or not given.known.probe else given.known.probe
         with field_messages({"radius_mm": "radius of the object"}):
             require_radius("radius of the object", load_probe(name), radius)
         if not sd_text:
@@ -212,9 +212,9 @@ class PressPart:
     async def _keep(self, role: str) -> None:
         button, field = (self._press, self._force) if role == TARGET else (self._ball, self._ball_force)
         with loading(button):
-            kept: KeptPress | None = await self._viewer.attempt(self._pressed, role, str(field.value or ""))
-        if kept is not None:
-            self._viewer.tell(snapshot_text(kept))
+            press: KeptPress | None = await self._viewer.attempt(self._pressed, role, str(field.value or ""))
+        if press is not None:
+            self._viewer.tell(snapshot_text(press))
 
     def _pressed(self, role: str, text: str) -> KeptPress:
         force_n = None if self._gauge else typed_number("force", text)

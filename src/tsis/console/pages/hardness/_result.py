@@ -36,19 +36,19 @@ class HardnessPanel:
 
     async def show(self, found: SavedPresses) -> None:
         """Show the estimate where there is one."""
-        stored, dossier = found.estimate, found.dossier
+        stored, record = found.estimate, found.dossier
         now = None if stored is None else (stored.id, found.is_current)
         if now == self._shown:
             return
         self._shown = now
         self._place.clear()
         self._place.set_visibility(False)
-        if stored is None or dossier is None:
+        if stored is None or record is None:
             return
-        made = await self._viewer.attempt(_made, dossier, stored)
-        if made is None or self._shown != now:
+        created = await self._viewer.attempt(_made, record, stored)
+        if created is None or self._shown != now:
             return
-        page, sources = made
+        page, sources = created
         with self._place:
             with ui.element("div").classes("row"):
                 panel_title(page.title)
@@ -59,8 +59,8 @@ class HardnessPanel:
             with ui.element("div").classes("hardness-told"):
                 with ui.element("div").classes("stack"):
                     cards(page.cards)
-                    for each in page.tables:
-                        table(each)
+                    for item in page.tables:
+                        table(item)
                     message_list(page.notes)
                 with ui.element("div").classes("hardness-figures"):
                     for picture, source in zip(page.pictures, sources, strict=True):

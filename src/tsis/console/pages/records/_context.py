@@ -61,9 +61,9 @@ class TargetView:
     @property
     def told(self) -> tuple[object, ...]:
         """What is told of all: two that are equal look alike."""
-        known = self.dossier
-        made = tuple(each.id for each in known.estimates)
-        return self.target, self.sheet, made, tuple(known.calibrations), known.damaged
+        given = self.dossier
+        created = tuple(estimate.id for estimate in given.estimates)
+        return self.target, self.sheet, created, tuple(given.calibrations), given.damaged
 
 
 def read_target(store: Store, number: str, offset: int) -> TargetView:
@@ -154,12 +154,12 @@ CUT = "the file did not come: the connection was cut or it took too long; try ag
 async def fetch_file(viewer: Viewer, address: str) -> bool:
     """Have the browser fetch a file and keep it; False, after the reason was shown, when there is none."""
     try:
-        sentence = await ui.run_javascript(FETCH % json.dumps(address), timeout=LONGEST_S)
+        message = await ui.run_javascript(FETCH % json.dumps(address), timeout=LONGEST_S)
     except TimeoutError:
-        sentence = CUT
-    if sentence:
-        viewer.complain(str(sentence))
-    return not sentence
+        message = CUT
+    if message:
+        viewer.complain(str(message))
+    return not message
 
 
 EVERY_S = 0.3

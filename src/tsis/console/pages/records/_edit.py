@@ -161,12 +161,12 @@ class Editing(ABC, Generic[Record]):
         self._conflict.clear()
 
     async def _save(self) -> None:
-        found = await self._page.viewer.attempt(self._edited, *self._written())
-        if found is None:
+        result = await self._page.viewer.attempt(self._edited, *self._written())
+        if result is None:
             return
-        now = found.record
-        if found.refused:
-            show_conflict(self._conflict, found, take=lambda: self._fill(now), keep=lambda: self._save_over(now))
+        now = result.record
+        if result.refused:
+            show_conflict(self._conflict, result, take=lambda: self._fill(now), keep=lambda: self._save_over(now))
             return
         self._dialog.close()
         self._page.viewer.tell(self._saved(now))
@@ -199,13 +199,13 @@ def open_press(page: TargetContext, seen: TargetView, press: StoredPress) -> Non
 
 async def _tell_why(page: TargetContext, seen: TargetView, press: StoredPress, place: ui.label) -> None:
     """Say why the frame of a press cannot be shown; of a subject without the place, whose name may tell whose it is."""
-    sentence = await run.io_bound(fault_of, page.bench.store, press)
-    place.text = DAMAGED if seen.private and sentence else sentence
+    message = await run.io_bound(fault_of, page.bench.store, press)
+    place.text = DAMAGED if seen.private and message else message
 
 
 def _facts(seen: TargetView, press: StoredPress) -> None:
     """What the store knows of the press and nobody may change."""
-    known = seen.dossier.calibrations.get(press.calibration or "")
+    given = seen.dossier.calibrations.get(press.calibration or "")
     calibration = "none" if press.calibration is None else press.calibration[:SHORT]
     rows = {
         "taken": time_label(press.taken),
@@ -214,7 +214,7 @@ def _facts(seen: TargetView, press: StoredPress) -> None:
         if press.mm_per_pixel is None
         else "{:.4g} × {:.4g} mm per pixel".format(*press.mm_per_pixel),
         "probe": "not shown of a subject" if seen.private else press.probe or "not named",
-        "calibration": calibration if known is None or seen.private else f"{known.name} ({calibration})",
+        "calibration": calibration if given is None or seen.private else f"{given.name} ({calibration})",
         "flags": ", ".join(flags_of(press, private=seen.private)) or "none",
         "version": f"{press.version}",
     }
@@ -244,13 +244,13 @@ class _PressEditing(Editing["StoredPress"]):
         self._flags.value = list(record.flags)
 
     def _written(self) -> tuple[str, dict[str, Any]]:
-        wanted = {"role": self._role.value, "flags": tuple(self._flags.value or ()), "note": self._note.value or ""}
-        return self._force.value or "", wanted
+        requested = {"role": self._role.value, "flags": tuple(self._flags.value or ()), "note": self._note.value or ""}
+        return self._force.value or "", requested
 
     def _edited(self, *written: Any) -> Edited[StoredPress]:
-        force, wanted = written
+        force, requested = written
         force_n = parse_force(force.strip(), called="force", nothing="")
-        changes = changed(self._record, {**wanted, "force_n": force_n})
+        changes = changed(self._record, {**requested, "force_n": force_n})
         if not changes:
             return Edited(record=self._record)
         with field_messages(FORCE):

@@ -24,29 +24,29 @@ NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken un
 def estimates(seen: TargetView) -> None:
     """Show the estimates in force, and what of the target is damaged."""
     panel_title("Estimates in force", level=3)
-    found = newest_first(seen.dossier)
-    if found:
+    result = newest_first(seen.dossier)
+    if result:
         cards(target_cards(seen.dossier))
     else:
         ui.label(NONE_YET).classes("muted")
     with message_list():
-        for stored in found:
-            for sentence in (*estimate_sentences(stored), origin(stored)):
-                list_message(f"Of the {stored.kind}: {sentence}" if len(found) > 1 else sentence)
+        for stored in result:
+            for message in (*estimate_sentences(stored), origin(stored)):
+                list_message(f"Of the {stored.kind}: {message}" if len(result) > 1 else message)
             if stored.estimate.flags:
                 list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
-        for sentence in seen.dossier.damaged:
-            list_message(f"Left out: {sentence}", "flag")
+        for message in seen.dossier.damaged:
+            list_message(f"Left out: {message}", "flag")
     if seen.private:
         ui.label(IDENTITY_NOTE).classes("muted")
 
 
 def history(seen: TargetView) -> None:
     """Show every estimate that was ever made."""
-    found = history_tables(seen.dossier)
-    for each in found:
-        table(each)
-    if not found:
+    result = history_tables(seen.dossier)
+    for item in result:
+        table(item)
+    if not result:
         panel_title("History", level=3)
         ui.label("No estimate was made yet.").classes("muted")
 
@@ -131,13 +131,13 @@ async def _begin_recomputation(page: TargetContext, seen: TargetView, *, dry_run
 
 
 def _show_recomputation(page: TargetContext, job: Job) -> None:
-    found: tuple[Recomputation, ...] = job.result
+    recomputations: tuple[Recomputation, ...] = job.result
     with ui.element("div").classes("told").props('role="status"'):
-        for each in found:
-            ui.label(f"{each.before.kind.capitalize()}: {each.sentence}").classes("good" if each.same else "doubtful")
-            for note in recomputation_notes(each):
+        for item in recomputations:
+            ui.label(f"{item.before.kind.capitalize()}: {item.sentence}").classes("good" if item.same else "doubtful")
+            for note in recomputation_notes(item):
                 ui.label(note).classes("muted")
-            if not each.same:
-                table(shift_table(each))
-                ui.label(stored_sentence(each))
+            if not item.same:
+                table(shift_table(item))
+                ui.label(stored_sentence(item))
         ui.button("Close", on_click=page.below.clear).props("dense no-caps flat")

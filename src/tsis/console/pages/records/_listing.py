@@ -27,11 +27,11 @@ KINDS = (ALL, ESTIMATED, NOT_ESTIMATED)
 SHEETS = (25, 50, 100)  # rows of a sheet that one may choose
 NEVER = datetime.min.replace(tzinfo=UTC)
 KEYS: dict[str, Callable[[TargetSummary], Any]] = {
-    "number": lambda each: each.target.number,
-    "name": lambda each: each.target.name.casefold(),
-    "presses": lambda each: each.presses,
-    "estimates": lambda each: each.estimates,
-    "last": lambda each: each.last or NEVER,
+    "number": lambda item: item.target.number,
+    "name": lambda item: item.target.name.casefold(),
+    "presses": lambda item: item.presses,
+    "estimates": lambda item: item.estimates,
+    "last": lambda item: item.last or NEVER,
 }
 
 
@@ -68,7 +68,7 @@ class Order:
             column=column if isinstance(column, str) and column in KEYS else "number",
             descending=pagination.get("descending") is True,
             sheet=sheet if isinstance(sheet, int) and sheet > 0 else 1,
-            rows=next((each for each in SHEETS if each == rows), SHEETS[1]),
+            rows=next((sheet for sheet in SHEETS if sheet == rows), SHEETS[1]),
         )
 
 
@@ -83,13 +83,13 @@ class Sheet:
 
 def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
     """The targets to show; a sheet behind the last one is the last one."""
-    wanted = order.search.strip().casefold()
-    found = [each for each in targets if _is_wanted(each, wanted, order.kind)]
-    found.sort(key=lambda each: each.target.number)
-    found.sort(key=KEYS[order.column], reverse=order.descending)  # stable: equal ones stay by number
-    sheet = min(order.sheet, max(1, -(-len(found) // order.rows)))
+    requested = order.search.strip().casefold()
+    results = [target for target in targets if _is_wanted(target, requested, order.kind)]
+    results.sort(key=lambda item: item.target.number)
+    results.sort(key=KEYS[order.column], reverse=order.descending)  # stable: equal ones stay by number
+    sheet = min(order.sheet, max(1, -(-len(results) // order.rows)))
     begin = (sheet - 1) * order.rows
-    return Sheet(targets=tuple(found[begin : begin + order.rows]), sheet=sheet, found=len(found))
+    return Sheet(targets=tuple(results[begin : begin + order.rows]), sheet=sheet, found=len(results))
 
 
 def _is_wanted(each: TargetSummary, wanted: str, kind: str) -> bool:
@@ -117,15 +117,15 @@ def target_listing(bench: Instrument, viewer: Viewer) -> None:
     with ui.element("section").classes("panel stack"):
         with ui.element("div").classes("row"):
             panel_title("Targets")
-            told = ui.label().classes("muted")
+            reported = ui.label().classes("muted")
             ui.element("div").classes("spring")
             buttons = ui.element("div").classes("row")
         below = ui.element("div")
         with buttons:
             verify_button(bench, viewer, below)
             import_button(bench, viewer, below)
-        found = _Found(bench, viewer, told)
-    follow_store(viewer, found.load)
+        result = _Found(bench, viewer, reported)
+    follow_store(viewer, result.load)
 
 
 class _Found:
@@ -147,7 +147,7 @@ class _Found:
         self._empty = ui.label(BEGIN).classes("muted")
         self._table = ui.table(
             rows=[],
-            columns=[_column(*each) for each in COLUMNS],
+            columns=[_column(*column) for column in COLUMNS],
             row_key="number",
             pagination=self._pages(sheet_of((), self._order)),  # else it asks for a sheet of its own making
         )
@@ -167,7 +167,7 @@ class _Found:
         if targets is None:
             return
         self._targets = targets
-        presses = sum(each.presses for each in targets)
+        presses = sum(target.presses for target in targets)
         kind = self._bench.store.kind
         self._told.text = f"{count_of(len(targets), 'target')} ({kind}s), {count_of(presses, 'press')}"
         self._empty.set_visibility(not targets)
@@ -187,8 +187,8 @@ class _Found:
 
     def _turned(self, event: GenericEventArguments) -> None:
         pagination = event.args.get("pagination") if isinstance(event.args, dict) else None
-        wanted: dict[str, Any] = pagination if isinstance(pagination, dict) else {}
-        self._order = Order.asked(wanted, search=self._order.search, kind=self._order.kind)
+        requested: dict[str, Any] = pagination if isinstance(pagination, dict) else {}
+        self._order = Order.asked(requested, search=self._order.search, kind=self._order.kind)
         self._show()
 
     def _told_back(self) -> None:
@@ -199,7 +199,7 @@ class _Found:
 
     def _show(self) -> None:
         sheet = sheet_of(self._targets, self._order)
-        self._table.rows = [_row(each) for each in sheet.targets]
+        self._table.rows = [_row(target) for target in sheet.targets]
         self._table.pagination = self._pages(sheet)
 
     def _pages(self, sheet: Sheet) -> dict[str, Any]:

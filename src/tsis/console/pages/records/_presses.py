@@ -90,7 +90,7 @@ class Presses:
         await self._page.load()
 
     def _press(self, press: StoredPress, seen: TargetView) -> None:
-        words = press_label(press)
+        text = press_label(press)
         flags = flags_of(press, private=seen.private)
         with ui.element("figure").classes("press"):
             with (
@@ -99,9 +99,9 @@ class Presses:
                 .props("type=button")
                 .on("click", lambda: open_press(self._page, seen, press)) as frame
             ):
-                frame.props["aria-label"] = f"Open the press {words}"
+                frame.props["aria-label"] = f"Open the press {text}"
                 picture = ui.element("img").props("loading=lazy").classes("press-picture")
-                picture.props["alt"], picture.props["src"] = f"Frame {words}", _address(seen, press)
+                picture.props["alt"], picture.props["src"] = f"Frame {text}", _address(seen, press)
                 picture.on("error", lambda: _leave_out(frame), args=[])
             with ui.element("figcaption"):
                 with ui.element("div").classes("press-line"):
@@ -113,10 +113,10 @@ class Presses:
                 choose = ui.checkbox(
                     "choose", value=press.id in self.chosen, on_change=lambda event: self._choose(press, event)
                 )
-                choose.props("dense").props["aria-label"] = f"Choose the press {words}"
+                choose.props("dense").props["aria-label"] = f"Choose the press {text}"
 
     def _choose(self, press: StoredPress, event: ValueChangeEventArguments[bool]) -> None:
-        self.chosen = [each for each in self.chosen if each != press.id] + ([press.id] if event.value else [])
+        self.chosen = [item for item in self.chosen if item != press.id] + ([press.id] if event.value else [])
         self._tell()
 
     def _tell(self) -> None:
@@ -144,44 +144,44 @@ def _address(seen: TargetView, press: StoredPress) -> str:
 
 async def compare(page: TargetContext, seen: TargetView, *, same_light: bool = False) -> None:
     """Show the two chosen presses, what differs, and the features of each."""
-    place, chosen = page.compared, tuple(page.presses.chosen)
-    place.set_visibility(True)
-    place.clear()
-    with place:
+    position, chosen = page.compared, tuple(page.presses.chosen)
+    position.set_visibility(True)
+    position.clear()
+    with position:
         ui.label("Reading and drawing ...").classes("muted").props('role="status"')
-    found = await page.viewer.attempt(_compared, page.bench.store, seen.target, chosen, same_light=same_light)
-    place.clear()
-    if found is None:
-        place.set_visibility(False)
+    result = await page.viewer.attempt(_compared, page.bench.store, seen.target, chosen, same_light=same_light)
+    position.clear()
+    if result is None:
+        position.set_visibility(False)
         return
-    told, sources = found
-    with place:
+    reported, sources = result
+    with position:
         with ui.element("div").classes("row"):
-            panel_title(told.title, level=3)
+            panel_title(reported.title, level=3)
             ui.element("div").classes("spring")
             ui.switch(
                 "bring both to the same light",
                 value=same_light,
                 on_change=lambda event: compare(page, seen, same_light=event.value),
             ).props("dense")
-            ui.button(icon="close", on_click=lambda: place.set_visibility(False)).props(
+            ui.button(icon="close", on_click=lambda: position.set_visibility(False)).props(
                 'flat dense round aria-label="Close the comparison"'
             )
         with ui.element("div").classes("compared"):
-            for picture, source in zip(told.pictures, sources, strict=True):
+            for picture, source in zip(reported.pictures, sources, strict=True):
                 figure(picture, source)
-        for note in told.notes:
+        for note in reported.notes:
             ui.label(note)
-        for each in told.tables:
-            table(each)
+        for item in reported.tables:
+            table(item)
 
 
 def _compared(store: Store, target: Target, chosen: Sequence[str], *, same_light: bool) -> tuple[Page, tuple[str, ...]]:
     """The comparison, and its pictures drawn."""
-    presses = [store.press(target, each) for each in chosen]
-    dossier = replace(store.dossier(target, limit=0), presses=tuple(presses))
+    presses = [store.press(target, item) for item in chosen]
+    record = replace(store.dossier(target, limit=0), presses=tuple(presses))
     names = [press_label(press) for press in presses]
     names = names if len(set(names)) == len(names) else [f"{name} ({at})" for at, name in enumerate(names, 1)]
-    one, other = (replace(dossier.image(press), name=name) for press, name in zip(presses, names, strict=True))
-    told = comparison(one, other, same_light=same_light)
-    return told, drawings(told)
+    item, other = (replace(record.image(press), name=name) for press, name in zip(presses, names, strict=True))
+    reported = comparison(item, other, same_light=same_light)
+    return reported, drawings(reported)

@@ -75,18 +75,18 @@ class TargetPage:
         """Read the target anew; of several readings at once the last to be asked for is shown."""
         self._wanted += 1
         turn = self._wanted
-        seen: TargetView | None = None
+        target_view: TargetView | None = None
         refusal = ""
         try:
-            seen = await run.io_bound(read_target, self.bench.store, self.number, self.presses.offset)
+            target_view = await run.io_bound(read_target, self.bench.store, self.number, self.presses.offset)
         except TsisError as error:
             refusal = str(error)
         if turn != self._wanted:
             return
         if refusal:
             self._refuse(refusal)
-        elif seen is not None:  # which it is when the program ends
-            self._show(seen)
+        elif target_view is not None:  # which it is when the program ends
+            self._show(target_view)
 
     def _show(self, seen: TargetView) -> None:
         if self._told == seen.told:  # a change of another target; a button that is being replaced hears no click
@@ -97,8 +97,8 @@ class TargetPage:
         with self._head:
             target_buttons(self, seen)
         self.presses.show(seen)
-        for place in (self._estimates, self._about, self._history):
-            place.clear()
+        for position in (self._estimates, self._about, self._history):
+            position.clear()
         with self._estimates:
             estimates(seen)
         with self._about:

@@ -157,14 +157,14 @@ def verify_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
 
 
 def _show_verification(job: Job, place: ui.element) -> None:
-    found: StoreVerification = job.result
+    store_verification: StoreVerification = job.result
     with ui.element("section").classes("told").props('role="status"'):
-        ui.label(verdict(found)).classes("good" if found.sound else "flag")
+        ui.label(verdict(store_verification)).classes("good" if store_verification.sound else "flag")
         with message_list():
-            for fault in found.faults[:MOST_SHOWN]:
+            for fault in store_verification.faults[:MOST_SHOWN]:
                 list_message(fault, "doubtful")
-        if len(found.faults) > MOST_SHOWN:
-            ui.label(f"and {len(found.faults) - MOST_SHOWN} faults more (tsis records verify shows all)")
-        for note in verification_notes(found):
+        if len(store_verification.faults) > MOST_SHOWN:
+            ui.label(f"and {len(store_verification.faults) - MOST_SHOWN} faults more (tsis records verify shows all)")
+        for note in verification_notes(store_verification):
             ui.label(note).classes("muted identity")
         ui.button("Close", on_click=place.clear).props("dense no-caps flat")

@@ -42,8 +42,8 @@ class Notices:
         if trouble != now.trouble:
             self._trouble.clear()
             with self._trouble:
-                for sentence in now.trouble:
-                    ui.label(sentence)
+                for message in now.trouble:
+                    ui.label(message)
         if before != watching:
             self._calm.clear()
             with self._calm:
@@ -128,11 +128,11 @@ class ControlButtons:
         control.heard_of(viewer.identity)
 
     async def _asked_for(self) -> None:
-        holder = self._bench.control.holder()
-        if holder is None or holder.identity == self._viewer.identity:
+        owner = self._bench.control.holder()
+        if owner is None or owner.identity == self._viewer.identity:
             await self._taken(over=False)
         else:
-            self._question.text = _question(holder)
+            self._question.text = _question(owner)
             self._dialog.open()
 
     def _given_back(self) -> None:

@@ -47,14 +47,14 @@ class JobList:
         states = now.jobs[: -SHOWN - 1 : -1]
         self._button.text = _summary([state for state in now.jobs if state.running])
         self._none.set_visibility(not states)
-        wanted = {state.identity for state in states}
-        for identity in [each for each in self._rows if each not in wanted]:
+        requested = {state.identity for state in states}
+        for identity in [row for row in self._rows if row not in requested]:
             self._rows.pop(identity).item.delete()
-        for place, state in enumerate(states):
+        for index, state in enumerate(states):
             if state.identity not in self._rows:
                 with self._list:
                     self._rows[state.identity] = _Row(state, self._end)
-                self._rows[state.identity].item.move(target_index=place)
+                self._rows[state.identity].item.move(target_index=index)
             self._rows[state.identity].show(state)
 
     async def _end(self, identity: str) -> None:
@@ -98,8 +98,8 @@ class _Row:
 def _summary(running: list[JobState]) -> str:
     if not running:
         return "Jobs"
-    share = _share(running[-1]) if len(running) == 1 else ""
-    return f"Jobs: {share or len(running)}"
+    fraction = _share(running[-1]) if len(running) == 1 else ""
+    return f"Jobs: {fraction or len(running)}"
 
 
 def _share(state: JobState) -> str:

@@ -63,19 +63,19 @@ class StudyView:
 def view_study(shelf: StudyRepository, name: str) -> StudyView:
     """Read a study; errors as `StudyRepository.study`."""
     study = shelf.study(name)
-    made = Counter((each.device, each.operator) for each in study.readings)
-    undecided = Counter((each.device, each.operator) for each in study.readings if each.undecided)
-    wanted = len(study.plan.codes) * study.plan.repeats
+    counter = Counter((reading.device, reading.operator) for reading in study.readings)
+    undecided = Counter((reading.device, reading.operator) for reading in study.readings if reading.undecided)
+    requested = len(study.plan.codes) * study.plan.repeats
     devices = [
         DeviceProgress(
             device=device,
             operator=operator,
             read=count,
-            wanted=wanted,
+            wanted=requested,
             undecided=undecided[device, operator],
             threshold=study.threshold_of(device),
         )
-        for (device, operator), count in made.items()
+        for (device, operator), count in counter.items()
     ]
     return StudyView(study=study, devices=tuple(devices), reported=has_report(study))
 
@@ -94,7 +94,7 @@ def study_result(study: Study) -> StudyResult:
 def _told(study: Study) -> StudyResult:
     analysis = analyse(study)
     page = study_page(analysis)
-    drawn = any(one.curve is not None for one in analysis.devices)
+    drawn = any(device.curve is not None for device in analysis.devices)
     return StudyResult(page=page, curves=address(page.pictures[0]) if drawn else "", targets=targets_table(analysis))
 
 

@@ -54,7 +54,7 @@ class CodeTable:
             headings, rows = _progress(found.study)
         else:
             headings, rows = told.targets.headings, list(told.targets.rows)
-        self._table.columns = [_column(at, words) for at, words in enumerate(("order", *headings))]
+        self._table.columns = [_column(at, text) for at, text in enumerate(("order", *headings))]
         self._table.rows = [
             {"number": number, **{f"c{at}": text for at, text in enumerate((str(number), *row))}}
             for number, row in enumerate(rows, start=1)
@@ -162,24 +162,24 @@ MEANT = (
 
 def study_listing(bench: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    shelf = StudyRepository(bench.terms.workspace)
+    repository = StudyRepository(bench.terms.workspace)
     with ui.element("div").classes("split"):
         with ui.element("section").classes("panel stack"):
             panel_title("Studies")
-            found = ui.element("div").classes("scroll")
+            result = ui.element("div").classes("scroll")
         with ui.element("section").classes("panel stack"):
-            _NewStudy(shelf, viewer)
-    seen: list[object] = []
+            _NewStudy(repository, viewer)
+    observed: list[object] = []
 
     async def look() -> None:
-        stamps = await viewer.attempt(shelf.stamps)
-        if stamps is None or seen == [stamps]:
+        stamps = await viewer.attempt(repository.stamps)
+        if stamps is None or observed == [stamps]:
             return
-        seen[:] = [stamps]
-        glimpses = await viewer.attempt(shelf.glimpses)
+        observed[:] = [stamps]
+        glimpses = await viewer.attempt(repository.glimpses)
         if glimpses is not None:
-            found.clear()
-            with found:
+            result.clear()
+            with result:
                 _show(glimpses)
 
     viewer.every(EVERY_S, look)
@@ -190,19 +190,19 @@ def _show(glimpses: tuple[StudySummary, ...]) -> None:
         ui.label(NONE_YET).classes("muted")
         return
     with rows_under(HEADINGS, label="Studies"):
-        for each in glimpses:
-            if each.trouble:
+        for item in glimpses:
+            if item.trouble:
                 with ui.element("tr"):
-                    cell(each.name)
+                    cell(item.name)
                     with ui.element("td").props("colspan=3"):
-                        ui.label(each.trouble).classes("flag wordy")
+                        ui.label(item.trouble).classes("flag wordy")
                 continue
             with ui.element("tr"):
                 with ui.element("td"):
-                    ui.link(each.name, f"/study/{each.name}").classes("link")
-                cell(str(each.targets))
-                cell(str(each.readings))
-                cell(f"unblinded {each.unblinded}" if each.unblinded else "blinded").classes("wordy")
+                    ui.link(item.name, f"/study/{item.name}").classes("link")
+                cell(str(item.targets))
+                cell(str(item.readings))
+                cell(f"unblinded {item.unblinded}" if item.unblinded else "blinded").classes("wordy")
 
 
 class _NewStudy:
@@ -246,6 +246,6 @@ class _NewStudy:
             seed=self._seed.value or "",
         )
         with loading(self._button):
-            made = await self._viewer.attempt(draft.make, self._shelf, actor=name_in(self._viewer, self._who))
-        if made is not None:
-            ui.navigate.to(f"/study/{made}")
+            created = await self._viewer.attempt(draft.make, self._shelf, actor=name_in(self._viewer, self._who))
+        if created is not None:
+            ui.navigate.to(f"/study/{created}")

@@ -39,24 +39,24 @@ class Outcome:
         self._panel.clear()
         with self._panel:
             ui.label("Setting the readings beside the truth ...").classes("muted").props('role="status"')
-        said = await self._page.viewer.attempt(study_result, found.study)
+        message = await self._page.viewer.attempt(study_result, found.study)
         self._panel.clear()
         with self._panel:
             self._head(found)
-            if said is None:
+            if message is None:
                 ui.label("The numbers cannot be told; Verify says what is wrong.").classes("flag")
             else:
-                self._body(said)
-        return said
+                self._body(message)
+        return message
 
     def _head(self, found: StudyView) -> None:
         with ui.element("div").classes("row"):
             panel_title("What the study says")
             ui.element("div").classes("spring")
             if found.reported:
-                place = f"/files/study/{self._page.name}/report"
-                ui.link("Report", f"{place}.html", new_tab=True).classes("link button")
-                ui.link("PDF", f"{place}.pdf").classes("link button").props("download")
+                position = f"/files/study/{self._page.name}/report"
+                ui.link("Report", f"{position}.html", new_tab=True).classes("link button")
+                ui.link("PDF", f"{position}.pdf").classes("link button").props("download")
             else:
                 ui.label("No report was written yet: Analyse again writes it.").classes("muted")
 
@@ -103,11 +103,11 @@ class Unblinding:
     async def _clicked(self) -> None:
         page = self._page
         with loading(self._button):
-            found = await page.viewer.attempt(
+            result = await page.viewer.attempt(
                 lambda: (page.shelf.study(page.name), verify_study(page.shelf.place(page.name)))
             )
-        if found is not None:
-            self._ask(*found)
+        if result is not None:
+            self._ask(*result)
 
     def _ask(self, study: Study, found: StudyVerification) -> None:
         page, left = self._page, unread(study)
@@ -160,13 +160,13 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
 
     async def begin(head: str = "") -> None:
         with loading(button):
-            found = await page.viewer.attempt(
+            result = await page.viewer.attempt(
                 lambda: verify_study(page.shelf.place(page.name), head=head.strip() or None)
             )
-        if found is not None:
+        if result is not None:
             place.clear()
             with place:
-                show(found, head)
+                show(result, head)
 
     def show(found: StudyVerification, head: str) -> None:
         with ui.element("section").classes("told").props('role="status"'):
@@ -179,8 +179,8 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
                 ui.label(f"and {len(found.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
             ui.label(f"Head of the log: {found.head}").classes("muted identity")
             with ui.element("div").classes("row"):
-                kept = unit_field("Head that was kept elsewhere", head, keys="text").classes("study-head")
-                ui.button("Compare", on_click=lambda: begin(kept.value or "")).props("dense no-caps outline")
+                saved = unit_field("Head that was kept elsewhere", head, keys="text").classes("study-head")
+                ui.button("Compare", on_click=lambda: begin(saved.value or "")).props("dense no-caps outline")
                 ui.button("Close", on_click=place.clear).props("dense no-caps flat")
             ui.label(VERIFICATION_MEANING).classes("muted")
 

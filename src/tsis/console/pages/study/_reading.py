@@ -36,28 +36,28 @@ def show_devices(page: StudyContext, found: StudyView) -> None:
     if not found.devices:
         ui.label(NONE_YET).classes("muted")
     for device in found.study.devices:
-        held = [each for each in found.devices if each.device == device]
+        stored = [item for item in found.devices if item.device == device]
         with ui.element("div").classes("study-device"):
             with ui.element("div").classes("row"):
                 ui.label(device).classes("strong wordy")
-                ui.label(f"threshold {held[0].threshold:g}").classes("muted")
+                ui.label(f"threshold {stored[0].threshold:g}").classes("muted")
                 ui.element("div").classes("spring")
                 export = ui.button(
                     "Export readings", icon="download", on_click=lambda _, device=device: _export(page, device)
                 )
                 export.props("dense no-caps outline").props["aria-label"] = f"Export readings of {device}"
-            for each in held:
-                undecided = f", {each.undecided} undecided" if each.undecided else ""
-                ui.label(f"{each.operator}: {each.read} of {each.wanted} read{undecided}").classes("wordy")
-                bar = ui.linear_progress(min(1.0, each.read / each.wanted), show_value=False, size="6px")
-                bar.props["aria-label"] = f"Read with {device} by {each.operator}"
+            for item in stored:
+                undecided = f", {item.undecided} undecided" if item.undecided else ""
+                ui.label(f"{item.operator}: {item.read} of {item.wanted} read{undecided}").classes("wordy")
+                bar = ui.linear_progress(min(1.0, item.read / item.wanted), show_value=False, size="6px")
+                bar.props["aria-label"] = f"Read with {device} by {item.operator}"
 
 
 async def _export(page: StudyContext, device: str) -> None:
     content = await page.viewer.attempt(lambda: export_readings(page.shelf.study(page.name), device))
     if content is not None:
-        words = re.sub(r"[^A-Za-z0-9]+", "-", device).strip("-") or "device"
-        ui.download.content(content, f"{page.name}-{words[:60]}.csv", "text/csv")
+        text = re.sub(r"[^A-Za-z0-9]+", "-", device).strip("-") or "device"
+        ui.download.content(content, f"{page.name}-{text[:60]}.csv", "text/csv")
 
 
 class JobProgress:
@@ -122,9 +122,13 @@ class Running:
 
     def show(self, found: StudyView) -> None:
         """Go on for who read before, unless somebody has typed already."""
-        before = [each for each in found.devices if each.device == found.study.plan.device and each.read < each.wanted]
+        before = [
+            device
+            for device in found.devices
+            if device.device == found.study.plan.device and device.read < device.wanted
+        ]
         if before and not self._named and not self._page.viewer.logged_in:
-            self._who.set_value(max(before, key=lambda each: each.read).operator)
+            self._who.set_value(max(before, key=lambda item: item.read).operator)
         self._named = True
 
     def allow(self, wanted: bool) -> None:

@@ -81,18 +81,18 @@ class StudyPage:
             await self._load()
 
     async def _load(self) -> None:
-        found: StudyView | None = None
+        study_view: StudyView | None = None
         refusal = ""
         try:
-            found = await run.io_bound(view_study, self.shelf, self.name)
+            study_view = await run.io_bound(view_study, self.shelf, self.name)
         except TsisError as error:
             refusal = str(error)
         self._refusal.text = refusal
         self._refusal.set_visibility(bool(refusal))
         for part in (self._parts, self._acts):
-            part.set_visibility(found is not None)
-        if found is not None:  # which it is not when the program ends
-            await self._show(found)
+            part.set_visibility(study_view is not None)
+        if study_view is not None:  # which it is not when the program ends
+            await self._show(study_view)
 
     async def _show(self, found: StudyView) -> None:
         study, blind = found.study, found.study.unblinded is None
@@ -105,8 +105,8 @@ class StudyPage:
         self._devices.clear()
         with self._devices:
             show_devices(self, found)
-        told = await self._outcome.show(found)
-        self._codes.show(found, told)
+        reported = await self._outcome.show(found)
+        self._codes.show(found, reported)
 
 
 def _facts(found: StudyView) -> tuple[tuple[str, str], ...]:

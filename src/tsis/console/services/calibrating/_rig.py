@@ -105,8 +105,10 @@ class CameraRig:
 
     by_itself = False
 
-    def __init__(self, terms: SessionSetup, desk: CameraController, gauge: Callable[[], ForceLog | None]) -> None:
-        self._terms, self._desk, self._gauge = terms, desk, gauge
+    def __init__(
+        self, terms: SessionSetup, camera_controller: CameraController, gauge: Callable[[], ForceLog | None]
+    ) -> None:
+        self._terms, self._desk, self._gauge = terms, camera_controller, gauge
 
     @property
     def has_gauge(self) -> bool:
@@ -125,8 +127,8 @@ class CameraRig:
         """Yield fresh frames, all of one uninterrupted stream at the session's settings."""
         acquisition = self._acquisition()
         before = len(acquisition.account().interruptions)
-        bench = LiveBench(acquisition, self._gauge())
-        for shot in bench.loading(over) if step.is_loading else bench.still(step.frames):
+        instrument = LiveBench(acquisition, self._gauge())
+        for shot in instrument.loading(over) if step.is_loading else instrument.still(step.frames):
             yield shot
             if len(acquisition.account().interruptions) != before:
                 raise CameraError(f"{acquisition.name} was lost meanwhile (wait until it is back)")
@@ -141,7 +143,7 @@ class CameraRig:
         return acquisition_of(self._desk, self._terms)
 
 
-def acquisition_of(desk: CameraController, terms: SessionSetup) -> Acquisition:
+def acquisition_of(camera_controller: CameraController, terms: SessionSetup) -> Acquisition:
     """The running camera, if it is that of a session, at its settings.
 
     Raises
@@ -151,7 +153,7 @@ def acquisition_of(desk: CameraController, terms: SessionSetup) -> Acquisition:
     CalibrationError
         When it is another one, or another setting is made.
     """
-    acquisition = desk.acquisition
+    acquisition = camera_controller.acquisition
     if acquisition is None:
         raise CameraError(f"the camera {terms.camera!r} must run for this; it is stopped (start it)")
     if acquisition.lost or acquisition.ended:

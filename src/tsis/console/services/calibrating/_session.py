@@ -93,8 +93,8 @@ class TypedLoadings:
             When the frames would take too much memory.
         """
         self.require_room(step)
-        held = sum(each.image.grey.nbytes for shots in self._shots.values() for each in shots)
-        if held + shot.image.grey.nbytes > self._most_bytes:
+        stored = sum(shot.image.grey.nbytes for shots in self._shots.values() for shot in shots)
+        if stored + shot.image.grey.nbytes > self._most_bytes:
             raise CalibrationError(
                 f"presses that are not kept yet may take at most {self._most_bytes / 2**20:.0f} MiB; this one would "
                 "take more (keep the loadings that are complete)"
@@ -274,9 +274,9 @@ class CalibrationSession:
         require_number("days", days, 1, 3650)
 
         def work(job: Job) -> CalibrationResult:
-            known, findings = calibrate(self.folder, days=days, progress=job.advance)
-            file = save_calibration(self.folder, known)
-            self.made = CalibrationResult(known=known, findings=findings, identity=calibration_sha256(known), file=file)
+            given, findings = calibrate(self.folder, days=days, progress=job.advance)
+            file = save_calibration(self.folder, given)
+            self.made = CalibrationResult(known=given, findings=findings, identity=calibration_sha256(given), file=file)
             job.say(f"The calibration is in {file}")
             return self.made
 
@@ -301,16 +301,16 @@ class CalibrationSession:
 
     def _take(self, job: Job, steps: Sequence[CalibrationStep]) -> int:
         total = sum(self.rig.frames(step) for step in steps)
-        kept = 0
+        saved = 0
         for step in steps:
             self._taking = step.name
             try:
-                kept += self._keep(step, self._told(job, step, kept, total))
+                saved += self._keep(step, self._told(job, step, saved, total))
             except TsisError as error:
                 raise CalibrationError(f"step {step.name!r} is not kept, those before it are: {error}") from error
             self._left_out.discard(step.name)
-        job.say(f"{kept} frames kept")
-        return kept
+        job.say(f"{saved} frames kept")
+        return saved
 
     def _told(self, job: Job, step: CalibrationStep, before: int, total: int) -> Iterator[CalibrationFrame]:
         """The step's frames, each told; asked to end, the job leaves, and nothing of the step is kept."""
@@ -325,9 +325,9 @@ class CalibrationSession:
             yield shot
 
     def _keep(self, step: CalibrationStep, shots: Iterable[CalibrationFrame]) -> int:
-        kept = self.folder.keep(step, self._then_set_aside(shots))
+        saved = self.folder.keep(step, self._then_set_aside(shots))
         self._typed.forget(step.name)
-        return kept
+        return saved
 
     def _then_set_aside(self, shots: Iterable[CalibrationFrame]) -> Iterator[CalibrationFrame]:
         """A step's frames; before the step counts as done, the calibration made from fewer frames is set aside."""

@@ -83,10 +83,16 @@ class CalibrationSessions:
         *,
         control: ControlLock,
         jobs: Jobs,
-        desk: CameraController,
+        camera_controller: CameraController,
         gauge: Callable[[], ForceLog | None],
     ) -> None:
-        self._folder, self._control, self._jobs, self._desk, self._gauge = folder, control, jobs, desk, gauge
+        self._folder, self._control, self._jobs, self._desk, self._gauge = (
+            folder,
+            control,
+            jobs,
+            camera_controller,
+            gauge,
+        )
         self._lock = threading.Lock()
         self._held: OrderedDict[str, CalibrationSession] = OrderedDict()
         self._opened: WeakValueDictionary[str, CalibrationSession] = WeakValueDictionary()
@@ -160,8 +166,8 @@ class CalibrationSessions:
         return VirtualCalibrationRig(terms, seed, before=sum(folder.done(step) for step in folder.plan()))
 
     def _virtual(self, terms: SessionSetup) -> SessionSetup:
-        bench = VirtualBench(load_probe(terms.probe), rng=np.random.default_rng(0))
-        return replace(terms, patch_px=bench.patch_px)
+        instrument = VirtualBench(load_probe(terms.probe), rng=np.random.default_rng(0))
+        return replace(terms, patch_px=instrument.patch_px)
 
     def _seen(self, terms: SessionSetup) -> SessionSetup:
         acquisition = self._desk.acquisition
@@ -180,8 +186,8 @@ def folder_name(title: str) -> str:
     >>> folder_name("May, bench 2/left"), folder_name("../..")
     ('May-bench-2-left', 'session')
     """
-    kept = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "._") else " " for letter in title)
-    return "-".join(kept.split()).strip("._-")[:LONGEST_FOLDER] or "session"
+    saved = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "._") else " " for letter in title)
+    return "-".join(saved.split()).strip("._-")[:LONGEST_FOLDER] or "session"
 
 
 def _summary(folder: SessionFolder) -> SessionSummary:

@@ -174,8 +174,8 @@ class AravisCamera:
         with self._controlling:
             connection = self._opened()
             by_name = {setting.name: setting for setting in self.settings()}
-            wanted = by_name[require_one_of("setting", name, by_name)].checked(value)
-            features.adjust(connection.aravis, connection.camera, name, wanted)
+            requested = by_name[require_one_of("setting", name, by_name)].checked(value)
+            features.adjust(connection.aravis, connection.camera, name, requested)
             if self._running.is_set():
                 self._taken = [*self._taken[-1:], (time.time_ns(), features.values(self.settings()))]
 
@@ -251,26 +251,26 @@ class AravisCamera:
         with self._popping:
             if self._stream is None:
                 return False, None
-            with self._stream.next(POLL_S) as arrival:
-                if arrival is None:
+            with self._stream.next(POLL_S) as received:
+                if received is None:
                     return False, None
-                if arrival.pixels is None:
-                    reading.blocks.begin(arrival.number)
+                if received.pixels is None:
+                    reading.blocks.begin(received.number)
                     return True, None
-                return True, self._frame(arrival, arrival.pixels, reading)
+                return True, self._frame(received, received.pixels, reading)
 
-    def _frame(self, arrival: ReceivedBuffer, pixels: NDArray[Any], reading: _Reading) -> Frame:
+    def _frame(self, received_buffer: ReceivedBuffer, pixels: NDArray[Any], reading: _Reading) -> Frame:
         """The frame of a whole arrival, with a copy of its pixels."""
         if reading.first_ns is None:
-            reading.first_ns = arrival.device_ns
-        sequence = reading.blocks.at(arrival.number)
+            reading.first_ns = received_buffer.device_ns
+        sequence = reading.blocks.at(received_buffer.number)
         return Frame(
             pixels=pixels,
             sequence=sequence,
-            time_s=(arrival.device_ns - reading.first_ns) / 1e9,
+            time_s=(received_buffer.device_ns - reading.first_ns) / 1e9,
             full_scale=255.0 if self._mode is None else self._mode.full_scale,
             name=f"{self.name}#{sequence}",
-            settings=next(taken for since_ns, taken in reversed(self._taken) if since_ns <= arrival.arrived_ns),
+            settings=next(taken for since_ns, taken in reversed(self._taken) if since_ns <= received_buffer.arrived_ns),
         )
 
     def _opened(self) -> Connection:

@@ -130,10 +130,10 @@ class Connection:
         except CameraError as error:
             raise CameraError(f"{chosen} could not be opened: {error}; check its cable and power") from error
         connection = cls(aravis=aravis, camera=camera, identity=chosen)
-        holder = connection._holder()
-        if holder is not None:
+        owner = connection._holder()
+        if owner is not None:
             connection.close(wait_s=0.0)
-            raise CameraError(f"{connection.identity} is held by {holder}; close it there, then open the camera again")
+            raise CameraError(f"{connection.identity} is held by {owner}; close it there, then open the camera again")
         return connection
 
     def close(self, *, wait_s: float = 0.5) -> None:
@@ -161,8 +161,8 @@ class Connection:
             self.aravis.call("device_read_register", device, HOLDER_ADDRESS, ctypes.byref(address))
         except CameraError:
             address.value = 0
-        known = f" at {ipaddress.ip_address(address.value)}" if address.value else ""
-        return f"another program{known}"
+        given = f" at {ipaddress.ip_address(address.value)}" if address.value else ""
+        return f"another program{given}"
 
 
 def _chosen(aravis: Aravis, identity: str | None) -> tuple[str, str]:
@@ -174,9 +174,11 @@ def _chosen(aravis: Aravis, identity: str | None) -> tuple[str, str]:
         if identity in (None, camera.identity):
             # Aravis may hear a camera of this machine over another network, where its frames would not come.
             return camera.identity, address if _is_loopback(address) else camera.identity
-    wanted = "no camera answers" if identity is None else f"no camera called {identity!r} answers"
+    requested = "no camera answers" if identity is None else f"no camera called {identity!r} answers"
     names = ", ".join(camera.identity for camera, _ in cameras) or "none"
-    raise CameraError(f"{wanted} through Aravis; found: {names}; check its power, cable and network, or name another")
+    raise CameraError(
+        f"{requested} through Aravis; found: {names}; check its power, cable and network, or name another"
+    )
 
 
 def _is_address(text: str) -> bool:

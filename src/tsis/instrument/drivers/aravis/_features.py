@@ -117,9 +117,9 @@ def choose(aravis: Aravis, camera: int, mode: Mode) -> None:
 
 def region(aravis: Aravis, camera: int) -> tuple[int, int, int, int]:
     """First column, first row, columns and rows that are read from the sensor."""
-    places = [ctypes.c_int() for _ in range(4)]
-    aravis.call("camera_get_region", camera, *(ctypes.byref(place) for place in places))
-    first_column, first_row, columns, rows = (place.value for place in places)
+    positions = [ctypes.c_int() for _ in range(4)]
+    aravis.call("camera_get_region", camera, *(ctypes.byref(position) for position in positions))
+    first_column, first_row, columns, rows = (position.value for position in positions)
     return first_column, first_row, columns, rows
 
 
@@ -164,9 +164,9 @@ def _pixel_formats(aravis: Aravis, camera: int) -> list[str]:
     if not names:
         return []
     texts = ctypes.cast(names, ctypes.POINTER(ctypes.c_char_p))
-    found = [(texts[index] or b"").decode(errors="replace") for index in range(count.value)]
+    results = [(texts[index] or b"").decode(errors="replace") for index in range(count.value)]
     aravis.free(names)
-    return found
+    return results
 
 
 def _sensor_size(aravis: Aravis, camera: int) -> tuple[int, int] | None:

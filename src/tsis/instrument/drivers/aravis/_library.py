@@ -150,12 +150,12 @@ class Aravis:
         if name in self._plain:
             return self._plain[name](*arguments)
         error = ctypes.POINTER(_Error)()
-        answer = self._fallible[name](*arguments, ctypes.byref(error))
+        response = self._fallible[name](*arguments, ctypes.byref(error))
         if error:
             message = (error.contents.message or b"no reason given").decode(errors="replace")
             self._below["g_error_free"](error)
             raise CameraError(f"Aravis could not do {name}: {message}")
-        return answer
+        return response
 
     def text(self, name: str, *arguments: Any) -> str:
         """The text that ``arv_name`` answers; empty when there is none."""
@@ -173,10 +173,10 @@ class Aravis:
 
     def set_whole(self, handle: int, name: str, value: int) -> None:
         """Set a property of an object to a whole number."""
-        place = (ctypes.c_uint64 * 3)()  # GLib's GValue
-        self._below["g_value_init"](place, G_TYPE_INT)
-        self._below["g_value_set_int"](place, value)
-        self._below["g_object_set_property"](handle, name.encode(), place)
+        position = (ctypes.c_uint64 * 3)()  # GLib's GValue
+        self._below["g_value_init"](position, G_TYPE_INT)
+        self._below["g_value_set_int"](position, value)
+        self._below["g_object_set_property"](handle, name.encode(), position)
 
     def unref(self, handle: int) -> None:
         """Give an object back."""

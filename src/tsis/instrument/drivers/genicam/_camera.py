@@ -43,8 +43,8 @@ def modes(nodes: Nodes) -> tuple[Mode, ...]:
     """
     formats = _grey_formats(nodes)
     width, height = _size(nodes)
-    found = first_number(nodes, _RATES)
-    rate = found[1].value if found is not None and 1e-3 <= found[1].value <= 1e5 else None
+    result = first_number(nodes, _RATES)
+    rate = result[1].value if result is not None and 1e-3 <= result[1].value <= 1e5 else None
     full = _full("WidthMax", nodes, width), _full("HeightMax", nodes, height)
     present = (int(width.value), int(height.value))
     sizes = [(*present, rate)] if full == present else [(*present, rate), (*full, None)]
@@ -67,26 +67,26 @@ def apply_mode(nodes: Nodes, mode: Mode) -> None:
     """
     formats = _grey_formats(nodes)
     if mode.pixel_format not in formats or mode.full_scale != FULL_SCALE[mode.pixel_format]:
-        known = ", ".join(f"{name} (full scale {FULL_SCALE[name]:g})" for name in formats)
-        raise CameraError(f"the camera has no mode {mode.label} of full scale {mode.full_scale:g}; it offers {known}")
-    held = choice_node(nodes, "PixelFormat")
-    if held is not None and held.value != mode.pixel_format:
+        given = ", ".join(f"{name} (full scale {FULL_SCALE[name]:g})" for name in formats)
+        raise CameraError(f"the camera has no mode {mode.label} of full scale {mode.full_scale:g}; it offers {given}")
+    stored = choice_node(nodes, "PixelFormat")
+    if stored is not None and stored.value != mode.pixel_format:
         nodes.write("PixelFormat", mode.pixel_format)
     width, height = _size(nodes)
     if (width.value, height.value) != (mode.width_px, mode.height_px):
         _resize(nodes, mode)
-    found = first_number(nodes, _RATES)
-    if mode.frames_per_s is not None and (found is None or found[1].value != mode.frames_per_s):
+    result = first_number(nodes, _RATES)
+    if mode.frames_per_s is not None and (result is None or result[1].value != mode.frames_per_s):
         adjust(nodes, "frames_per_s", mode.frames_per_s)
 
 
 def _grey_formats(nodes: Nodes) -> list[str]:
-    held = choice_node(nodes, "PixelFormat") or ChoiceNode(value="", options=())
-    grey = [name for name in held.options if name in FULL_SCALE]
+    stored = choice_node(nodes, "PixelFormat") or ChoiceNode(value="", options=())
+    grey = [name for name in stored.options if name in FULL_SCALE]
     if not grey:
-        offered = ", ".join(held.options) or "none"
+        offered = ", ".join(stored.options) or "none"
         raise CameraError(f"the camera must offer a grey pixel format ({', '.join(FULL_SCALE)}); it offers {offered}")
-    return sorted(grey, key=lambda name: (name != held.value, FULL_SCALE[name]))
+    return sorted(grey, key=lambda name: (name != stored.value, FULL_SCALE[name]))
 
 
 def _size(nodes: Nodes) -> tuple[NumberNode, NumberNode]:
@@ -103,18 +103,20 @@ def _full(name: str, nodes: Nodes, present: NumberNode) -> int:
 
 def _resize(nodes: Nodes, mode: Mode) -> None:
     for offset in ("OffsetX", "OffsetY"):
-        held = number_node(nodes, offset)
-        if held is not None and held.value != held.low:
-            nodes.write(offset, held.low)  # a size may only grow as far as the offset leaves room
-    for name, offset, wanted in (("Width", "OffsetX", mode.width_px), ("Height", "OffsetY", mode.height_px)):
-        held = number_node(nodes, name)
-        if held is None or held.nearest(wanted) != wanted:
-            room = "" if held is None else f"; its {name} goes from {held.low:g} to {held.high:g} by {held.step:g}"
+        stored = number_node(nodes, offset)
+        if stored is not None and stored.value != stored.low:
+            nodes.write(offset, stored.low)  # a size may only grow as far as the offset leaves room
+    for name, offset, requested in (("Width", "OffsetX", mode.width_px), ("Height", "OffsetY", mode.height_px)):
+        stored = number_node(nodes, name)
+        if stored is None or stored.nearest(requested) != requested:
+            room = (
+                "" if stored is None else f"; its {name} goes from {stored.low:g} to {stored.high:g} by {stored.step:g}"
+            )
             raise CameraError(f"the camera has no mode {mode.label}{room}")
-        nodes.write(name, wanted)
-        place = number_node(nodes, offset)
-        if place is not None and place.high > place.low:
-            nodes.write(offset, place.nearest((place.low + place.high) / 2))
+        nodes.write(name, requested)
+        position = number_node(nodes, offset)
+        if position is not None and position.high > position.low:
+            nodes.write(offset, position.nearest((position.low + position.high) / 2))
 
 
 _LOOK_S = 0.1  # how long one look for a frame takes at most, so how late a stop or a removal is noticed
@@ -263,7 +265,7 @@ class GenICamCamera:
         self._running.clear()
         with self._looking, self._features:  # nobody is speaking to the camera while it is taken away
             link, self._link = self._link, None
-            held, self._held = self._held, ""
+            stored, self._held = self._held, ""
         if link is None:
             return
         try:
@@ -272,7 +274,7 @@ class GenICamCamera:
                     step()
         finally:
             with _holding:
-                _held_here.discard(held)
+                _held_here.discard(stored)
 
     def _look(self, link: Link, silent_since_s: float) -> Grab | None:
         """One look for a frame; the camera counts as lost when it was removed or silent too long."""

@@ -110,10 +110,10 @@ class HarvestersLink:
             self._acquirer.__exit__(None, None, None)  # as destroy(), but leaves nothing to be done at the end
 
 
-def _incomplete_buffers(seen: threading.Event) -> Any:
-    """Sets ``seen`` for each buffer that comes incomplete, which Harvesters queues again without a word."""
+def _incomplete_buffers(event: threading.Event) -> Any:
+    """Sets ``event`` for each buffer that comes incomplete, which Harvesters queues again without a word."""
     core = genicam_producers.harvesters()
-    return type("IncompleteBuffers", (core.Callback,), {"emit": lambda *_: seen.set()})()
+    return type("IncompleteBuffers", (core.Callback,), {"emit": lambda *_: event.set()})()
 
 
 def _grey(buffer: Any) -> NDArray[Any] | None:
@@ -210,7 +210,7 @@ def _told(device: Any, what: str) -> str:
 
 def _listed(producers: Sequence[Path]) -> Generator[tuple[Any, Path]]:
     """Each device of each producer, that producer in use meanwhile; one that cannot be loaded is passed over."""
-    seen, broken = 0, None
+    observed, broken = 0, None
     for file in producers:
         try:
             harvester = PRODUCERS.take(file)
@@ -219,11 +219,11 @@ def _listed(producers: Sequence[Path]) -> Generator[tuple[Any, Path]]:
             continue
         try:
             for device in genicam_producers.devices(harvester):
-                seen += 1
+                observed += 1
                 yield device, file
         finally:
             PRODUCERS.give_back(file)
-    if broken is not None and not seen:
+    if broken is not None and not observed:
         raise broken
 
 

@@ -123,6 +123,6 @@ def cannot_open(name: str, error: Exception, *, busy: bool) -> CameraError:
 
 def none_found(source: str, identity: str, others: list[str]) -> CameraError:
     """The sentence for a camera that did not answer the search."""
-    wanted = f"no {source} camera is called {identity!r}" if identity else f"no {source} camera was found"
-    seen = f"; found: {', '.join(others)}" if others else "; check its cable and power"
-    return CameraError(wanted + seen)
+    requested = f"no {source} camera is called {identity!r}" if identity else f"no {source} camera was found"
+    observed = f"; found: {', '.join(others)}" if others else "; check its cable and power"
+    return CameraError(requested + observed)

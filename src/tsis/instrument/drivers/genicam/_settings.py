@@ -76,29 +76,29 @@ class Nodes(Protocol):
 
 def number_node(nodes: Nodes, name: str) -> NumberNode | None:
     """The number of that name, or None."""
-    held = nodes.read(name)
-    return held if isinstance(held, NumberNode) else None
+    stored = nodes.read(name)
+    return stored if isinstance(stored, NumberNode) else None
 
 
 def choice_node(nodes: Nodes, name: str) -> ChoiceNode | None:
     """The word of that name, or None."""
-    held = nodes.read(name)
-    return held if isinstance(held, ChoiceNode) else None
+    stored = nodes.read(name)
+    return stored if isinstance(stored, ChoiceNode) else None
 
 
 def first_number(nodes: Nodes, names: Iterable[str]) -> tuple[str, NumberNode] | None:
     """The first of the names that the camera holds a number under: newer names come before older ones."""
     for name in names:
-        held = number_node(nodes, name)
-        if held is not None:
-            return name, held
+        stored = number_node(nodes, name)
+        if stored is not None:
+            return name, stored
     return None
 
 
 def set_choice(nodes: Nodes, name: str, option: str) -> None:
     """Set a word, where the camera has it, offers that option, and holds another."""
-    held = choice_node(nodes, name)
-    if held is not None and held.value != option and option in held.options:
+    stored = choice_node(nodes, name)
+    if stored is not None and stored.value != option and option in stored.options:
         nodes.write(name, option)
 
 
@@ -130,8 +130,8 @@ _FEATURES: Mapping[str, _Feature] = {
 
 def settings(nodes: Nodes) -> tuple[Setting, ...]:
     """Those of the settings that the camera has, with their present values and ranges."""
-    found = ((name, first_number(nodes, feature.nodes)) for name, feature in _FEATURES.items())
-    return tuple(_setting(name, held[1]) for name, held in found if held is not None)
+    result = ((name, first_number(nodes, feature.nodes)) for name, feature in _FEATURES.items())
+    return tuple(_setting(name, stored[1]) for name, stored in result if stored is not None)
 
 
 def adjust(nodes: Nodes, name: str, value: float) -> None:
@@ -153,15 +153,15 @@ def adjust(nodes: Nodes, name: str, value: float) -> None:
     if feature.automatic:
         set_choice(nodes, feature.automatic, "Off")
     for switch in feature.switches:
-        held = number_node(nodes, switch)
-        if held is not None and held.value == 0:
+        stored = number_node(nodes, switch)
+        if stored is not None and stored.value == 0:
             nodes.write(switch, 1)
-    found = first_number(nodes, feature.nodes)  # anew: the switches may have changed the range
-    if found is None:
+    result = first_number(nodes, feature.nodes)  # anew: the switches may have changed the range
+    if result is None:
         raise CameraError(f"the camera no longer tells its {name}")
-    node, held = found
-    wanted = _setting(name, held).checked(value)
-    nodes.write(node, held.nearest(wanted * feature.scale))
+    node, stored = result
+    requested = _setting(name, stored).checked(value)
+    nodes.write(node, stored.nearest(requested * feature.scale))
 
 
 def run_free(nodes: Nodes) -> None:
@@ -195,7 +195,9 @@ def patience_s(values: Mapping[str, float]) -> float:
     return max(SILENT_S, LATE_FRAMES * max(period_s, values.get("exposure_ms", 0.0) / 1000.0))
 
 
-def _setting(name: str, held: NumberNode) -> Setting:
+def _setting(name: str, number_node: NumberNode) -> Setting:
     feature = _FEATURES[name]
-    low, high = (end / feature.scale if math.isfinite(end) else end for end in (held.low, held.high))
-    return Setting(name=name, value=held.value / feature.scale, low=low, high=high, unit=feature.unit or held.unit)
+    low, high = (end / feature.scale if math.isfinite(end) else end for end in (number_node.low, number_node.high))
+    return Setting(
+        name=name, value=number_node.value / feature.scale, low=low, high=high, unit=feature.unit or number_node.unit
+    )

@@ -61,18 +61,18 @@ class SpillingFile(io.RawIOBase):
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
         """Read what the disk has, and over it what it did not take."""
-        wanted = max(0, min(len(buffer), self._end() - self._at))
-        found = bytearray(wanted)
+        requested = max(0, min(len(buffer), self._end() - self._at))
+        result = bytearray(requested)
         self._file.seek(self._at)
-        on_disk = self._file.read(wanted)
-        found[: len(on_disk)] = on_disk
+        on_disk = self._file.read(requested)
+        result[: len(on_disk)] = on_disk
         for start, content in self._spilt:
-            low, high = max(start, self._at), min(start + len(content), self._at + wanted)
+            low, high = max(start, self._at), min(start + len(content), self._at + requested)
             if low < high:
-                found[low - self._at : high - self._at] = content[low - start : high - start]
-        buffer[:wanted] = found
-        self._at += wanted
-        return wanted
+                result[low - self._at : high - self._at] = content[low - start : high - start]
+        buffer[:requested] = result
+        self._at += requested
+        return requested
 
     def write(self, content: memoryview) -> int:  # type: ignore[override]
         """Write all of it: on the disk, or in memory from the first refusal on."""
@@ -115,7 +115,7 @@ class SpillingFile(io.RawIOBase):
         return max([self._file.seek(0, io.SEEK_END), *(start + len(content) for start, content in self._spilt)])
 
 
-def write_hdf5(dossier: TargetRecord, path: str | os.PathLike[str]) -> None:
+def write_hdf5(record: TargetRecord, path: str | os.PathLike[str]) -> None:
     """Write a dossier as one new HDF5 file, frame by frame; it appears whole or not at all.
 
     Raises
@@ -131,7 +131,7 @@ def write_hdf5(dossier: TargetRecord, path: str | os.PathLike[str]) -> None:
     with export_file(path) as draft, SpillingFile(draft) as out:
         try:
             with h5py.File(out, "w", track_order=True) as file:
-                write_layout(dossier, _Hdf5Tree(file, out))
+                write_layout(record, _Hdf5Tree(file, out))
         except RuntimeError as error:  # as HDF5 says what it cannot hold
             raise FileInputError(f"the file of HDF5 must be one that can be written; got: {error}") from error
 
@@ -145,9 +145,9 @@ class _Hdf5Tree:
 
     def create(self, path: str, shape: Shape, dtype: str, chunks: Shape, attributes: Mapping[str, Attribute]) -> Any:
         filters = {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True, "fletcher32": True}
-        found = self.file.create_dataset(path, shape=shape, dtype=dtype, chunks=chunks, **filters)
-        found.attrs.update(attributes)
-        return _Asking(found, self.out)
+        dataset = self.file.create_dataset(path, shape=shape, dtype=dtype, chunks=chunks, **filters)
+        dataset.attrs.update(attributes)
+        return _Asking(dataset, self.out)
 
 
 class _Asking:
@@ -161,7 +161,7 @@ class _Asking:
         self.out.require_written()
 
 
-def write_zarr(dossier: TargetRecord, path: str | os.PathLike[str]) -> None:
+def write_zarr(record: TargetRecord, path: str | os.PathLike[str]) -> None:
     """Write a dossier as one new folder of Zarr format 3, frame by frame; it appears whole or not at all.
 
     Raises
@@ -176,7 +176,7 @@ def write_zarr(dossier: TargetRecord, path: str | os.PathLike[str]) -> None:
     zarr = import_extra("zarr", feature="Zarr export", extra="exchange")
     codecs = import_extra("zarr.codecs", feature="Zarr export", extra="exchange")
     with export_folder(path) as draft:
-        write_layout(dossier, _ZarrTree(zarr.create_group(str(draft), zarr_format=3), codecs))
+        write_layout(record, _ZarrTree(zarr.create_group(str(draft), zarr_format=3), codecs))
 
 
 class _ZarrTree:

@@ -59,7 +59,7 @@ FORMAT, VERSION = "tsis-arrays", 1
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def write_layout(dossier: TargetRecord, tree: Tree) -> None:
+def write_layout(record: TargetRecord, tree: Tree) -> None:
     """Write all of a dossier, frame by frame.
 
     Raises
@@ -74,38 +74,38 @@ def write_layout(dossier: TargetRecord, tree: Tree) -> None:
         "tsis": __version__,
     }
     tree.group("", head)
-    plain = target_to_plain(dossier.target)
+    document = target_to_plain(record.target)
     shown = ("number", "kind", "name", "note", "made", "id", "version")
-    tree.group("target", {name: plain[name] for name in shown})
-    for name, value in dossier.target.truth.items():
+    tree.group("target", {name: document[name] for name in shown})
+    for name, value in record.target.truth.items():
         write_array(tree, f"target/truth/{_link(name)}", np.array([value]), {"units": unit_of(name), "quantity": name})
-    _document(tree, "presses", [press_to_plain(press) for press in dossier.presses])
-    for place, numbered in _stacks(dossier).items():
-        _write_stack(dossier, tree, place, numbered)
-    for number, stored in enumerate(dossier.estimates):
-        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored in dossier.in_force)
-    for name, known in dossier.calibrations.items():
-        _bytes(tree, f"calibrations/{_link(name)}", calibration_bytes(known))
+    _document(tree, "presses", [press_to_plain(press) for press in record.presses])
+    for position, numbered in _stacks(record).items():
+        _write_stack(record, tree, position, numbered)
+    for number, stored in enumerate(record.estimates):
+        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored in record.in_force)
+    for name, calibration in record.calibrations.items():
+        _bytes(tree, f"calibrations/{_link(name)}", calibration_bytes(calibration))
 
 
-def _stacks(dossier: TargetRecord) -> dict[str, list[tuple[int, StoredPress]]]:
+def _stacks(record: TargetRecord) -> dict[str, list[tuple[int, StoredPress]]]:
     """Numbered presses by where their frames go: one stack a role, size and number of bits."""
-    found: dict[str, dict[tuple[int, int, bool], list[tuple[int, StoredPress]]]] = {}
-    for number, press in enumerate(dossier.presses):
+    document: dict[str, dict[tuple[int, int, bool], list[tuple[int, StoredPress]]]] = {}
+    for number, press in enumerate(record.presses):
         kind = (press.rows, press.columns, press.full_scale > 255)
-        found.setdefault(press.role, {}).setdefault(kind, []).append((number, press))
-    return {f"frames/{role}/{at}": each for role, kinds in found.items() for at, each in enumerate(kinds.values())}
+        document.setdefault(press.role, {}).setdefault(kind, []).append((number, press))
+    return {f"frames/{role}/{at}": kind for role, kinds in document.items() for at, kind in enumerate(kinds.values())}
 
 
-def _write_stack(dossier: TargetRecord, tree: Tree, place: str, numbered: list[tuple[int, StoredPress]]) -> None:
+def _write_stack(record: TargetRecord, tree: Tree, location: str, numbered: list[tuple[int, StoredPress]]) -> None:
     presses = [press for _, press in numbered]
     first = presses[0]
     dtype = "uint16" if first.full_scale > 255 else "uint8"
-    tree.group(place, {"role": first.role})
+    tree.group(location, {"role": first.role})
     write_stack(
         tree,
-        f"{place}/grey",
-        (_levels(dossier, press, dtype) for press in presses),
+        f"{location}/grey",
+        (_levels(record, press, dtype) for press in presses),
         (len(presses), first.rows, first.columns),
         dtype,
         {"units": "grey level", "axes": "press, row, column"},
@@ -118,53 +118,53 @@ def _write_stack(dossier: TargetRecord, tree: Tree, place: str, numbered: list[t
         "full_scale": ([press.full_scale for press in presses], "grey level", "press"),
     }
     for name, (values, units, axes) in columns.items():
-        write_array(tree, f"{place}/{name}", np.array(values, dtype=float), {"units": units, "axes": axes})
+        write_array(tree, f"{location}/{name}", np.array(values, dtype=float), {"units": units, "axes": axes})
     since = [(press.taken - EPOCH) // timedelta(microseconds=1) for press in presses]
     units = "microseconds since 1970-01-01T00:00:00Z"
-    write_array(tree, f"{place}/taken", np.array(since, dtype=np.int64), {"units": units, "axes": "press"})
+    write_array(tree, f"{location}/taken", np.array(since, dtype=np.int64), {"units": units, "axes": "press"})
     order = np.array([number for number, _ in numbered], dtype=np.int64)
-    write_array(tree, f"{place}/press", order, {"units": "1", "axes": "press", "index_of": "presses"})
+    write_array(tree, f"{location}/press", order, {"units": "1", "axes": "press", "index_of": "presses"})
 
 
-def _levels(dossier: TargetRecord, press: StoredPress, dtype: str) -> NDArray[Any]:
-    found = dossier.levels(press)
-    if int(found.max()) > np.iinfo(dtype).max:  # a file of 8 bits would wrap it round
+def _levels(record: TargetRecord, press: StoredPress, dtype: str) -> NDArray[Any]:
+    result = record.levels(press)
+    if int(result.max()) > np.iinfo(dtype).max:  # a file of 8 bits would wrap it round
         raise RecordsError(
-            f"frame {press.frame:.12} must hold levels up to its full scale, {press.full_scale:g}; got {found.max()}"
+            f"frame {press.frame:.12} must hold levels up to its full scale, {press.full_scale:g}; got {result.max()}"
         )
-    return found.astype(dtype, copy=False)
+    return result.astype(dtype, copy=False)
 
 
-def _write_estimate(tree: Tree, place: str, stored: StoredEstimate, *, in_force: bool) -> None:
-    found = stored.estimate
+def _write_estimate(tree: Tree, location: str, stored: StoredEstimate, *, in_force: bool) -> None:
+    result = stored.estimate
     head: dict[str, Attribute] = {
         "kind": stored.kind,
         "made": stored.made.isoformat(),
-        "trusted": found.trusted,
+        "trusted": result.trusted,
         "in_force": in_force,
-        "flags": json.dumps(list(found.flags)),
+        "flags": json.dumps(list(result.flags)),
     }
-    if found.trusted and found.presence is not None:
-        head["presence"] = float(found.presence)
-    tree.group(place, head)
-    summary = _summary(found) if found.trusted else {}
-    for name, values in found.samples.items():
-        said: dict[str, Attribute] = {
+    if result.trusted and result.presence is not None:
+        head["presence"] = float(result.presence)
+    tree.group(location, head)
+    summary = _summary(result) if result.trusted else {}
+    for name, values in result.samples.items():
+        message: dict[str, Attribute] = {
             "quantity": name,
             "units": unit_of(name),
             "axes": "sample",
-            "prior_sd": float(found.prior_sd[name]),
-            "identified": found.identified(name),
+            "prior_sd": float(result.prior_sd[name]),
+            "identified": result.identified(name),
             **summary.get(name, {}),
         }
-        write_array(tree, f"{place}/samples/{_link(name)}", values, said)
-    _document(tree, f"{place}/document", estimate_to_plain(stored))
+        write_array(tree, f"{location}/samples/{_link(name)}", values, message)
+    _document(tree, f"{location}/document", estimate_to_plain(stored))
 
 
-def _summary(found: Estimate) -> dict[str, dict[str, Attribute]]:
+def _summary(estimate: Estimate) -> dict[str, dict[str, Attribute]]:
     """Numbers that readers take for the result, by parameter."""
-    mean, sd, interval = found.mean, found.sd, found.interval(INTERVAL_LEVEL)
-    said: dict[str, dict[str, Attribute]] = {
+    mean, sd, interval = estimate.mean, estimate.sd, estimate.interval(INTERVAL_LEVEL)
+    message: dict[str, dict[str, Attribute]] = {
         name: {
             "mean": mean[name],
             "sd": sd[name],
@@ -172,17 +172,17 @@ def _summary(found: Estimate) -> dict[str, dict[str, Attribute]]:
             "interval_low": interval[name][0],
             "interval_high": interval[name][1],
         }
-        for name in found.samples
+        for name in estimate.samples
     }
-    for name, bound in found.cramer_rao_sd.items():
-        said[name]["cramer_rao_sd"] = "infinity" if bound == math.inf else float(bound)
-    return said
+    for name, bound in estimate.cramer_rao_sd.items():
+        message[name]["cramer_rao_sd"] = "infinity" if bound == math.inf else float(bound)
+    return message
 
 
 def _link(name: str) -> str:
     """A name that any format takes for one; the attribute ``quantity`` holds the name itself."""
-    plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:100]
-    return plain if plain == name else f"{plain}-{name.encode('utf-8', 'surrogatepass').hex()[:64]}"
+    document = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:100]
+    return document if document == name else f"{document}-{name.encode('utf-8', 'surrogatepass').hex()[:64]}"
 
 
 def _document(tree: Tree, path: str, content: Any) -> None:

@@ -123,24 +123,24 @@ def parse_sealed(content: bytes, name: str) -> dict[str, Any]:
     FileInputError
         As `parse`, and when a byte was changed.
     """
-    found = parse(content, name)
-    if not isinstance(found, dict):
-        raise FileInputError(f"{name} must hold a JSON object; got a {type(found).__name__}")
+    result = parse(content, name)
+    if not isinstance(result, dict):
+        raise FileInputError(f"{name} must hold a JSON object; got a {type(result).__name__}")
     try:
-        wanted = sealed_bytes({key: value for key, value in found.items() if key != SEALED})
+        requested = sealed_bytes({key: value for key, value in result.items() if key != SEALED})
     except (ValueError, RecursionError) as error:
         raise FileInputError(f"{name} must be as it was written; got: {str(error)[:200]}") from error
-    if wanted != content:
+    if requested != content:
         raise FileInputError(f"{name} must be as it was written; it does not match its own hash, so it was changed")
-    return found
+    return result
 
 
 def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
+    result = dict(pairs)
+    if len(result) != len(pairs):
         raise ValueError("a name twice in one object")
-    return found
+    return result
 
 
-def _refuse_number(word: str) -> NoReturn:
-    raise ValueError(f"{word}, which is no number of JSON")
+def _refuse_number(term: str) -> NoReturn:
+    raise ValueError(f"{term}, which is no number of JSON")

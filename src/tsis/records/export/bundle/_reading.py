@@ -70,10 +70,10 @@ def require_estimates(target: Target, presses: Sequence[StoredPress], estimates:
         Saying which estimate, and why.
     """
     _require_different([stored.id for stored in estimates], "estimate")
-    known = {press.id for press in presses}
+    given = {press.id for press in presses}
     for number, stored in enumerate(estimates, start=1):
         _require_own(target, stored.target, f"estimate {number}")
-        if missing := [each for each in stored.presses if each not in known]:
+        if missing := [press for press in stored.presses if press not in given]:
             raise InputError(f"estimate {number} must rest on presses of the bundle; got {missing[0]!r:.80}")
 
 
@@ -88,13 +88,13 @@ def require_calibrations(
         Saying which.
     """
     cited = [press.calibration for press in presses] + [stored.calibration for stored in estimates]
-    for each in cited:
-        if each and each not in calibrations:
-            raise InputError(f"every calibration that is cited must be in the bundle; {each!r:.80} is not")
+    for item in cited:
+        if item and item not in calibrations:
+            raise InputError(f"every calibration that is cited must be in the bundle; {item!r:.80} is not")
 
 
 def _require_different(identities: list[str], what: str) -> None:
-    stored = [each for each in identities if each]  # what was never stored has none
+    stored = [identity for identity in identities if identity]  # what was never stored has none
     if len(set(stored)) != len(stored):
         raise InputError(f"every {what} must have an identity of its own; got one twice")
 
@@ -118,9 +118,9 @@ def read_bundle(path: str | os.PathLike[str]) -> TargetRecord:
     return read_place(bundle_source(path))
 
 
-def read_place(place: BundleSource) -> TargetRecord:
+def read_place(bundle_source: BundleSource) -> TargetRecord:
     """The same from wherever the files are listed and read: see `read_bundle`."""
-    bundle = _Bundle(place)
+    bundle = _Bundle(bundle_source)
     with _naming(TARGET):
         target = target_of_plain(bundle.document(TARGET))
     presses = _presses(bundle)
@@ -146,14 +146,14 @@ def read_place(place: BundleSource) -> TargetRecord:
 class _Bundle:
     """A place, and what its manifest says of each file."""
 
-    def __init__(self, place: BundleSource) -> None:
-        self.place = place
-        sizes = place.sizes()
+    def __init__(self, bundle_source: BundleSource) -> None:
+        self.place = bundle_source
+        sizes = bundle_source.sizes()
         require_bounded(sizes)
         for name in (MANIFEST, *DOCUMENTS):
             if name not in sizes:
                 raise FileInputError(f"{name} must be in the bundle; it is missing")
-        manifest = parse_sealed(place.read(MANIFEST, sizes[MANIFEST]), MANIFEST)
+        manifest = parse_sealed(bundle_source.read(MANIFEST, sizes[MANIFEST]), MANIFEST)
         self.files = _entries(manifest)
         for name in sorted(set(sizes) ^ {*self.files, MANIFEST}):
             raise FileInputError(f"{name!r:.120} must be both in the bundle and in its manifest; it is in one of them")
@@ -175,15 +175,15 @@ class _Bundle:
 
     def items(self, name: str) -> list[Any]:
         """The list of plain values that a file holds."""
-        found = self.document(name)
-        if not isinstance(found, list):
-            raise FileInputError(f"{name} must hold a JSON list; got a {type(found).__name__}")
-        return found
+        result = self.document(name)
+        if not isinstance(result, list):
+            raise FileInputError(f"{name} must hold a JSON list; got a {type(result).__name__}")
+        return result
 
-    def require_names(self, folder: str, wanted: set[str]) -> None:
+    def require_names(self, folder: str, requested: set[str]) -> None:
         """Refuse files in a folder that nothing cites, and cited ones that are missing."""
-        for name in sorted(wanted ^ {name for name in self.files if name.startswith(f"{folder}/")}):
-            what = "it is missing" if name in wanted else "nothing cites it"
+        for name in sorted(requested ^ {name for name in self.files if name.startswith(f"{folder}/")}):
+            what = "it is missing" if name in requested else "nothing cites it"
             raise FileInputError(f"{name} must be in the bundle and cited by it; {what}")
 
 
@@ -206,32 +206,32 @@ def _entries(manifest: dict[str, Any]) -> dict[str, tuple[str, int]]:
 
 
 def _presses(bundle: _Bundle) -> tuple[StoredPress, ...]:
-    plain = bundle.items(PRESSES)
+    document = bundle.items(PRESSES)
     with _naming(PRESSES):
-        return tuple(press_of_plain(each, f"press {at + 1}") for at, each in enumerate(plain))
+        return tuple(press_of_plain(item, f"press {at + 1}") for at, item in enumerate(document))
 
 
 def _estimates(bundle: _Bundle) -> tuple[StoredEstimate, ...]:
-    plain = bundle.items(ESTIMATES)
-    bundle.require_names(SAMPLES, {samples_name(at) for at in range(len(plain))})
-    found = []
-    for at, each in enumerate(plain):
+    document = bundle.items(ESTIMATES)
+    bundle.require_names(SAMPLES, {samples_name(at) for at in range(len(document))})
+    results = []
+    for at, item in enumerate(document):
         samples = samples_of(bundle.content(samples_name(at)), samples_name(at))
         with _naming(ESTIMATES):
-            found.append(estimate_of_plain(each, samples, f"estimate {at + 1}"))
-    return tuple(found)
+            results.append(estimate_of_plain(item, samples, f"estimate {at + 1}"))
+    return tuple(results)
 
 
 def _calibrations(bundle: _Bundle) -> dict[str, ProbeCalibration]:
-    found = {}
+    results = {}
     for name in sorted(name for name in bundle.files if name.startswith(f"{CALIBRATIONS}/")):
         with _naming(name):
-            known = parse_calibration(bundle.content(name), name)
-        cited = calibration_sha256(known)
+            calibration = parse_calibration(bundle.content(name), name)
+        cited = calibration_sha256(calibration)
         if calibration_name(cited) != name:
             raise FileInputError(f"{name} must be named after what it holds; it holds calibration {cited}")
-        found[cited] = known
-    return found
+        results[cited] = calibration
+    return results
 
 
 @contextmanager

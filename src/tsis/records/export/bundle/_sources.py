@@ -40,10 +40,10 @@ def bundle_source(path: str | os.PathLike[str]) -> BundleSource:
     FileInputError
         When there is neither.
     """
-    place = as_path(path)
-    if place.is_dir():
-        return FolderSource(place)
-    return ZipSource(place, file_size(place))
+    position = as_path(path)
+    if position.is_dir():
+        return FolderSource(position)
+    return ZipSource(position, file_size(position))
 
 
 class FolderSource:
@@ -54,23 +54,23 @@ class FolderSource:
 
     def sizes(self) -> dict[str, int]:
         """Size of every file in bytes."""
-        found: dict[str, int] = {}
+        document: dict[str, int] = {}
         with _refusing(printable_path(self.folder)):
-            self._list(self.folder, "", found)
-        return found
+            self._list(self.folder, "", document)
+        return document
 
-    def _list(self, folder: Path, before: str, found: dict[str, int]) -> None:
+    def _list(self, folder: Path, before: str, document: dict[str, int]) -> None:
         with os.scandir(folder) as entries:
             for entry in entries:
                 name = f"{before}{entry.name}"
                 status = entry.stat(follow_symlinks=False)
                 if stat.S_ISDIR(status.st_mode) and name in FOLDERS:
-                    self._list(folder / entry.name, f"{name}/", found)
+                    self._list(folder / entry.name, f"{name}/", document)
                 elif stat.S_ISREG(status.st_mode):
-                    found[name] = status.st_size
+                    document[name] = status.st_size
                 else:
                     raise FileInputError(f"{name!r:.120} must be a file of a bundle; got a link, folder or device")
-                if len(found) > MOST_FILES:
+                if len(document) > MOST_FILES:
                     raise FileInputError(
                         f"{printable_path(self.folder)} must hold at most {MOST_FILES} files; got more"
                     )
@@ -95,18 +95,18 @@ class ZipSource:
         with _refusing(printable_path(self.path)):
             self._require_short_directory()
             with zipfile.ZipFile(self.path) as file:
-                entries = [each for each in file.infolist() if each.filename not in {f"{name}/" for name in FOLDERS}]
-        found = {each.filename: each.file_size for each in entries}
-        if len(found) != len(entries):
+                entries = [item for item in file.infolist() if item.filename not in {f"{name}/" for name in FOLDERS}]
+        results = {entry.filename: entry.file_size for entry in entries}
+        if len(results) != len(entries):
             raise FileInputError(f"{printable_path(self.path)} must hold every name once; got one twice")
-        if sum(found.values()) > FREE_BYTES + MOST_UNPACKED * self.size:
+        if sum(results.values()) > FREE_BYTES + MOST_UNPACKED * self.size:
             raise FileInputError(
                 f"{printable_path(self.path)} must unpack to at most {MOST_UNPACKED} times its size; it declares more"
             )
-        for each in entries:
-            if each.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or each.flag_bits & 1:
-                raise FileInputError(f"{each.filename!r:.120} must be stored or deflated, not encrypted; it is not")
-        return found
+        for entry in entries:
+            if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or entry.flag_bits & 1:
+                raise FileInputError(f"{entry.filename!r:.120} must be stored or deflated, not encrypted; it is not")
+        return results
 
     def _require_short_directory(self) -> None:
         """Reading the directory takes memory before anything can be checked: its own length is checked first."""

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # the time of every file in a zip file, so that equal bundles have equal bytes
 
 
-def write_bundle(dossier: TargetRecord, path: str | os.PathLike[str]) -> str:
+def write_bundle(record: TargetRecord, path: str | os.PathLike[str]) -> str:
     """Write all of a dossier as a new folder, or as a new zip file where the name ends in ``.zip``.
 
     Returns
@@ -56,27 +56,29 @@ def write_bundle(dossier: TargetRecord, path: str | os.PathLike[str]) -> str:
     RecordsError
         When the dossier lacks what it cites, or could not be read back.
     """
-    wanted = as_path(path)
-    if wanted.suffix.lower() != ".zip":
-        with export_folder(wanted) as draft:
+    requested = as_path(path)
+    if requested.suffix.lower() != ".zip":
+        with export_folder(requested) as draft:
             for name in FOLDERS:
                 (draft / name).mkdir()
-            seal = _write(dossier, lambda name, content: (draft / name).write_bytes(content))
+            seal = _write(record, lambda name, content: (draft / name).write_bytes(content))
             _require_readable(draft)
         return seal
-    with export_file(wanted) as draft:
+    with export_file(requested) as draft:
         try:
             with zipfile.ZipFile(draft, "x", allowZip64=False) as file:
-                seal = _write(dossier, lambda name, content: file.writestr(zipfile.ZipInfo(name, EARLIEST), content))
+                seal = _write(record, lambda name, content: file.writestr(zipfile.ZipInfo(name, EARLIEST), content))
         except zipfile.LargeZipFile as error:
-            raise InputError(f"{printable_path(wanted)} must hold at most 4 GiB; got more (write a folder)") from error
+            raise InputError(
+                f"{printable_path(requested)} must hold at most 4 GiB; got more (write a folder)"
+            ) from error
         _require_readable(draft)
     return seal
 
 
-def _write(dossier: TargetRecord, put: Put) -> str:
+def _write(record: TargetRecord, put: Put) -> str:
     entries: dict[str, dict[str, Any]] = {}
-    for name, content in _files(dossier):
+    for name, content in _files(record):
         put(name, content)
         entries[name] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
     manifest = sealed_bytes(
@@ -92,19 +94,19 @@ def _write(dossier: TargetRecord, put: Put) -> str:
     return hashlib.sha256(manifest).hexdigest()
 
 
-def _files(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
+def _files(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
     """Every file but the manifest, one at a time."""
-    yield TARGET, document_bytes(target_to_plain(dossier.target))
-    yield PRESSES, document_bytes([press_to_plain(press) for press in dossier.presses])
-    yield ESTIMATES, document_bytes([estimate_to_plain(stored) for stored in dossier.estimates])
-    for number, stored in enumerate(dossier.estimates):
+    yield TARGET, document_bytes(target_to_plain(record.target))
+    yield PRESSES, document_bytes([press_to_plain(press) for press in record.presses])
+    yield ESTIMATES, document_bytes([estimate_to_plain(stored) for stored in record.estimates])
+    for number, stored in enumerate(record.estimates):
         yield samples_name(number), samples_bytes(stored.estimate)
-    for cited, known in dossier.calibrations.items():
-        yield calibration_name(cited), calibration_bytes(known)
-    for frame, press in {press.frame: press for press in dossier.presses}.items():
+    for cited, calibration in record.calibrations.items():
+        yield calibration_name(cited), calibration_bytes(calibration)
+    for frame, press in {press.frame: press for press in record.presses}.items():
         if not SHA256.fullmatch(frame):
             raise InputError(f"frame must be a SHA-256 in hexadecimal digits; got {frame!r:.80}")
-        yield frame_name(frame), frame_png(dossier, press)
+        yield frame_name(frame), frame_png(record, press)
 
 
 def _require_readable(draft: Path) -> None:
