@@ -76,10 +76,10 @@ def one_run(
     line, diagnostics = fit_force_line(loadings, reference=reference, method=method)
     response = fit_response(loadings, reference=reference)
     intercept, slope = true_line(machine, lamps)
-    gain = machine.truth.answer.gain_grey_per_kpa * lamps
+    gain = machine.truth.response.gain_grey_per_kpa * lamps
     low, high = response.saturation.interval()
     loop = (
-        -4 * HYSTERESIS_POINT**2 * (1 - HYSTERESIS_POINT) * machine.truth.hysteresis_share
+        -4 * HYSTERESIS_POINT**2 * (1 - HYSTERESIS_POINT) * machine.truth.hysteresis_fraction
     )  # of the sum f (1 + 4 h f (1 - f))
     assert diagnostics.hysteresis is not None  # every tip was unloaded
     found = (
@@ -97,7 +97,7 @@ def one_run(
     trials.append(
         Trial(
             quantity="saturation",
-            truth=machine.truth.answer.saturation_kpa,
+            truth=machine.truth.response.saturation_kpa,
             low=low,
             high=high,
             value=response.saturation.value_kpa,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.detection import Proportion, at_specificity, roc
-from tsis.detection.search import reach_of_trials
+from tsis.detection.search import detection_range_of_trials
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -175,7 +175,7 @@ def reaches(searched: Searched, limit: DetectionLimit, *, probability: float) ->
         here = searched.present & (size >= low) & (size < high) & (depth >= top) & (depth < bottom)
         if not here.any():
             return 0.0
-        return reach_of_trials(searched.offset_mm[here], limit.decided[here], probability=probability)
+        return detection_range_of_trials(searched.offset_mm[here], limit.decided[here], probability=probability)
 
     table = np.array([[reach(*sizes, *depths) for depths in pairwise(DEPTHS_MM)] for sizes in pairwise(DIAMETERS_MM)])
     table = np.minimum.accumulate(np.minimum.accumulate(table[::-1], axis=0)[::-1], axis=1)

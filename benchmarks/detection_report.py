@@ -212,7 +212,7 @@ def _classes(kept: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, Any] 
         out.line(f"no classes: {error}")
         return None
     rows = [
-        [SPLIT.names[row], *(share(found.share(row, column)) for column in range(3))] for row in range(3)
+        [SPLIT.names[row], *(share(found.proportion(row, column)) for column in range(3))] for row in range(3)
     ]  # fmt: skip
     out.table("Classes out of fold: truth by row, likeliest by column", ("", *SPLIT.names), rows)
     at_mean = float(-np.log(np.maximum(found.at_mean[np.arange(len(used)), found.labels], 1e-15)).mean())

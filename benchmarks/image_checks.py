@@ -67,7 +67,7 @@ def patterned(
 ) -> tsis.TactileImage:
     """The frame with a fixed pattern and one of its own, both drawn ring by ring and sector by sector."""
     known = virtual.calibration
-    place = sector_means(frame, probe=virtual.probe, calibration=known).grid.place
+    place = sector_means(frame, probe=virtual.probe, calibration=known).grid.sector
     cells = np.append(fixed * grain(known.repeatability_sd, rng), 1.0)
     above = frame.grey - known.background_grey
     return replace(frame, grey=known.background_grey + above * cells[place].reshape(frame.grey.shape))

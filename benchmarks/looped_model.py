@@ -36,7 +36,7 @@ def looped(model: ForwardModel) -> Callable[[Numbers | None, Numbers], Numbers]:
     believed = (math.log(prior.tissue_young_kpa), math.log(prior.thickness_mm))
     # What is linear in its nuisance is taken at the believed tissue.
     by_poisson, by_spread = (_in_tissue(_table(one), *believed) for one in (rings.by_poisson, rings.by_spread))
-    tables = (_table(rings.answer), by_poisson, by_spread)
+    tables = (_table(rings.response), by_poisson, by_spread)
     answer = (known.gain_grey_per_kpa, known.saturation_kpa, model.depletion_per_n)
     light = (model.level, model.shading.growth_per_mm, model.shading.bend_per_mm2, model.shading.flux)
     nothing = np.zeros(3)
@@ -69,7 +69,7 @@ def _table(surrogate: Surrogate) -> Table:
     """Values and the places along each axis for which they hold."""
     box = surrogate.box
     tissue, slab = ((math.log(low), math.log(high)) for low, high in (box.tissue_young_kpa, box.thickness_mm))
-    plain, change = surrogate.plain, surrogate.change
+    plain, change = surrogate.baseline, surrogate.change
     ranges = (box.diameter_mm, box.depth_mm, box.contrast_factor, tissue, slab)
     axes = [_places(ends, count) for ends, count in zip(ranges, change.shape, strict=False)]
     return (

@@ -35,8 +35,8 @@ from tsis.inclusion.posterior import (
     InclusionLikelihood,
     Profiles,
     explore_inclusion,
-    ring_answers,
     ring_correlation,
+    ring_responses,
 )
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import TactileImage
@@ -86,14 +86,14 @@ class Experiment:
         surrogate = build_full_contact_surrogate(probe, prior.box())
         copies = 1 + protocol.with_reference
         model = ForwardModel(
-            rings=ring_answers(surrogate, edges, light.level),
+            rings=ring_responses(surrogate, edges, light.level),
             level=light.level,
             shading=light.shading,
             calibration=calibration,
             prior=prior,
             force_n=np.tile(protocol.forces_n, copies),
             is_reference=np.repeat([False, True][:copies], len(protocol.forces_n)),
-            alike=ring_correlation(edges, calibration.grain_mm),
+            correlation=ring_correlation(edges, calibration.grain_mm),
             depletion_per_n=depletion_per_n(calibration, probe),
             spread_sd=2 * prior.offset_sd_mm**2,
         )
@@ -134,7 +134,7 @@ def noise(grey: NDArray[np.float64], variance: NDArray[np.float64], model: Forwa
     One pattern is that of the probe, common to the frames; another is drawn by each press.
     """
     frames, rings = grey.shape
-    known, alike = model.calibration, np.eye(rings) if model.alike is None else model.alike
+    known, alike = model.calibration, np.eye(rings) if model.correlation is None else model.correlation
     covariance = np.empty((frames, rings, frames, rings))
     for i, j in np.ndindex(frames, frames):
         common = known.pattern_sd**2 + (i == j) * known.repeatability_sd**2

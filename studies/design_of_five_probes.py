@@ -114,7 +114,9 @@ def report(result: Result) -> str:
         name, told = design.protocol.name, design.information
         ours = "".join(f"{value:7.2f}" for value in told.rmse.values())
         on_nine = "{:8.2f}{:7.2f}{:7.2f}".format(*nine.rmse.values())
-        lines.append(f"{name:<28}{ours}  {told.identified_share:7.0%}  {on_nine}   {', '.join(design.limits.broken)}")
+        lines.append(
+            f"{name:<28}{ours}  {told.identified_fraction:7.0%}  {on_nine}   {', '.join(design.limits.broken)}"
+        )
         lines.append("{:<28}{:7.2f}{:7.2f}{:7.2f}".format("  sites alike", *alike.information.rmse.values()))
         if name in EARLIER:
             lines.append("{:<28}{:7.2f}{:7.2f}{:7.2f}".format("  earlier *", *EARLIER[name]))

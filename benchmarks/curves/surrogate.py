@@ -71,7 +71,7 @@ def over_dimensions(told: Callable[[str], None]) -> list[tuple[str, Built]]:
         chosen = dict(zip(("diameter", "depth", "contrast", "tissue", "thickness"), (11, 7, 3, 3, 3), strict=True))
         degrees = {other: points if number < count else 1 for number, (other, points) in enumerate(chosen.items())}
         plain = 6 if count > 3 else 1
-        found.append((name, built(boxed(widths), Degrees(**degrees, plain=plain))))
+        found.append((name, built(boxed(widths), Degrees(**degrees, baseline=plain))))
     return found
 
 

@@ -21,7 +21,7 @@ from tsis.detection.classify import (
     train_classifier,
     write_classifier,
 )
-from tsis.detection.search import read_reach
+from tsis.detection.search import read_detection_range
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -63,7 +63,7 @@ def _told(path: Path) -> Hashable:
 
 
 def _reaches(path: Path) -> Hashable:
-    found = read_reach(path)
+    found = read_detection_range(path)
     return found.diameter_mm.tobytes(), found.depth_mm.tobytes(), found.reach_mm.tobytes()
 
 

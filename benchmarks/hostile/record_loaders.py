@@ -144,7 +144,7 @@ def _sessions() -> tuple[Loader, ...]:
         folder.begin(SessionSetup(name="bench", probe="tsis-direct", camera="camera", began=MADE, tips_mm=(10.0, 14.0)))
         step = folder.plan()[0]
         grey = np.random.default_rng(1).integers(0, 256, (9, 13)).astype(float)
-        folder.keep(step, [CalibrationFrame(image=TactileImage(grey=grey), time_s=0.1 * time) for time in range(2)])
+        folder.save(step, [CalibrationFrame(image=TactileImage(grey=grey), time_s=0.1 * time) for time in range(2)])
         files = {str(path.relative_to(place)): path.read_bytes() for path in Path(place).rglob("*") if path.is_file()}
     index = f"{step.name}/shots.csv"
 

@@ -45,7 +45,7 @@ def matching(_place: Place) -> Iterator[Contest]:
             if reason := method.absent():
                 absent.append((name, reason))
                 continue
-            moved = method(trial.source, trial.target, rng=np.random.default_rng(0)).moved
+            moved = method(trial.source, trial.target, rng=np.random.default_rng(0)).transformed
             program = f"{name} {version(name)}" if version(name) else "tsis"
             error = f"RMS {'ours' if name == 'tprl' else 'the other'} {matching_error(trial, moved):.4f}"
             sides.append(Side(program=program, seconds=timed(_matched(method, trial), once=size > 500), note=error))

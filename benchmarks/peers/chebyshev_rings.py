@@ -41,7 +41,7 @@ def rings_by_numpy(
         for start in range(0, len(found), AT_ONCE):
             x, y, z = (place[start : start + AT_ONCE] for place in places)
             found[start : start + AT_ONCE] = chebyshev.chebval3d(x, y, z, series).T
-        return np.asarray(found * signal_scale(diameter_mm, depth_mm, factor)[:, None] + rings.plain)
+        return np.asarray(found * signal_scale(diameter_mm, depth_mm, factor)[:, None] + rings.baseline)
 
     return answered
 

@@ -113,7 +113,7 @@ class RecordsWarning(TsisWarning):
 
 
 # What people call a package where its import name says something else; Netgen comes with NGSolve.
-KNOWN_AS = {"ngsolve": "NGSolve", "netgen": "NGSolve"}
+PRODUCT_NAMES = {"ngsolve": "NGSolve", "netgen": "NGSolve"}
 
 
 def import_extra(name: str, *, feature: str, extra: str) -> Any:
@@ -138,6 +138,6 @@ def import_extra(name: str, *, feature: str, extra: str) -> Any:
     except ImportError as error:
         package = name.partition(".")[0]
         raise MissingExtraError(
-            f"{feature} needs {KNOWN_AS.get(package, package)}, which is not installed; "
+            f"{feature} needs {PRODUCT_NAMES.get(package, package)}, which is not installed; "
             f'install it with: python -m pip install "tsis[{extra}]"'
         ) from error

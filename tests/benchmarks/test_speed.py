@@ -141,7 +141,7 @@ def test_peers_that_are_written_here_answer_as_tsis_does() -> None:
     found = auc_covariance([scores], present)
     assert area_and_variance(scores, present) == pytest.approx((found.auc[0], found.covariance[0, 0]), rel=1e-12)
     rings = TissueSurrogate(
-        box=Box(), tissue_young_kpa=5.0, plain=rng.normal(size=4), change=rng.normal(size=(5, 4, 3, 4))
+        box=Box(), tissue_young_kpa=5.0, baseline=rng.normal(size=4), change=rng.normal(size=(5, 4, 3, 4))
     )
     asked = [rng.uniform(*interval, 2500) for interval in ((1.0, 15.0), (4.0, 12.0), (40.0, 120.0))]
     assert rings_by_numpy(rings)(*asked) == pytest.approx(rings(*asked), rel=1e-9, abs=1e-12)

@@ -87,7 +87,7 @@ def virtual_frames(seed: int, count: int, **settings: float) -> list[NDArray[Any
 def test_a_list_shows_cameras_and_what_is_missing(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
     found = CameraInfo(source="aravis", identity="Maker-[red]7", maker="Maker [/]", model="M", note="10.0.0.2")
     findings = CameraListing(
-        found=(found,), missing={"pylon": "the camera source pylon needs pypylon; pip install ..."}
+        cameras=(found,), missing={"pylon": "the camera source pylon needs pypylon; pip install ..."}
     )
     monkeypatch.setattr("tsis.cli.acquire._listing.find_cameras", lambda: findings)
     document = json.loads(run_tsis("acquire", "--list", "--json").out)

@@ -52,7 +52,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
     )
     for step in session.plan():
-        session.keep(step, bench.shots(step))
+        session.save(step, bench.shots(step))
     return session.path
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration
-from tsis.cli._options import plain_forces
+from tsis.cli._options import reference_forces
 from tsis.errors import InputError
 from tsis.model import Calibration, LightMap
 
@@ -241,7 +241,7 @@ def test_forces_that_match_no_frame_are_one_sentence(
 def test_a_plain_press_has_its_own_force_or_that_of_the_image_in_its_place(
     given: list[float], images: list[float], presses: int, expected: list[float]
 ) -> None:
-    assert plain_forces(given, images, presses) == expected
+    assert reference_forces(given, images, presses) == expected
 
 
 @pytest.mark.usefixtures("frames")

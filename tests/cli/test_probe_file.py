@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.catalog import list_probes, load_phantom, load_probe, probe_toml
-from tsis.cli._options import calibrated_probe, given_probe, read_probe
+from tsis.cli._options import calibrated_probe, chosen_probe, read_probe
 from tsis.errors import FileInputError, NotCalibratedError
 from tsis.mechanics import press
 from tsis.model import Glass, Layer, Led, Probe
@@ -31,7 +31,7 @@ def test_every_probe_of_the_catalog_comes_back_from_a_file(tmp_path: Path, name:
     known = load_probe(name)
     text = probe_toml(known).replace(f"[{name}]", "[mine]")
     (tmp_path / "mine.TOML").write_text(text, encoding="utf-8")
-    found = given_probe(str(tmp_path / "mine.TOML"))
+    found = chosen_probe(str(tmp_path / "mine.TOML"))
     assert found.name == "mine"
     assert (found.layers, found.leds, found.glass) == (known.layers, known.leds, known.glass)
     assert (found.radius_mm, found.face_curvature_mm, found.sides) == (
@@ -109,7 +109,7 @@ def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
     for name, phrase in (("mine.toml", "text in UTF-8"), ("other.toml", "other.toml")):
         with pytest.raises(FileInputError, match=phrase):
-            given_probe(str(tmp_path / name))
+            chosen_probe(str(tmp_path / name))
 
 
 def test_commands_take_the_file(run_tsis: RunTsis, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import typer
 from typer.testing import CliRunner
 
 from tsis.cli.study._plan import plan
-from tsis.detection.search import ScanPlan, measured_reach
+from tsis.detection.search import ScanPlan, measured_detection_range
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def test_without_a_table_of_its_own_a_plan_takes_the_measured_one(app: typer.Typ
     made = CliRunner().invoke(app, [*AREA, "--diameter-mm", "6", "--depth-mm", "8", "--json"])
     assert made.exit_code == 0, made.output
     document = json.loads(made.stdout)
-    measured = measured_reach("tsis-domed")
+    measured = measured_detection_range("tsis-domed")
     assert measured is not None
     assert document["worst_distance_mm"] <= measured(6, 8)
     for one in document["smallest_found"]:

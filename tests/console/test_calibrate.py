@@ -67,7 +67,7 @@ def all_taken(folder: Path, name: str, camera: str) -> SessionFolder:
     )
     session.begin(terms)
     for each in session.plan():
-        session.keep(each, virtual.shots(each))
+        session.save(each, virtual.shots(each))
     return session
 
 

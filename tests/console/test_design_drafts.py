@@ -53,7 +53,7 @@ def test_any_question_is_asked_or_refused_in_a_sentence(forces: str, frames: str
     assert "\n" not in said
     if not said:
         question = draft.question(load_probe("tsis-2011"))
-        assert 1 <= question.frames_each <= 1000
+        assert 1 <= question.frames_per_press <= 1000
         assert question.evaluations is not None
         assert 1 <= question.evaluations <= 25
 

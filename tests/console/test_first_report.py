@@ -34,7 +34,7 @@ def test_no_hardware_to_a_saved_report(tmp_path: Path, browser: Browser) -> None
     for words in ("Diameter d", "Depth h", "Modulus E", "truth 10 mm", RESEARCH_USE_ONLY):
         assert words in text
     with open_store(store) as kept:
-        dossier = kept.dossier(kept.target(1))
+        dossier = kept.record(kept.target(1))
     assert len(dossier.presses) == len(ROLES) * len(FORCES)
     (stored,) = dossier.estimates
     error = stored.estimate.mean["diameter_mm"] - dossier.target.truth["diameter_mm"]

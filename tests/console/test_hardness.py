@@ -82,7 +82,7 @@ def test_from_an_object_to_its_modulus(console: RunningConsole, browser: Browser
         page.set_viewport_size({"width": TABLET[0], "height": TABLET[1]})
         picture(page, "hardness-result-tablet-dark")
         with open_store(console.store, kind="phantom") as store:
-            dossier = store.dossier(store.target(1))
+            dossier = store.record(store.target(1))
         (stored,) = dossier.estimates
         assert stored.kind == "hardness"
         assert [press.force_n for press in dossier.presses] == [0.7, 1.2]

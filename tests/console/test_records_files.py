@@ -111,7 +111,7 @@ def test_the_report_is_the_one_that_the_library_writes(client: FilesOf, store: S
     answer = client.get(f"/files/report/{NUMBER}.html")
     assert answer.headers["content-type"] == "text/html; charset=utf-8"
     assert answer.headers["content-disposition"] == 'inline; filename="target-3.html"'
-    assert answer.content == html(target_page(store.dossier(store.target(NUMBER))))
+    assert answer.content == html(target_page(store.record(store.target(NUMBER))))
     assert not list(exports.iterdir())
 
 

@@ -180,7 +180,7 @@ def test_a_bundle_is_taken_in_once(console: RunningConsole, browser: Browser, tm
     with open_store(tmp_path / "other") as other:
         target = other.add_target(number=88, name="from elsewhere")
         other.add_press(target, TactileImage(grey=levels(77).astype(float), full_scale=255.0), taken=WHEN)
-        write_bundle(other.dossier(target), tmp_path / "bundle.zip")
+        write_bundle(other.record(target), tmp_path / "bundle.zip")
     (tmp_path / "broken.zip").write_bytes((tmp_path / "bundle.zip").read_bytes()[:-40])
     with tab(browser, console, "/records") as page:
         for file, sentence in (

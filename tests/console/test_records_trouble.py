@@ -65,7 +65,7 @@ def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_pa
     fill(tmp_path / "records")
     with open_store(tmp_path / "records") as store:
         target = store.target(ESTIMATED)
-        dossier = store.dossier(target)
+        dossier = store.record(target)
         damage(store.blobs.path(dossier.presses[0].frame, "png"))
     with running_console(tmp_path) as console:
         with tab(browser, console, f"/records/{ESTIMATED}", expected=REFUSED) as page:

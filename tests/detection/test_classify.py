@@ -98,7 +98,7 @@ def test_validation_is_that_of_a_plain_loop_with_scikit_learns_losses() -> None:
     assert found.brier == pytest.approx(brier_score_loss(labels, mean, scale_by_half=False, labels=[0, 1, 2]))
     table = confusion_matrix(labels, mean.argmax(axis=1))
     assert (found.confusion == table).all()
-    right = found.share(2, 2)
+    right = found.proportion(2, 2)
     assert right.interval() == wilson_interval(int(table[2, 2]), int(table[2].sum()))
     assert found.accuracy.successes == np.trace(table)
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
@@ -185,12 +185,12 @@ def test_a_file_gives_the_same_classifier_back(tmp_path: Path) -> None:
 def _rewritten(path: Path, **changed: Any) -> Path:
     """The file with other content and the hash that belongs to it."""
     from tsis.detection.classify import classifier_sha256
-    from tsis.detection.classify._file import _spelled
+    from tsis.detection.classify._file import _serialised
 
     content = json.loads(path.read_bytes())
     content.pop("sha256")
     content |= changed
-    path.write_bytes(_spelled(content | {"sha256": classifier_sha256(content)}))
+    path.write_bytes(_serialised(content | {"sha256": classifier_sha256(content)}))
     return path
 
 

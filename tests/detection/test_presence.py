@@ -83,7 +83,7 @@ def test_an_estimate_is_read_with_the_prior_that_it_names() -> None:
     assert presence(_estimate(provenance={"prior": {"presence": 0.2}})).likelihood_ratio == pytest.approx(16.0)
     assert presence(_estimate(provenance={}), prior=0.2).likelihood_ratio == pytest.approx(16.0)
     doubted = _estimate(trusted=False, flags=("no_inclusion", "model_does_not_fit", "no_reference"))
-    assert presence(doubted).doubts == ("model_does_not_fit",)
+    assert presence(doubted).caveats == ("model_does_not_fit",)
 
 
 @pytest.mark.parametrize(

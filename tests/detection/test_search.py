@@ -14,10 +14,10 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
 
 from tsis.detection.search import (
-    ReachTable,
+    DetectionRangeTable,
     ScanPlan,
-    reach_of_trials,
-    read_reach,
+    detection_range_of_trials,
+    read_detection_range,
     scan_plan,
     smallest_found_mm,
     widest_plan,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LENGTHS = st.floats(5.0, 150.0)
-TABLE = ReachTable(
+TABLE = DetectionRangeTable(
     diameter_mm=np.array([2.0, 5.0, 10.0, 15.0]),
     depth_mm=np.array([4.0, 8.0, 12.0]),
     reach_mm=np.array([[1.0, 0.0, 0.0], [4.0, 2.0, 0.0], [6.0, 5.0, 2.0], [8.0, 7.0, 5.0]]),
@@ -148,16 +148,16 @@ def test_a_reach_by_trials_is_where_the_share_falls() -> None:
     found = rng.random(20000) < 1 / (1 + np.exp((away - 4.0) / 0.5))
     for wanted in (0.5, 0.9):
         true = 4.0 - 0.5 * math.log(wanted / (1 - wanted))
-        assert reach_of_trials(away, found, probability=wanted) == pytest.approx(true, abs=0.15)
-    assert reach_of_trials(away, np.zeros(20000, dtype=bool)) == 0.0
-    assert reach_of_trials(away, np.ones(20000, dtype=bool)) == away.max()
+        assert detection_range_of_trials(away, found, probability=wanted) == pytest.approx(true, abs=0.15)
+    assert detection_range_of_trials(away, np.zeros(20000, dtype=bool)) == 0.0
+    assert detection_range_of_trials(away, np.ones(20000, dtype=bool)) == away.max()
 
 
 def test_a_table_is_read_from_text_and_bad_ones_are_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "reach.csv"
     head = "diameter_mm,depth_mm,reach_mm\n"
     path.write_text("\ufeff" + head + "8,12,2\n4,4,2\n8,4,6\n4,12,0\n")
-    table = read_reach(path, probability=0.8)
+    table = read_detection_range(path, probability=0.8)
     assert (table(6.0, 8.0), table.probability) == (2.5, 0.8)
     for content, said in (
         ("", "must hold data"),
@@ -174,12 +174,12 @@ def test_a_table_is_read_from_text_and_bad_ones_are_one_sentence(tmp_path: Path)
     ):
         path.write_text(content)
         with pytest.raises(FileInputError, match=said) as raised:
-            read_reach(path)
+            read_detection_range(path)
         assert "\n" not in str(raised.value)
     for bare, said in ((b"\xff\xfe\x00", "readable CSV"), (b"\xef\xbb\xbf", "must begin with the columns")):
         path.write_bytes(bare)
         with pytest.raises(FileInputError, match=said):
-            read_reach(path)
+            read_detection_range(path)
 
 
 PLAN: dict[str, Any] = {"width_mm": 80.0, "height_mm": 60.0, "strips": 4, "presses_a_strip": 4, "radius_mm": 12.0}
@@ -200,8 +200,8 @@ PLAN: dict[str, Any] = {"width_mm": 80.0, "height_mm": 60.0, "strips": 4, "press
         (lambda: widest_plan(80, 60, radius_mm=12, extent_mm=0), "reach_mm must lie"),
         (lambda: widest_plan(5000, 5000, radius_mm=12, extent_mm=0.05), "reach_mm must be larger"),
         (lambda: smallest_found_mm("plan", TABLE, 5.0), "plan must be a ScanPlan"),  # type: ignore[arg-type]
-        (lambda: reach_of_trials([1.0, -1.0], [True, True]), "must not be negative"),
-        (lambda: reach_of_trials([1.0], [True, False]), "equally long"),
+        (lambda: detection_range_of_trials([1.0, -1.0], [True, True]), "must not be negative"),
+        (lambda: detection_range_of_trials([1.0], [True, False]), "equally long"),
         (lambda: TABLE(float("nan"), 5.0), "diameter_mm must"),
     ],
 )

@@ -57,7 +57,7 @@ def test_a_finer_solution_has_this_radius_within_the_stated_error(
     error = np.log([hertzian_radius_mm(field) for field in fields]) - table.log_radius(
         young_kpa, poisson, radius_mm, np.array(forces)
     )
-    stated = table.error_at(*table.place(young_kpa, poisson, radius_mm, np.array(forces)))
+    stated = table.error_at(*table.coordinates(young_kpa, poisson, radius_mm, np.array(forces)))
     assert np.abs(error / stated).max() < 3
 
 

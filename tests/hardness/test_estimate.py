@@ -98,7 +98,7 @@ def test_intervals_hold_where_the_table_errs_as_it_says() -> None:
     for case in range(120):
         common, own = rng.standard_normal(), rng.standard_normal(2)
         young = float(np.exp(rng.uniform(np.log(45.0), np.log(500.0))))
-        error = table.error_at(*table.place(young, 0.475, 3.1, 1.0))
+        error = table.error_at(*table.coordinates(young, 0.475, 3.1, 1.0))
         off = error * (np.sqrt(0.5) * common + np.sqrt(0.5) * own)
         rig = rig_of(100 + case, solve=wrong_by(off.tolist()))
         sphere = SoftSphere(radius_mm=3.1, young_kpa=young, poisson=float(rng.uniform(0.45, 0.495)))

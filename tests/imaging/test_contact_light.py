@@ -73,7 +73,7 @@ def test_only_the_quantity_of_its_model_matters() -> None:
 def test_the_rough_share_is_the_grey_level_over_that_of_full_contact() -> None:
     answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
     pressure = np.linspace(-1.0, 80.0, 50)
-    share = RoughContact().share(pressure, slope=0 * pressure, saturation_kpa=20.0)
+    share = RoughContact().light_fraction(pressure, slope=0 * pressure, saturation_kpa=20.0)
     np.testing.assert_allclose(rough_contact(pressure, answer), 1000.0 * share, rtol=1e-14)
 
 

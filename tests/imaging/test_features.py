@@ -149,11 +149,11 @@ def test_cropping_and_saturation_are_told(draw_ellipse: DrawEllipse) -> None:
     inside = draw_ellipse(semi_axes_mm=(1.5, 1.5), level=300.0)
     clipped = replace(inside, grey=np.minimum(inside.grey, 255.0))
     found = features(clipped, replace(clipped, grey=np.full_like(clipped.grey, 10.0)))
-    assert found.saturated_share == pytest.approx(1.0, abs=0.05)
+    assert found.saturated_fraction == pytest.approx(1.0, abs=0.05)
     assert not found.cropped
     beyond = features(draw_ellipse(centre_mm=(3.5, 0.0), semi_axes_mm=(1.5, 1.5)))
     assert beyond.cropped
-    assert beyond.saturated_share == 0.0
+    assert beyond.saturated_fraction == 0.0
 
 
 def test_without_a_scale_nothing_is_said_in_millimetres(draw_ellipse: DrawEllipse) -> None:

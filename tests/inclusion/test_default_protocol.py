@@ -28,7 +28,7 @@ PLAIN = tsis.load_phantom("plain")
 LUMP = replace(PLAIN, inclusion=tsis.Inclusion(diameter_mm=14.0, depth_mm=4.5, young_kpa=45.0), name="large and soft")
 PRIOR = InclusionPrior()
 FORCES = (0.5, 1.0)
-FEW = Degrees(diameter=2, depth=2, contrast=2, tissue=2, thickness=2, plain=2)
+FEW = Degrees(diameter=2, depth=2, contrast=2, tissue=2, thickness=2, baseline=2)
 Frames = tuple[list["TactileImage"], list["TactileImage"]]
 
 

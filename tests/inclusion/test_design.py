@@ -75,7 +75,7 @@ def test_information_is_the_curvature_of_the_likelihood(views: dict[str, Planned
     grey, slopes = view.model.profiles(at[None], view.start)
     mean, slope = grey[0].ravel(), slopes[0].reshape(-1, len(view.start))
     frames, rings = grey[0].shape
-    alike, noise = view.model.alike, np.zeros((mean.size, mean.size))
+    alike, noise = view.model.correlation, np.zeros((mean.size, mean.size))
     assert alike is not None
     for i, j in np.ndindex(mean.size, mean.size):
         both = alike[i % rings, j % rings] * mean[i] * mean[j]
@@ -189,7 +189,7 @@ def test_expected_errors_of_sharp_presses_are_those_of_a_normal_posterior() -> N
     np.testing.assert_allclose(told.cramer_rao_sd, [np.sqrt(np.diag(np.linalg.inv(one))) for one in matrix], rtol=1e-6)
     np.testing.assert_allclose(list(told.rmse.values()), np.sqrt((told.expected_sd**2).mean(axis=0)))
     assert told.log_sd == pytest.approx(np.log(told.expected_sd / list(PRIOR.sd.values())).sum() / 5)
-    assert told.identified_share == 1.0
+    assert told.identified_fraction == 1.0
 
 
 def test_what_no_press_tells_keeps_its_prior() -> None:
@@ -199,7 +199,7 @@ def test_what_no_press_tells_keeps_its_prior() -> None:
     assert told.expected_sd[1, 1] == pytest.approx(PRIOR.sd["depth_mm"])
     assert told.expected_sd[1, 2] == pytest.approx(0.5, rel=0.01)
     assert np.isinf(told.cramer_rao_sd).all()
-    assert told.identified_share == 0.5
+    assert told.identified_fraction == 0.5
 
 
 def test_inclusions_are_spread_evenly() -> None:
@@ -223,7 +223,7 @@ def test_limits_are_those_of_a_press(views: dict[str, PlannedView]) -> None:
     assert press(DOMED, plain, force_n=0.97 * found.covering_force_n).pressure_kpa[-2] == 0
     assert (found.read_mm, found.view_mm) == pytest.approx((19.2, 492 * 0.0392))
     assert not found.broken
-    assert 0.5 < found.whole_share < 1.0
+    assert 0.5 < found.whole_fraction < 1.0
     strongest = limits_of(at_forces(view, (0.2, 1.01 * largest_force_of(view))), even_inclusions(PRIOR))
     assert set(strongest.broken) == {"strain", "contact", "saturation"}
     assert strongest.strain == pytest.approx(STRAIN_LIMIT, rel=0.02)

@@ -157,7 +157,7 @@ def test_more_presses_narrow() -> None:
 def test_a_prior_of_ones_own_is_respected(
     lump: tuple[TactileImage, TactileImage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    few = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=2, plain=3)  # enough for so small a box
+    few = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=2, baseline=3)  # enough for so small a box
     monkeypatch.setattr(posterior, "build_full_contact_surrogate", partial(build_full_contact_surrogate, degrees=few))
     narrow = InclusionPrior(diameter_mm=(8.0, 12.0), depth_mm=(4.0, 7.0), young_kpa=(90.0, 110.0))
     result = estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1], prior=narrow)

@@ -19,9 +19,9 @@ from tsis.inclusion.posterior import (
     InclusionLikelihood,
     Profiles,
     RingShading,
-    ring_answers,
     ring_correlation,
     ring_means,
+    ring_responses,
 )
 from tsis.inclusion.posterior._forward import POISSON, SHARED, SITE
 from tsis.inclusion.posterior._forward import PROBE as PROBE_STIFFNESS
@@ -50,14 +50,14 @@ INCLUSIONS = np.array([[10.0, 5.0, 100.0], [3.0, 8.0, 60.0], [14.0, 4.5, 45.0], 
 
 def model_of(surrogate: FullContactSurrogate) -> ForwardModel:
     return ForwardModel(
-        rings=ring_answers(surrogate, ring_edges(PROBE), LEVEL, offset_mm=0.5),
+        rings=ring_responses(surrogate, ring_edges(PROBE), LEVEL, offset_mm=0.5),
         level=LEVEL,
         shading=SHADING,
         calibration=ANSWER,
         prior=PRIOR,
         force_n=np.array([1.0, 0.8, 1.1]),
         is_reference=np.array([False, False, True]),
-        alike=ALIKE,
+        correlation=ALIKE,
         spread_sd=0.3,
     )
 
@@ -188,7 +188,7 @@ def test_profiles_are_the_light_of_a_press(name: str, flat: FullContactSurrogate
     probe, edges = tsis.load_probe(name), ring_edges(PROBE)
     model = replace(
         model_of({"tsis-2011": flat, "tsis-domed": domed}[name]),
-        rings=ring_answers({"tsis-2011": flat, "tsis-domed": domed}[name], edges, np.ones(20)),
+        rings=ring_responses({"tsis-2011": flat, "tsis-domed": domed}[name], edges, np.ones(20)),
     )
     at = np.zeros(NUISANCES)
     at[[TISSUE, THICKNESS, SITE, PROBE_STIFFNESS, POISSON]] = [0.06, -0.05, 0.03, 0.04, 0.002]
@@ -263,7 +263,7 @@ def test_information_is_the_curvature_of_the_fast_likelihood(model: ForwardModel
 
 def test_slopes_of_the_rings_are_those_of_a_press(flat: FullContactSurrogate) -> None:
     field = press(PROBE, PHANTOM, force_n=1.0)
-    rings = ring_answers(flat, ring_edges(PROBE), np.ones(20))
+    rings = ring_responses(flat, ring_edges(PROBE), np.ones(20))
     found = rings.on(PHANTOM.young_kpa, PHANTOM.thickness_mm, np.array([[10.0, 5.0, 100.0]]))[0, 40:]
     edges = ring_edges(PROBE)
     rise = np.diff(np.interp(edges, field.radius_mm, field.face_displacement_mm)) / np.diff(edges)

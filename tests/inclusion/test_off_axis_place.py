@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import tsis
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import Sensor, expose, render
-from tsis.inclusion.checks import SEEN, inclusion_place
+from tsis.inclusion.checks import SEEN, inclusion_position
 from tsis.inclusion.checks._place import SEEN_SD
 from tsis.inclusion.posterior import FARTHEST
 from tsis.mechanics import press
@@ -67,7 +67,7 @@ def frame(press_map: PressMap, *, seed: int, light: LightMap = EVEN) -> TactileI
 def test_a_moved_change_is_found(centre: tuple[float, float], light: LightMap) -> None:
     answer = replace(ALIKE, light=light)
     target, reference = frame(pressed(*centre), seed=1, light=light), frame(plain(), seed=2, light=light)
-    found = inclusion_place(target, reference, answer, radius_mm=PROBE.radius_mm)
+    found = inclusion_position(target, reference, answer, radius_mm=PROBE.radius_mm)
     assert 0 < found.noise_mm < 0.02
     assert found.sd_mm == pytest.approx(np.hypot(found.noise_mm, SEEN_SD * found.distance_mm))
     # Rounding of the rendered grid adds a little to the noise.
@@ -78,7 +78,8 @@ def test_a_moved_change_is_found(centre: tuple[float, float], light: LightMap) -
 def test_the_sd_is_that_of_many_frames() -> None:
     weak, bare = (render(one, SENSOR, ALIKE) for one in (pressed(0.0, 0.0, peak_kpa=0.15), plain()))
     found = [
-        inclusion_place(shown(weak, seed=2 * n), shown(bare, seed=2 * n + 1), ALIKE, radius_mm=12.0) for n in range(40)
+        inclusion_position(shown(weak, seed=2 * n), shown(bare, seed=2 * n + 1), ALIKE, radius_mm=12.0)
+        for n in range(40)
     ]
     over_sd = np.array([[one.x_mm, one.y_mm] for one in found]) / np.array([[one.sd_mm] for one in found])
     assert 0.65 < np.mean(over_sd**2) < 1.45, "80 values: three standard deviations of a mean square"
@@ -87,7 +88,7 @@ def test_the_sd_is_that_of_many_frames() -> None:
 def test_the_sd_grows_with_what_presses_do_not_repeat() -> None:
     target, reference = frame(pressed(1.0, 0.0), seed=1), frame(plain(), seed=2)
     quiet, uneven = (
-        inclusion_place(target, reference, replace(ALIKE, repeatability_sd=sd), radius_mm=12.0).sd_mm
+        inclusion_position(target, reference, replace(ALIKE, repeatability_sd=sd), radius_mm=12.0).sd_mm
         for sd in (0.0, 0.01)
     )
     assert uneven > 2 * quiet
@@ -97,7 +98,7 @@ def test_the_sd_grows_with_what_presses_do_not_repeat() -> None:
 def test_nothing_is_placed_where_nothing_is(share: float) -> None:
     """Nor where one press is a little stronger: the plain press lies on the axis and tells nothing."""
     stronger = replace(plain(), pressure_kpa=share * plain().pressure_kpa)
-    found = inclusion_place(frame(stronger, seed=1), frame(plain(), seed=2), ALIKE, radius_mm=12.0)
+    found = inclusion_position(frame(stronger, seed=1), frame(plain(), seed=2), ALIKE, radius_mm=12.0)
     assert (found.x_mm, found.y_mm, found.sd_mm) == (0.0, 0.0, np.inf)
 
 
@@ -106,15 +107,15 @@ def test_nothing_is_placed_where_nothing_is(share: float) -> None:
 def test_a_turned_picture_has_the_turned_place(x: float, y: float) -> None:
     target, reference = frame(pressed(x, y), seed=1), frame(plain(), seed=2)
     turned = [replace(one, grey=one.grey[::-1, ::-1]) for one in (target, reference)]
-    found = inclusion_place(target, reference, ALIKE, radius_mm=12.0)
-    mirrored = inclusion_place(turned[0], turned[1], ALIKE, radius_mm=12.0)
+    found = inclusion_position(target, reference, ALIKE, radius_mm=12.0)
+    mirrored = inclusion_position(turned[0], turned[1], ALIKE, radius_mm=12.0)
     # Cells begin at the other edge and hold other pixels.
     close = 2 * found.noise_mm
     np.testing.assert_allclose([mirrored.x_mm, mirrored.y_mm], [-found.x_mm, -found.y_mm], atol=close)
 
 
 def test_a_place_is_at_most_half_of_the_face_away() -> None:
-    found = inclusion_place(frame(pressed(9.0, 0.0), seed=1), frame(plain(), seed=2), ALIKE, radius_mm=12.0)
+    found = inclusion_position(frame(pressed(9.0, 0.0), seed=1), frame(plain(), seed=2), ALIKE, radius_mm=12.0)
     assert 4.0 < found.distance_mm <= FARTHEST * 12.0 + 1e-9
 
 
@@ -123,7 +124,7 @@ def test_clipped_pixels_are_left_out() -> None:
     grey = target.grey.copy()
     grey[200:220, 300:330] = 255.0
     found, clipped = (
-        inclusion_place(one, reference, ALIKE, radius_mm=12.0) for one in (target, replace(target, grey=grey))
+        inclusion_position(one, reference, ALIKE, radius_mm=12.0) for one in (target, replace(target, grey=grey))
     )
     close = 3 * found.noise_mm
     np.testing.assert_allclose([clipped.x_mm, clipped.y_mm], [found.x_mm, found.y_mm], atol=close)
@@ -133,12 +134,12 @@ def test_wrong_input_is_refused() -> None:
     target, reference = frame(pressed(1.0, 0.0), seed=1), frame(plain(), seed=2)
     white = replace(target, grey=np.full_like(target.grey, 255.0))
     with pytest.raises(InputError, match="without clipping in at least"):
-        inclusion_place(white, reference, ALIKE, radius_mm=12.0)
+        inclusion_position(white, reference, ALIKE, radius_mm=12.0)
     with pytest.raises(InputError, match="radius_mm must lie in"):
-        inclusion_place(target, reference, ALIKE, radius_mm=0.0)
+        inclusion_position(target, reference, ALIKE, radius_mm=0.0)
     with pytest.raises(InputError, match="mm_per_pixel is not known"):
-        inclusion_place(replace(target, mm_per_pixel=None), reference, ALIKE, radius_mm=12.0)
+        inclusion_position(replace(target, mm_per_pixel=None), reference, ALIKE, radius_mm=12.0)
     with pytest.raises(ImageMismatchError, match="reference must have the image's shape"):
-        inclusion_place(target, replace(reference, grey=reference.grey[1:]), ALIKE, radius_mm=12.0)
+        inclusion_position(target, replace(reference, grey=reference.grey[1:]), ALIKE, radius_mm=12.0)
     with pytest.raises(InputError, match="calibration must be a Calibration"):
-        inclusion_place(target, reference, "none", radius_mm=12.0)  # type: ignore[arg-type]
+        inclusion_position(target, reference, "none", radius_mm=12.0)  # type: ignore[arg-type]

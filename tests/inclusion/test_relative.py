@@ -263,18 +263,18 @@ def test_repeats_have_the_mean_and_deviation_of_their_values(values: list[float]
     repeats = Repeats(label="target", readings=tuple(reading(value) for value in values))
     assert repeats.mean == pytest.approx(statistics.mean(values))
     assert repeats.sd == pytest.approx(statistics.stdev(values), abs=1e-9)
-    assert repeats.seen == len(values)
+    assert repeats.observed == len(values)
     twice = Repeats(label="twice", readings=tuple(reading(2 * value) for value in values))
     assert ratios([repeats, twice]) == pytest.approx((1.0, 2.0))
 
 
 def test_repeats_without_a_value() -> None:
     unseen = Repeats(label="unseen", readings=(reading(None), reading(None)))
-    assert unseen.seen == 0
+    assert unseen.observed == 0
     assert np.isnan([unseen.mean, unseen.sd, *ratios([unseen])]).all()
     assert np.isnan(ratios([Repeats(label="zero", readings=(reading(0.0),))])).all()
     some = Repeats(label="some", readings=(reading(None), reading(4.0)))
-    assert (some.seen, some.mean) == (1, 4.0)
+    assert (some.observed, some.mean) == (1, 4.0)
 
 
 def test_readings_of_different_kinds_are_not_mixed() -> None:

@@ -88,7 +88,7 @@ def test_noise_of_the_stated_size_has_even_chances(order: int) -> None:
     answer = replace(ANSWER, pattern_sd=0.004, repeatability_sd=0.003)
     shape = (SENSOR.rows, SENSOR.columns)
     empty = TactileImage(grey=np.zeros(shape), mm_per_pixel=SENSOR.mm_per_pixel, force_n=1.0)
-    place = sector_means(empty, probe=PROBE, calibration=answer).grid.place
+    place = sector_means(empty, probe=PROBE, calibration=answer).grid.sector
 
     def pattern(sd: float) -> np.ndarray:
         # A ring's mean then errs by sd.

@@ -40,8 +40,8 @@ def test_its_density_is_the_normal_one_of_the_usable_rings() -> None:
     usable[0, 4] = usable[1, 15:] = False
     density = log_likelihood(experiment.model, replace(data, usable=usable))
     known, grey, use = experiment.model.calibration, data.grey, usable.ravel()
-    assert experiment.model.alike is not None
-    root = np.linalg.cholesky(experiment.model.alike)
+    assert experiment.model.correlation is not None
+    root = np.linalg.cholesky(experiment.model.correlation)
     # Neighbouring rings share grains: of a pattern that all frames show, and of one that each press draws anew.
     pattern = np.concatenate([known.pattern_sd * row[:, None] * root for row in grey])
     repeated = block_diag(*[known.repeatability_sd * row[:, None] * root for row in grey])

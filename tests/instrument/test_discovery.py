@@ -39,7 +39,7 @@ def test_each_source_answers_or_is_named_with_the_reason() -> None:
     }
     findings = find_cameras(module=modules.__getitem__, timeout_s=0.2)
     never.set()
-    assert findings.found == (ONE,)
+    assert findings.cameras == (ONE,)
     assert findings.missing == {
         "aravis": "aravis needs libaravis",
         "genicam": "the camera source genicam failed: the driver broke",
@@ -54,7 +54,7 @@ def test_only_the_sources_asked_for_are_asked() -> None:
         asked.append(name)
         return source(tuple)
 
-    assert find_cameras(["vimba", "aravis"], module=module).found == ()
+    assert find_cameras(["vimba", "aravis"], module=module).cameras == ()
     assert asked == ["vimba", "aravis"]
     with pytest.raises(UnknownNameError, match="no camera source is called 'files'"):
         find_cameras(["files"])

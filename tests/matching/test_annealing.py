@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tsis.matching import _annealing as annealing
-from tsis.matching._annealing import Cooling, anneal, plain_soft_pairs, soft_pairs
+from tsis.matching._annealing import Cooling, anneal, reference_soft_pairs, soft_pairs
 from tsis.matching._spline import spline_basis
 
 if TYPE_CHECKING:
@@ -22,14 +22,14 @@ def to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is left out and balancing goes on until nothing changes."""
     monkeypatch.setattr(annealing, "BALANCED", 1e-12)
     monkeypatch.setattr(annealing, "BALANCINGS", 5000)
-    monkeypatch.setattr(annealing, "REACH", 100.0)
+    monkeypatch.setattr(annealing, "CUT_OFF", 100.0)
 
 
 @pytest.mark.parametrize("temperature", [1.0, 0.05, 1e-4])
 @pytest.mark.usefixtures("to_the_end")
 def test_soft_pairs_equal_the_whole_matrix(warped: Warped, temperature: float) -> None:
     target = warped.target[:40]
-    plain = plain_soft_pairs(warped.source, target, temperature)
+    plain = reference_soft_pairs(warped.source, target, temperature)
     start = np.exp(np.random.default_rng(1).normal(size=40))
     paired, drawn, _ = soft_pairs(warped.source, target, temperature, start)
     np.testing.assert_allclose(paired, plain.sum(axis=1), atol=1e-9)
@@ -43,9 +43,9 @@ def test_so_do_those_of_a_few_balancings(
 ) -> None:
     monkeypatch.setattr(annealing, "BALANCED", 0.0)
     monkeypatch.setattr(annealing, "BALANCINGS", balancings)
-    monkeypatch.setattr(annealing, "REACH", 100.0)
+    monkeypatch.setattr(annealing, "CUT_OFF", 100.0)
     paired, drawn, _ = soft_pairs(warped.source, warped.target, temperature, np.ones(len(warped.target)))
-    plain = plain_soft_pairs(warped.source, warped.target, temperature, balancings=balancings)
+    plain = reference_soft_pairs(warped.source, warped.target, temperature, balancings=balancings)
     np.testing.assert_allclose(paired, plain.sum(axis=1), atol=1e-9)
     np.testing.assert_allclose(drawn, plain @ warped.target, atol=1e-9)
 
@@ -54,13 +54,13 @@ def test_so_do_those_of_a_few_balancings(
 def test_every_pair_within_reach_is_kept_however_many_there_are() -> None:
     moved, target = np.random.default_rng(3).normal(size=(2, 90, 2)) * 0.2
     paired, drawn, _ = soft_pairs(moved, target, 3.0, np.ones(90))
-    plain = plain_soft_pairs(moved, target, 3.0, balancings=5000)
+    plain = reference_soft_pairs(moved, target, 3.0, balancings=5000)
     np.testing.assert_allclose(paired, plain.sum(axis=1), atol=1e-9)
     np.testing.assert_allclose(drawn, plain @ target, atol=1e-9)
 
 
 def test_the_last_balance_saves_work_and_is_not_changed_in_place(warped: Warped) -> None:
-    plain = plain_soft_pairs(warped.source, warped.target, 0.1).sum(axis=1)
+    plain = reference_soft_pairs(warped.source, warped.target, 0.1).sum(axis=1)
     balance, wrong = np.ones(len(warped.target)), []
     for _ in range(5):
         before = balance.copy()

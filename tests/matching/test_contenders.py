@@ -16,7 +16,7 @@ def test_a_method_is_judged_by_what_the_entry_answers(name: str) -> None:
     judged = BenchmarkMethod(name=name)(trial.source, trial.target, rng=np.random.default_rng(1))
     assert found.reliable
     assert judged.reliable
-    np.testing.assert_allclose(judged.moved, found.moved, atol=1e-12)
+    np.testing.assert_allclose(judged.transformed, found.moved, atol=1e-12)
     assert BenchmarkMethod(name=name).absent() == ""
 
 
@@ -26,7 +26,7 @@ def test_an_answer_that_the_entry_withholds_is_judged_all_the_same() -> None:
     judged = BenchmarkMethod(name="cpd")(source, target, rng=rng)
     assert not register(source, target, method="cpd").reliable
     assert judged.reliable is False
-    assert not np.allclose(judged.moved, source)
+    assert not np.allclose(judged.transformed, source)
 
 
 def test_names_that_do_not_exist_are_refused() -> None:

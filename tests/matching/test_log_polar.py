@@ -32,7 +32,7 @@ def _turn(points: np.ndarray, angle: float) -> np.ndarray:
 )
 def test_compiled_counts_equal_plain_ones(points: np.ndarray, turn: float, scale: float) -> None:
     axis = turn + np.arange(len(points)) / 3
-    fast, plain = log_polar._counts(points, axis, scale), log_polar.plain_counts(points, axis, scale)
+    fast, plain = log_polar._counts(points, axis, scale), log_polar.reference_counts(points, axis, scale)
     np.testing.assert_allclose(fast, plain, atol=1e-9)
 
 

@@ -14,12 +14,12 @@ def test_a_peer_matches_a_mild_warp_wherever_it_is_installed(name: str) -> None:
     chosen = peer(name)
     if chosen.absent():
         with pytest.raises(MissingExtraError, match=f"{chosen.library} must be installed"):
-            chosen.moved(np.zeros((5, 2)), np.zeros((5, 2)))
+            chosen.transformed(np.zeros((5, 2)), np.zeros((5, 2)))
         pytest.skip(chosen.absent())
     assert public_distortion("deformation", 1).bending == 0.02
     (trial,) = generated_trials(shape="strokes", family="deformation", level=1, count=1, points=60)
     before = matching_error(trial, trial.source)
-    assert matching_error(trial, chosen.moved(trial.source, trial.target)) < before / 2
+    assert matching_error(trial, chosen.transformed(trial.source, trial.target)) < before / 2
 
 
 def test_absence_is_told_in_words() -> None:

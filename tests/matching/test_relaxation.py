@@ -19,8 +19,8 @@ from tsis.matching._relaxation import (
     Neighbourhood,
     cheapest,
     label,
-    plain_label,
-    plain_supports,
+    reference_label,
+    reference_supports,
 )
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def test_labels_equal_those_of_whole_matrices(dimension: int, updates: int, seed
     cost = chi_squared(histograms(source), histograms(target))
     here, there = Neighbourhood.of(source, NEIGHBOURS), Neighbourhood.of(target, TARGET_NEIGHBOURS)
     found = label(here, there, cost, single=ALONE, updates=updates)
-    plain = plain_label(here, there, cost, single=ALONE, updates=updates)
+    plain = reference_label(here, there, cost, single=ALONE, updates=updates)
     np.testing.assert_allclose(_whole(found, len(target)), plain, atol=1e-6)
     assert np.sum(found.probability > 0) > len(source)  # beyond one a row: else little would be compared
 
@@ -65,7 +65,7 @@ def test_labels_equal_those_of_whole_matrices(dimension: int, updates: int, seed
 def test_supports_equal_the_formula_pair_by_pair(dimension: int) -> None:
     rng = np.random.default_rng(4)
     source, target = rng.normal(size=(7, dimension)), rng.normal(size=(8, dimension))
-    supports = plain_supports(Neighbourhood.of(source, 3), Neighbourhood.of(target, 4))
+    supports = reference_supports(Neighbourhood.of(source, 3), Neighbourhood.of(target, 4))
     here, there = cdist(source, source), cdist(target, target)
     for i, j, a, b in product(range(7), range(8), repeat=2):
         near, close = np.sort(here[i])[1:4], np.sort(there[j])[1:5]
@@ -81,7 +81,7 @@ def test_supports_equal_the_formula_pair_by_pair(dimension: int) -> None:
 def test_identical_sets_support_their_own_pairs_fully(warped: Warped) -> None:
     points = warped.source[:30]
     here = Neighbourhood.of(points, NEIGHBOURS)
-    own = np.einsum("ijab,ab->ij", plain_supports(here, here), np.eye(30))
+    own = np.einsum("ijab,ab->ij", reference_supports(here, here), np.eye(30))
     np.testing.assert_allclose(np.diag(own), 1.0, atol=1e-12)
     assert own.max() <= 1 + 1e-12
 

@@ -26,7 +26,7 @@ def test_sparse_relaxation_equals_whole_matrices(warped: Warped, missing: int, m
     pairs = rpm_lns.candidates(cost)
     graphs = rpm_lns.neighbours(warped.source), rpm_lns.neighbours(target)
     chances = rpm_lns.relax(likely[pairs.row, pairs.column], rpm_lns.support(pairs, *graphs), pairs)
-    whole = rpm_lns.plain_relax(likely, *(graph.toarray() for graph in graphs))
+    whole = rpm_lns.reference_relax(likely, *(graph.toarray() for graph in graphs))
     np.testing.assert_allclose(chances.pair.reshape(cost.shape), whole, atol=1e-9)
 
 

@@ -20,11 +20,13 @@ if TYPE_CHECKING:
 
 def still(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:
     del target, rng
-    return MatchOutcome(moved=source, reliable=False)
+    return MatchOutcome(transformed=source, reliable=False)
 
 
 def shifted(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:
-    return MatchOutcome(moved=source + target.mean(axis=0) - source.mean(axis=0) + rng.normal(0, 0.01), reliable=True)
+    return MatchOutcome(
+        transformed=source + target.mean(axis=0) - source.mean(axis=0) + rng.normal(0, 0.01), reliable=True
+    )
 
 
 def broken(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:
@@ -32,7 +34,7 @@ def broken(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.
 
 
 def endless(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:
-    return MatchOutcome(moved=np.full_like(source, np.inf), reliable=None)
+    return MatchOutcome(transformed=np.full_like(source, np.inf), reliable=None)
 
 
 METHODS = {"still": still, "shifted": shifted}

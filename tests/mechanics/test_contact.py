@@ -87,7 +87,7 @@ def test_single_exchanges_alone_find_the_same_contact(seed: int, monkeypatch: py
     root = rng.standard_normal((12, 12))
     compliance, gap = root @ root.T + 0.05 * np.eye(12), rng.standard_normal(12)
     together, _ = unilateral_contact(compliance, gap, 0.3)
-    monkeypatch.setattr(contact, "PATIENCE", -1)
+    monkeypatch.setattr(contact, "MOST_STALLED_EXCHANGES", -1)
     alone, found = unilateral_contact(compliance, gap, 0.3)
     np.testing.assert_allclose(alone, together, atol=1e-9)
     assert found.iterations >= 1 + np.count_nonzero(found.closed != (gap < 0.3))

@@ -36,8 +36,8 @@ BOX = Box(
     tissue_young_kpa=(4.5, 5.5),
     thickness_mm=(29.0, 31.0),
 )
-FEW = Degrees(diameter=5, depth=4, contrast=2, tissue=3, thickness=2, plain=3)
-TINY = Degrees(diameter=1, depth=1, contrast=1, tissue=1, thickness=1, plain=1)
+FEW = Degrees(diameter=5, depth=4, contrast=2, tissue=3, thickness=2, baseline=3)
+TINY = Degrees(diameter=1, depth=1, contrast=1, tissue=1, thickness=1, baseline=1)
 COARSE = Resolution(order=3, edge=0.05, growth=2.2, largest=0.3, below_cells=2, ray_layers=3)
 FINER = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
 INNER = 97  # of 121 radii: 0.8 of the face
@@ -159,7 +159,7 @@ def test_only_the_ratios_of_moduli_and_force_matter(factor: float, domed: bool) 
         young_kpa=(factor * low[0], factor * low[1]),
         tissue_young_kpa=(factor * high[0], factor * high[1]),
     )
-    small = Degrees(diameter=2, depth=1, contrast=2, tissue=2, thickness=1, plain=2)
+    small = Degrees(diameter=2, depth=1, contrast=2, tissue=2, thickness=1, baseline=2)
     first, second = (
         build_full_contact_surrogate(one, box, degrees=small, resolution=COARSE, cached=False)
         for one, box in ((probe, BOX), (replace(probe, layers=layers), stiffer))
@@ -240,7 +240,9 @@ def test_it_is_kept_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert again.shape is not None
     assert first.shape is not None
     np.testing.assert_array_equal(again.shape.pressure_kpa.change, first.shape.pressure_kpa.change)
-    np.testing.assert_array_equal(again.by_poisson.unit.approach_mm.plain, first.by_poisson.unit.approach_mm.plain)
+    np.testing.assert_array_equal(
+        again.by_poisson.unit.approach_mm.baseline, first.by_poisson.unit.approach_mm.baseline
+    )
 
 
 def test_the_key_follows_the_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -72,7 +72,7 @@ def test_a_rigid_dome_on_a_bonded_layer(chi: float) -> None:
 
 def test_the_half_space_answers_as_copson_found() -> None:
     """Of p = sqrt(1 - s**2) the displacement is pi / 4 (2 - s**2), of 1 / sqrt(1 - s**2) it is pi, at a = 1."""
-    answer = disc_contact.half_space_answer()
+    answer = disc_contact.half_space_response()
     s, w = np.polynomial.legendre.leggauss(200)
     s, w = (s + 1) / 2, w / 2
     hertz, displaced = np.sqrt(1 - s**2), np.pi / 4 * (2 - s**2)
@@ -124,7 +124,7 @@ def energy_and_approach(kernel: PressKernel, force_mn: float) -> tuple[float, fl
 
 
 def work(split: disc_contact.Elastic, disc: disc_contact.DiscContact) -> float:
-    exact = split.half_space * disc.radius_mm**3 * disc_contact.half_space_answer()[:-1]
+    exact = split.half_space * disc.radius_mm**3 * disc_contact.half_space_response()[:-1]
     return float(0.5 * (disc.force @ split.smooth @ disc.force + disc.terms @ exact @ disc.terms))
 
 

@@ -52,7 +52,7 @@ def test_confined_compression_of_the_stack() -> None:
     dofs[[0, -1], :, 0] = FIXED  # the axis, and walls that hold the side
     young, poisson = (np.array([getattr(layer, name) for layer in layers]) for name in ("young_kpa", "poisson"))
     top = np.array([0])
-    stiffness = condense_layers(body, dofs, save=top, young_kpa=young, poisson=poisson).keep(top).stiffness[0, 0]
+    stiffness = condense_layers(body, dofs, save=top, young_kpa=young, poisson=poisson).restrict(top).stiffness[0, 0]
     modulus = stiffness * 10.0 / (np.pi * RADIUS**2)
     assert modulus == pytest.approx(860.7, rel=1e-4)
     assert modulus == pytest.approx(confined_modulus_kpa(layers), rel=1e-9)

@@ -106,7 +106,7 @@ def test_slow_tissue_settles_too(tissue: Relaxation, ramp_s: float, tolerance: f
 
 
 def test_numbers_of_any_kind_make_a_surrogate() -> None:
-    one = Degrees(diameter=1, depth=1, contrast=1, tissue=1, thickness=1, plain=1)
+    one = Degrees(diameter=1, depth=1, contrast=1, tissue=1, thickness=1, baseline=1)
     probe = Probe(radius_mm=np.int64(12), layers=FLAT.layers)  # type: ignore[arg-type]
     force: Any = np.float32(1.0)
     assert build_surrogate(probe, degrees=one, force_n=force, cached=False).force_n == 1.0

@@ -35,8 +35,8 @@ SMALL = Box(
     tissue_young_kpa=(4.5, 5.5),
     thickness_mm=(29.0, 31.0),
 )
-FEW = Degrees(diameter=5, depth=4, contrast=2, tissue=2, thickness=2, plain=3)
-TINY = Degrees(diameter=1, depth=1, contrast=1, tissue=1, thickness=1, plain=1)
+FEW = Degrees(diameter=5, depth=4, contrast=2, tissue=2, thickness=2, baseline=3)
+TINY = Degrees(diameter=1, depth=1, contrast=1, tissue=1, thickness=1, baseline=1)
 COARSE = Resolution(order=3, edge=0.05, growth=2.2, largest=0.3, below_cells=2, ray_layers=3)
 
 
@@ -72,9 +72,9 @@ def errors(surrogate: PressSurrogate, count: int, seed: int, *, probe: Probe = P
             (surrogate.face_displacement_mm, bare.face_displacement_mm, added.face_displacement_mm),
         ):
             fast = part.at_tissue(tissue, thickness)
-            off = (fast(*inclusion)[0] - fast.plain - signal)[inside]
+            off = (fast(*inclusion)[0] - fast.baseline - signal)[inside]
             change.append(np.abs(off).max() / np.abs(signal[inside]).max())
-            plain.append(np.abs(fast.plain[inside] / fresh[inside] - 1).max())
+            plain.append(np.abs(fast.baseline[inside] / fresh[inside] - 1).max())
         travel = surrogate.approach_mm.at_tissue(tissue, thickness)(*inclusion)[0, 0]
         plain.append(abs(travel / (bare.approach_mm + added.approach_mm) - 1))
     return Errors(change=float(max(change)), plain=float(max(plain)))
@@ -122,7 +122,7 @@ def test_values_at_the_points_are_the_solves_themselves(small: PressSurrogate) -
     ]
     change = np.einsum("na,nb,nc,abck->nk", *weights, at.change, optimize=True)
     centre = h + d / 2
-    expected = at.plain + (factor * (d / centre) ** 3)[:, None] * change
+    expected = at.baseline + (factor * (d / centre) ** 3)[:, None] * change
     np.testing.assert_allclose(at(d, h, young), expected, rtol=1e-10)
 
 
@@ -158,7 +158,7 @@ def test_a_box_may_hold_softer_inclusions_too() -> None:
     surrogate = build_surrogate(PROBE, box, degrees=replace(FEW, contrast=5), cached=False)
     assert errors(surrogate, 6, seed=6).plain < 3e-4
     at = surrogate.face_displacement_mm.at_tissue(5.0, 30.0)
-    soft, same, stiff = at(np.full(3, 8.0), np.full(3, 5.0), np.array([2.0, 5.0, 8.0]))[:, 0] - at.plain[0]
+    soft, same, stiff = at(np.full(3, 8.0), np.full(3, 5.0), np.array([2.0, 5.0, 8.0]))[:, 0] - at.baseline[0]
     assert soft < same == 0.0 < stiff
 
 
@@ -261,7 +261,7 @@ def test_the_key_follows_the_content_and_not_the_name(stored: Path) -> None:
 
 def test_progress_is_told_slab_by_slab() -> None:
     calls: list[tuple[int, int]] = []
-    degrees = Degrees(diameter=2, depth=1, contrast=1, tissue=1, thickness=2, plain=1)
+    degrees = Degrees(diameter=2, depth=1, contrast=1, tissue=1, thickness=2, baseline=1)
     tiny(degrees=degrees, progress=lambda done, total: calls.append((done, total)), cached=False)
     assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
@@ -291,18 +291,18 @@ def test_finite_strain_has_a_surrogate_too() -> None:
         tissue_young_kpa=(4.9, 5.1),
         thickness_mm=(29.9, 30.1),
     )
-    few = Degrees(diameter=3, depth=3, contrast=2, tissue=1, thickness=1, plain=2)
+    few = Degrees(diameter=3, depth=3, contrast=2, tissue=1, thickness=1, baseline=2)
     surrogate = build_surrogate(PROBE, box, force_n=0.75, strain="finite", degrees=few, cached=False)
     assert 0 < surrogate.error < 5e-3
     inside, area = ring_points(surrogate.radius_mm)
-    pressure = surrogate.pressure_kpa.at_tissue(5.0, 30.0).plain
+    pressure = surrogate.pressure_kpa.at_tissue(5.0, 30.0).baseline
     assert pressure @ (area @ surrogate.interpolation(inside)) == pytest.approx(750.0, rel=2e-3)
     lump = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
     phantom = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=lump)
     fresh = press(PROBE, phantom, force_n=0.75, strain="finite").face_displacement_mm[::2]
     bare = press(PROBE, phantom.without_inclusion(), force_n=0.75, strain="finite").face_displacement_mm[::2]
     at = surrogate.face_displacement_mm.at_tissue(5.0, 30.0)
-    fast = at(np.array([10.0]), np.array([5.0]), np.array([100.0]))[0] - at.plain
+    fast = at(np.array([10.0]), np.array([5.0]), np.array([100.0]))[0] - at.baseline
     assert np.abs(fast - (fresh - bare))[:97].max() < 0.01 * np.abs(fresh - bare).max()
 
 

@@ -72,7 +72,7 @@ def test_a_flat_probe_of_silicone_keeps_its_light_from_the_face() -> None:
     assert found.tally.face < 1e-6, "only light more than 83 degrees from the horizontal would get out"
     assert found.tally.contact == 0.0
     assert found.arriving.sum() > 0.05
-    assert found.out_of_reach == 0.0
+    assert found.out_of_range == 0.0
 
 
 def test_lamps_at_the_glass_feed_what_never_senses() -> None:
@@ -81,13 +81,13 @@ def test_lamps_at_the_glass_feed_what_never_senses() -> None:
     # Light at an angle e above the horizon in air is out of reach when 1.515^2 - sin(e)^2 > 1.41^2.
     limit = np.degrees(np.arcsin(np.sqrt(1.515**2 - 1.41**2)))
     entered = 1 - found.tally.missed - found.tally.reflected
-    assert 0.97 * entered < found.out_of_reach <= entered
+    assert 0.97 * entered < found.out_of_range <= entered
     assert found.arriving.sum() < 0.05 * trace_rays(PROBE, rays=20_000).arriving.sum()
     for beyond, expected in ((-6.0, 1.0), (6.0, 0.0)):
         beam = Led(height_mm=11.5, diameter_mm=0.5, half_angle_deg=1.0, aim_deg=-limit - beyond)
         found = trace_rays(replace(PROBE, leds=(beam,)), rays=20_000)
         entered = 1 - found.tally.missed - found.tally.reflected
-        assert found.out_of_reach / entered == pytest.approx(expected, abs=0.01)
+        assert found.out_of_range / entered == pytest.approx(expected, abs=0.01)
 
 
 def test_absorption_is_exact_along_a_diameter() -> None:

@@ -103,8 +103,8 @@ def test_light_in_the_glass_that_never_reaches_the_face() -> None:
     inside = refraction_deg(found.blind_deg[1], index_from=1.0, index_to=1.515)
     assert 90 - float(inside) == pytest.approx(critical_angle_deg(index_from=1.515, index_to=1.41), abs=1e-9)
     stays = 90 - critical_angle_deg(index_from=1.515, index_to=1.0)
-    assert found.blind_share[1] == pytest.approx(float(inside) / stays)
-    assert found.blind_deg[0] == found.blind_share[0] == 0.0
+    assert found.blind_fraction[1] == pytest.approx(float(inside) / stays)
+    assert found.blind_deg[0] == found.blind_fraction[0] == 0.0
     one_thin_layer_bars_all_behind_it = acceptance([1.5, 1.3, 1.4])
     assert (one_thin_layer_bars_all_behind_it.blind_deg > 0).tolist() == [False, False, True]
 

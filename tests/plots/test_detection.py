@@ -5,7 +5,14 @@ import pytest
 from matplotlib.figure import Figure
 
 from tsis.detection import Counts, bland_altman, reliability_curve, roc
-from tsis.plots import agreement_limits, found_by_place, read_over_true, reliability_diagram, roc_curve, scores_by_truth
+from tsis.plots import (
+    agreement_limits,
+    detected_by_size_and_depth,
+    read_over_true,
+    reliability_diagram,
+    roc_curve,
+    scores_by_truth,
+)
 
 SCORES, TRUTH = [0.1, 0.4, 0.35, 0.8, 0.7], [False, False, True, True, True]
 
@@ -36,11 +43,11 @@ def test_shares_are_drawn_over_probabilities() -> None:
 
 
 def test_found_missed_and_undecided_are_told_apart() -> None:
-    ax = found_by_place([3.0, 5.0, 7.0], [4.0, 6.0, 8.0], [True, False, None], Figure().subplots())
+    ax = detected_by_size_and_depth([3.0, 5.0, 7.0], [4.0, 6.0, 8.0], [True, False, None], Figure().subplots())
     assert [each.get_label() for each in ax.lines] == ["found", "missed", "undecided"]
     low, high = ax.get_ylim()
     assert low > high  # deep ones below
-    assert not found_by_place([], [], [], Figure().subplots()).lines
+    assert not detected_by_size_and_depth([], [], [], Figure().subplots()).lines
 
 
 def test_readings_stand_over_the_truth_and_limits_beside_the_bias() -> None:

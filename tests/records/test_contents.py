@@ -59,7 +59,7 @@ def test_estimates_rest_on_presses_that_were_read_with_them(place: Place, monkey
 
         with monkeypatch.context() as racing:
             racing.setattr(Database, "reading", raced)
-            dossier = store.dossier(target)
+            dossier = store.record(target)
         assert next(seeds) > 2  # another did enter something
         for stored in dossier.estimates:
             assert [dossier.press(identity).id for identity in stored.presses] == list(stored.presses)
@@ -78,7 +78,7 @@ def test_a_clock_that_was_set_back_puts_no_old_estimate_in_force(store: Store, m
     monkeypatch.setattr(store_module, "datetime", Clock)
     again = estimated(store, target, 1, supersedes=first)
     assert again.made < first.made
-    assert [stored.id for stored in store.dossier(target).estimates] == [first.id, again.id]
+    assert [stored.id for stored in store.record(target).estimates] == [first.id, again.id]
     assert store.estimates(target)[-1].id == again.id
 
 
@@ -110,5 +110,5 @@ def test_the_number_of_entries_tells_every_change(place: Place) -> None:
         seen.append(store.entries())
         assert seen == sorted(set(seen))
         store.targets()
-        store.dossier(target)
+        store.record(target)
         assert store.entries() == seen[-1]

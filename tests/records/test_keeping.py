@@ -27,7 +27,7 @@ def keepable() -> SavableResult:
         kind="inclusion",
         estimate=sample_estimate(),
         probe="tsis-2011",
-        known=sample_calibration(),
+        calibration=sample_calibration(),
         frames={"target": [frame(0), frame(1)], "plain": [frame(2)], "untouched": [frame(3)]},
         options={"prior": {"depth_mm": [4.0, 12.0]}},
         name="knot",

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 def filled(store: Store) -> TargetRecord:
     target = store.add_target(name="size-10")
     store.add_press(target, TactileImage(grey=levels(0), full_scale=255.0, force_n=0.7), taken=WHEN)
-    return store.dossier(target)
+    return store.record(target)
 
 
 def secret_of(store: Store) -> str | None:
@@ -45,11 +45,11 @@ def test_it_lasts_in_its_store(place: Place) -> None:
     with place.open() as store:
         first = filled(store)
     with place.open() as store:
-        again = store.dossier(store.target(1))
+        again = store.record(store.target(1))
         assert pseudonym(again) == pseudonym(first)
         assert dicom_files(again) == dicom_files(first)
         assert fhir_observations(again) == fhir_observations(first)
-        other = store.dossier(store.add_target())
+        other = store.record(store.add_target())
     assert pseudonym(other) != pseudonym(first)
 
 
@@ -61,7 +61,7 @@ def test_who_has_the_identity_does_not_have_the_pseudonym(tmp_path: Path) -> Non
         assert handed.target.id == dossier.target.id
         assert pseudonym(handed) != pseudonym(read_bundle(tmp_path / "bundle"))
         other.take_in(handed)
-        taken = other.dossier(other.target(1))
+        taken = other.record(other.target(1))
         assert len({pseudonym(each) for each in (dossier, handed, taken)}) == 3
         assert shown_identity(taken.target) == shown_identity(dossier.target)  # that of identified exports
 
@@ -92,11 +92,11 @@ def test_an_older_store_gets_one_once_and_its_audit_says_so(place: Place) -> Non
     with place.open() as store:
         assert secret_of(store) is None
         (summary, *_) = store.targets()
-        first, head = store.dossier(summary.target), verify_store(store).head
+        first, head = store.record(summary.target), verify_store(store).head
         assert verify_store(store).sound
         assert secret_of(store) is not None
     with place.open() as store:
-        assert pseudonym(store.dossier(summary.target)) == pseudonym(first)
+        assert pseudonym(store.record(summary.target)) == pseudonym(first)
         assert verify_store(store).head == head
 
 
@@ -107,7 +107,7 @@ def test_a_secret_that_was_taken_out_is_not_made_anew(tmp_path: Path) -> None:
             with store.database.writing() as connection:
                 connection.execute(change.where(tables.store_table.c.name == TERM))
             with pytest.raises(RecordsError, match="secret of the store, from which pseudonyms follow"):
-                store.dossier(store.target(1))
+                store.record(store.target(1))
             assert not verify_store(store).sound
 
 

@@ -63,7 +63,7 @@ def sealed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_it_is_read_and_verified_and_nothing_is_touched(sealed: Path, create: bool) -> None:
     before = content(sealed)
     with open_store(sealed, create=create) as store:
-        dossier = store.dossier(store.target(1))
+        dossier = store.record(store.target(1))
         assert [dossier.levels(press).shape for press in dossier.presses] == [(16, 20)] * 4
         assert len(dossier.estimates) == 1
         found = verify_store(store)

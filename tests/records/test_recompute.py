@@ -55,9 +55,9 @@ def test_right_away_it_is_the_same_bit_for_bit_and_nothing_is_stored(store: Stor
     target = stored_object(store)
     (again,) = recompute(store, target)
     assert again.same
-    assert again.sentence == "Nothing changed: bit for bit the same."
+    assert again.message == "Nothing changed: bit for bit the same."
     assert again.causes == again.notes == again.flags_gained == again.flags_lost == ()
-    assert [(shift.moved, shift.low_moved, shift.high_moved) for shift in again.shifts] == [(0.0, 0.0, 0.0)]
+    assert [(shift.shifted, shift.low_shift, shift.high_shift) for shift in again.shifts] == [(0.0, 0.0, 0.0)]
     for name, values in again.before.estimate.samples.items():
         np.testing.assert_array_equal(again.after.estimate.samples[name], values)
     assert not again.stored
@@ -72,7 +72,7 @@ def test_another_estimator_is_told_with_how_far_it_moved_and_why(store: Store, m
     of_another_time(monkeypatch, code_sha256="f" * 64, libraries=libraries)
     (again,) = recompute(store, target)
     (shift,) = again.shifts
-    assert (shift.moved, shift.low_moved, shift.high_moved) == pytest.approx((2.0, 2.0, 2.0))
+    assert (shift.shifted, shift.low_shift, shift.high_shift) == pytest.approx((2.0, 2.0, 2.0))
     assert again.flags_gained == ("model_does_not_hold",)
     assert again.before.estimate.trusted
     assert not again.after.estimate.trusted
@@ -94,8 +94,8 @@ def test_the_same_result_of_other_code_is_the_same_and_not_stored(
     of_another_time(monkeypatch, python="4.0.0")
     (again,) = recompute(store, target)
     assert again.same
-    assert "Bit for bit the same" in again.sentence
-    assert f"python {environment()['python']} -> 4.0.0" in again.sentence
+    assert "Bit for bit the same" in again.message
+    assert f"python {environment()['python']} -> 4.0.0" in again.message
     assert len(store.estimates(target)) == 1
 
 
@@ -105,7 +105,7 @@ def test_a_change_without_a_known_cause_points_at_the_machine(store: Store, monk
     (again,) = recompute(store, target)
     assert not again.same
     assert again.causes == ()
-    assert "look at the processor" in again.sentence
+    assert "look at the processor" in again.message
 
 
 def test_another_default_prior_is_the_cause(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,7 +135,7 @@ def test_a_prior_that_was_written_down_is_taken_whatever_is_the_default_now(
     monkeypatch.setattr(tsis.hardness, "estimate", of_another_release)
     (again,) = recompute(store, target)
     assert again.same
-    assert again.sentence == "Nothing changed: bit for bit the same."
+    assert again.message == "Nothing changed: bit for bit the same."
 
 
 def test_an_edited_force_is_an_input_that_changed(store: Store) -> None:
@@ -145,11 +145,11 @@ def test_an_edited_force_is_an_input_that_changed(store: Store) -> None:
     (again,) = recompute(store, target)
     assert not again.same
     assert f"the inputs changed: force_n of {press.name}: 1.2 -> 1.3" in again.causes
-    assert again.shifts[0].moved != 0.0
+    assert again.shifts[0].shifted != 0.0
     assert again.stored
     (settled,) = recompute(store, target)
     assert settled.same
-    assert settled.sentence == "Nothing changed: bit for bit the same."
+    assert settled.message == "Nothing changed: bit for bit the same."
 
 
 def test_a_press_that_is_no_longer_one_on_the_target_is_left_out(store: Store) -> None:
@@ -238,7 +238,7 @@ def test_the_last_of_each_kind_is_made_again_and_the_one_in_force_stays(
     found = recompute(store, target)
     assert [each.before.kind for each in found] == ["hardness", "inclusion"]
     assert asked == [1]
-    assert store.dossier(target).estimate is not None
+    assert store.record(target).estimate is not None
     assert [each.kind for each in store.estimates(target)] == ["hardness", "inclusion", "inclusion", "inclusion"]
     assert store.estimates(target)[-1].supersedes == store.estimates(target)[-2].id
 

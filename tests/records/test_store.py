@@ -93,7 +93,7 @@ def test_an_estimate_comes_back_with_every_sample(store: Store) -> None:
     again = store.add_estimate(
         target, made, kind="inclusion", presses=presses, probe="tsis-2011", calibration=known, supersedes=first
     )
-    found = store.dossier(target)
+    found = store.record(target)
     assert [each.id for each in found.estimates] == [first.id, again.id]
     assert found.estimates[1].supersedes == first.id
     assert found.estimates[0].presses == tuple(press.id for press in presses)
@@ -329,7 +329,7 @@ def test_a_damaged_file_hides_nothing_else_of_a_target(tmp_path: Path, ending: s
         )
         (file,) = tmp_path.glob(f"files/*/*.{ending}")
         file.write_bytes(file.read_bytes() + b"x")
-        found = store.dossier(target)
+        found = store.record(target)
         assert found.presses == (press,)
         np.testing.assert_array_equal(found.levels(press), store.levels(press.frame))
         assert (len(found.estimates), len(found.calibrations)) == ((0, 1) if ending == "samples" else (1, 0))

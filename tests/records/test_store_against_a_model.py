@@ -137,7 +137,7 @@ class StoreMachine(RuleBasedStateMachine):
     @rule(of=targets)
     def look_into_a_target(self, of: Target) -> None:
         held = self.held[of.id]
-        dossier = self.store.dossier(self.store.target(held.target.number))
+        dossier = self.store.record(self.store.target(held.target.number))
         assert dossier.target == held.target
         for press in dossier.presses:
             np.testing.assert_array_equal(dossier.levels(press), held.presses[press.id][1])

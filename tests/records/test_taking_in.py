@@ -43,7 +43,7 @@ def test_everything_keeps_its_identity_and_value(store: Store, full_scale: float
     given = sample_dossier(full_scale=full_scale)
     taken = store.take_in(given)
     assert (taken.new, taken.presses, taken.estimates, taken.present, taken.differing) == (True, 4, 1, 0, 0)
-    require_equal(given, store.dossier(store.target(3)), but_frames=True)
+    require_equal(given, store.record(store.target(3)), but_frames=True)
     found = verify_store(store)
     assert found.sound
     assert found.unnamed == 0
@@ -51,10 +51,10 @@ def test_everything_keeps_its_identity_and_value(store: Store, full_scale: float
 
 def test_a_bundle_of_one_store_is_the_same_target_in_another(tmp_path: Path, store: Store) -> None:
     target = store.take_in(sample_dossier()).target
-    write_bundle(store.dossier(target), tmp_path / "target-3.zip")
+    write_bundle(store.record(target), tmp_path / "target-3.zip")
     with open_store(tmp_path / "other") as other:
         taken = other.take_in(read_bundle(tmp_path / "target-3.zip"))
-        require_equal(store.dossier(target), other.dossier(taken.target))
+        require_equal(store.record(target), other.record(taken.target))
         assert verify_store(other).sound
 
 
@@ -83,7 +83,7 @@ def test_frames_that_another_library_packed_otherwise_are_the_same(
 ) -> None:
     target = store.take_in(sample_dossier()).target
     store.edit_press(store.presses(target)[0], note="edited")  # two presses of one frame, one of them only in the store
-    write_bundle(store.dossier(target), tmp_path / "bundle")
+    write_bundle(store.record(target), tmp_path / "bundle")
     given = read_bundle(tmp_path / "bundle")
     monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", [cv2.IMWRITE_PNG_COMPRESSION, 9])
     taken = store.take_in(given)
@@ -99,7 +99,7 @@ def test_frames_that_another_library_packed_otherwise_are_the_same(
         assert (again.presses, again.present, again.differing) == (0, 5, 0)
         found = verify_store(other)
         assert (found.sound, found.unnamed) == (True, 0)
-        require_equal(given, other.dossier(first.target), but_frames=True)
+        require_equal(given, other.record(first.target), but_frames=True)
 
 
 def test_a_frame_of_other_levels_differs(store: Store) -> None:

@@ -223,7 +223,7 @@ def test_garbage_is_one_sentence_wherever_it_is_read(template: Stores, tmp_path:
         try:
             with open_store(tmp_path / "trial") as store:
                 for summary in store.targets():
-                    dossier = store.dossier(summary.target)
+                    dossier = store.record(summary.target)
                     for press in dossier.presses:
                         dossier.image(press)
                 store.edit_target(store.target(1), note="x")

@@ -18,7 +18,7 @@ from tsis.report import (
     calibration_notes,
     calibration_report,
     calibration_rows,
-    held_rows,
+    content_rows,
     specification_rows,
 )
 from tsis.virtual import VirtualBench
@@ -48,7 +48,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[ProbeCalibration, Se
         )
     )
     for step in session.plan():
-        session.keep(step, bench.shots(step))
+        session.save(step, bench.shots(step))
     return calibrate(session, days=10)
 
 
@@ -85,8 +85,8 @@ def test_the_rows_hold_what_was_measured(made: tuple[ProbeCalibration, SessionRe
     assert float(rows["hysteresis"][0].split()[0]) == pytest.approx(100 * hysteresis.value, abs=0.006)
     without = replace(findings, line=replace(findings.line, hysteresis=None))
     assert "hysteresis" not in [row[0] for row in calibration_rows(known, without)]
-    assert set(held_rows(known)) < set(calibration_rows(known, findings))
-    simulated = dict(row[:2] for row in held_rows(replace(known, made=None, expires=None)))
+    assert set(content_rows(known)) < set(calibration_rows(known, findings))
+    simulated = dict(row[:2] for row in content_rows(replace(known, made=None, expires=None)))
     assert (simulated["made"], simulated["good until"]) == ("simulated", "does not age")
 
 

@@ -11,9 +11,9 @@ from tsis.inclusion import InclusionPrior
 from tsis.inclusion.design import compare_designs, protocol_of
 from tsis.report import (
     HEADINGS,
-    DesignAnswer,
+    DesignAnalysis,
     DesignQuestion,
-    answered,
+    answer_question,
     compared_designs,
     design_document,
     design_page,
@@ -28,11 +28,11 @@ QUESTION = DesignQuestion(
 
 
 @pytest.fixture(scope="module")
-def answer() -> DesignAnswer:
-    return answered(QUESTION, compared_designs(QUESTION))
+def answer() -> DesignAnalysis:
+    return answer_question(QUESTION, compared_designs(QUESTION))
 
 
-def test_designs_come_in_the_order_of_the_criterion(answer: DesignAnswer) -> None:
+def test_designs_come_in_the_order_of_the_criterion(answer: DesignAnalysis) -> None:
     names = [one.protocol.name for one in answer.designs]
     assert set(names) == {"as planned", "without a reference", "frames of each press: 4", "frames of each press: 16"}
     errors = [one.information.rmse["depth_mm"] for one in answer.designs]
@@ -40,13 +40,13 @@ def test_designs_come_in_the_order_of_the_criterion(answer: DesignAnswer) -> Non
     assert answer.best is answer.designs[0]
 
 
-def test_the_planned_design_is_that_of_the_library(answer: DesignAnswer) -> None:
+def test_the_planned_design_is_that_of_the_library(answer: DesignAnalysis) -> None:
     once = protocol_of(load_probe("tsis-2011"), (0.8,))
     (alone,) = compare_designs([once], of=once.probe, prior=InclusionPrior(), calibration=design_calibration())
     assert answer.planned.information.rmse == pytest.approx(alone.information.rmse)
 
 
-def test_the_page_says_what_the_designs_say(answer: DesignAnswer) -> None:
+def test_the_page_says_what_the_designs_say(answer: DesignAnalysis) -> None:
     page = design_page(answer)
     (table,) = page.tables
     assert table.headings == HEADINGS
@@ -66,7 +66,7 @@ def test_the_page_says_what_the_designs_say(answer: DesignAnswer) -> None:
     assert len(points) == len(answer.designs)
 
 
-def test_a_document_is_json_with_every_design(answer: DesignAnswer) -> None:
+def test_a_document_is_json_with_every_design(answer: DesignAnalysis) -> None:
     document = design_document(answer)
     assert json_bytes(document)
     assert [row[0] for row in design_rows(answer.designs)] == [one["name"] for one in document["designs"]]
@@ -75,7 +75,7 @@ def test_a_document_is_json_with_every_design(answer: DesignAnswer) -> None:
 
 def test_a_broken_limit_is_said_in_words() -> None:
     question = DesignQuestion(probe=load_probe("tsis-2011"), forces_n=(5.0,), compared=())
-    page = design_page(answered(question, compared_designs(question)))
+    page = design_page(answer_question(question, compared_designs(question)))
     assert any("press less" in note for note in page.notes)
     assert all(card.doubtful for card in page.cards)
 

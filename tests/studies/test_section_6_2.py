@@ -37,7 +37,7 @@ def test_against_the_untouched_probe_the_size_is_that_of_the_face(result: Result
 def test_against_plain_tissue_the_size_grows_with_the_inclusion(ideal: Result) -> None:
     """Without errors: with them, noise at the dim rim can be taken for the 2 mm inclusion, and is flagged."""
     small, middle, large = ideal.readings["size"][PLAIN]
-    assert middle.seen == large.seen == 1
+    assert middle.observed == large.observed == 1
     assert 8.0 < middle.mean < large.mean, "the light of what lies 5 mm deep is wider than it"
     assert small.mean < middle.mean / 2
     assert large.mean / middle.mean < 14.0 / 8.0, "and less so the larger it is"

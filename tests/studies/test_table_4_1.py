@@ -31,7 +31,7 @@ def test_the_loops_are_what_the_machine_remembers(result: Result) -> None:
     machine = VirtualLoadingMachine(PROBE, rng=np.random.default_rng(1), sensor=SMALL)  # the same machine
     share = 0.6
     low, high = found.interval(0.999)
-    assert low < -4 * share**2 * (1 - share) * machine.truth.hysteresis_share < high
+    assert low < -4 * share**2 * (1 - share) * machine.truth.hysteresis_fraction < high
 
 
 def test_the_smallest_force_is_that_of_the_noise_of_untouched_frames(result: Result) -> None:

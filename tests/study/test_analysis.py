@@ -80,11 +80,11 @@ def test_errors_of_found_inclusions_are_those_of_the_table(tmp_path: Path) -> No
         assert errors.largest == pytest.approx(np.abs(away).max())
         assert errors.covered is None
     sizes = [stratum for stratum in one.strata if stratum.quantity == "diameter_mm"]
-    assert sum(each.found.successes for each in sizes if each.found) == len(found)
-    assert sum(each.found.trials for each in one.strata if each.found and each.quantity == "depth_mm") == 20
+    assert sum(each.detected.successes for each in sizes if each.detected) == len(found)
+    assert sum(each.detected.trials for each in one.strata if each.detected and each.quantity == "depth_mm") == 20
     small = sum(truth.has_inclusion and truth.values["diameter_mm"] < 5 for truth in truths.values())
-    assert sizes[0].found is not None
-    assert sizes[0].found.trials == small
+    assert sizes[0].detected is not None
+    assert sizes[0].detected.trials == small
 
 
 def test_undecided_targets_are_left_out_and_taken_as_wrong(tmp_path: Path) -> None:
@@ -100,7 +100,7 @@ def test_undecided_targets_are_left_out_and_taken_as_wrong(tmp_path: Path) -> No
         true_positives=4, false_negatives=1, true_negatives=4, false_positives=2
     )
     assert one.auc_if_wrong == pytest.approx(16 / 30)  # 4 of 5 above 4 of 6
-    assert (len(one.judged.undecided), len(one.judged.unread), one.undecided_readings) == (3, 1, 3)
+    assert (len(one.results.undecided), len(one.results.unread), one.undecided_readings) == (3, 1, 3)
     assert one.few
 
 
@@ -162,7 +162,7 @@ def test_rounded_scores_are_told_apart_by_their_ranks(tmp_path: Path) -> None:
         for code, rank in zip(study.plan.codes, ranks, strict=True)
     ]
     one = analysed(enter_readings(study, readings, actor="Cleo")).devices[0]
-    assert one.judged.is_ranked
+    assert one.results.is_ranked
     assert one.curve is not None
     assert one.curve.auc == pytest.approx(roc_auc_score(present, ranks), abs=1e-12)
     assert 0.5 < one.curve.auc < 1
@@ -178,7 +178,7 @@ def test_scores_that_are_no_probabilities_have_no_brier_score(tmp_path: Path) ->
     (one,) = analysed(study).devices
     assert one.reliability is None
     assert "must lie in [0, 1]" in one.missing["reliability"]
-    assert one.judged.threshold == 3.0
+    assert one.results.threshold == 3.0
     assert one.counts is not None
     assert one.counts.true_positives + one.counts.false_positives == 3
 

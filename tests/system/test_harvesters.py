@@ -93,7 +93,7 @@ def taken(camera: GenICamCamera, count: int) -> list[Any]:
 def test_the_cameras_of_a_producer_are_found_and_reached(producer: Path) -> None:
     findings = find_cameras(["genicam"])
     assert findings.missing == {}
-    assert [(one.identity, one.model, one.note) for one in findings.found] == [
+    assert [(one.identity, one.model, one.note) for one in findings.cameras] == [
         (RED, "Viky", "viky.cti"),
         (GREEN, "Viky", "viky.cti"),
         ("VikyTL_DEV_blue", "Viky", "viky.cti"),
@@ -107,7 +107,7 @@ def test_the_cameras_of_a_producer_are_found_and_reached(producer: Path) -> None
 def test_the_cameras_of_vimba_are_found_and_reached(vimba_system: Any) -> None:
     findings = find_cameras(["vimba"])
     assert findings.missing == {}
-    assert {one.identity for one in findings.found} == {RED, GREEN, "VikyTL_DEV_blue"}
+    assert {one.identity for one in findings.cameras} == {RED, GREEN, "VikyTL_DEV_blue"}
     by_serial_number = connect("vimba:1")
     by_serial_number.open()
     assert by_serial_number.name == f"vimba camera {GREEN}"

@@ -53,10 +53,10 @@ def test_emulated_cameras_are_found_and_reached_by_their_number(monkeypatch: pyt
     monkeypatch.setenv("PYLON_CAMEMU", "2")
     findings = find_cameras(["pylon"])
     assert findings.missing == {}
-    assert [camera.maker for camera in findings.found] == ["Basler", "Basler"]
-    second = connect(findings.found[1].spec)
+    assert [camera.maker for camera in findings.cameras] == ["Basler", "Basler"]
+    second = connect(findings.cameras[1].spec)
     second.open()
-    assert second.name == f"pylon camera {findings.found[1].identity}"
+    assert second.name == f"pylon camera {findings.cameras[1].identity}"
     second.stop()
     monkeypatch.setenv("PYLON_CAMEMU", "0")
     assert all(camera.model != "Emulation" for camera in find_cameras_here())

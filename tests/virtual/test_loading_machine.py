@@ -21,7 +21,7 @@ NO_ERRORS = MachineErrors(
     pattern_sd=0.0,
     hysteresis_sd=0.0,
     force_sd=0.0,
-    place_sd_mm=0.0,
+    position_sd_mm=0.0,
     gauge_gain_sd=0.0,
     gauge_zero_sd_n=0.0,
     gauge_noise_n=0.0,
@@ -45,7 +45,7 @@ def machine(
 @pytest.mark.parametrize(("tip_mm", "force_n"), [(2.0, 2.0), (10.0, 0.5), (14.0, 2.0)])
 def test_light_adds_up_to_the_integral_of_the_saturating_pressure(tip_mm: float, force_n: float) -> None:
     bench = machine(3)
-    contact, answer = bench.contact(tip_mm, force_n), bench.truth.answer
+    contact, answer = bench.contact(tip_mm, force_n), bench.truth.response
     a, p0, top = contact.contact_radius_mm, contact.peak_pressure_kpa, answer.saturation_kpa
 
     def ring(r: float) -> float:
@@ -76,8 +76,8 @@ def test_unloading_remembers_loading_as_much_as_the_truth_says() -> None:
     up = (bench.press(10.0, 1.0)[0].grey - untouched).sum()
     bench.press(10.0, 2.0)
     down = (bench.press(10.0, 1.0)[0].grey - untouched).sum()
-    assert abs(bench.truth.hysteresis_share) > 0.02
-    assert down / up - 1 == pytest.approx(bench.truth.hysteresis_share, abs=0.005)
+    assert abs(bench.truth.hysteresis_fraction) > 0.02
+    assert down / up - 1 == pytest.approx(bench.truth.hysteresis_fraction, abs=0.005)
     bench.no_contact()  # and forgets it untouched
     again = (bench.press(10.0, 1.0)[0].grey - untouched).sum()
     assert again == pytest.approx(up, rel=0.005)

@@ -67,29 +67,29 @@ def _force(calibration: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
 class UsableCalibration:
     """A calibration with the identity under which results name it."""
 
-    known: ProbeCalibration
+    calibration: ProbeCalibration
     identity: str
 
     @property
     def response(self) -> Calibration:
         """What the estimates take; `CalibrationError` when it was not measured."""
-        return self.known.known_response(self.identity)
+        return self.calibration.known_response(self.identity)
 
     def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
         """Corrected frames and the calibration that fits them; errors as `apply_calibration`."""
-        return apply_calibration(self.known, frames, identity=self.identity)
+        return apply_calibration(self.calibration, frames, identity=self.identity)
 
     def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:
         """Refuse to use it with another camera, or at other settings; stored frames tell neither."""
         present = {setting.name: setting.value for setting in acquisition.settings()}
         camera = None if stored else acquisition.name
-        self.known.require_usable(datetime.now(UTC), camera=camera, settings=present)
+        self.calibration.require_usable(datetime.now(UTC), camera=camera, settings=present)
 
     def citation(self) -> dict[str, Any]:
         """What a result says of it."""
-        created, expires = self.known.made, self.known.expires
+        created, expires = self.calibration.made, self.calibration.expires
         return {
-            "name": self.known.name,
+            "name": self.calibration.name,
             "sha256": self.identity,
             "made": None if created is None else created.isoformat(),
             "expires": None if expires is None else expires.isoformat(),
@@ -108,4 +108,4 @@ def parse_usable_calibration(content: bytes, name: str) -> UsableCalibration:
 
 def _usable(calibration: ProbeCalibration) -> UsableCalibration:
     calibration.require_usable(datetime.now(UTC))
-    return UsableCalibration(known=calibration, identity=calibration_sha256(calibration))
+    return UsableCalibration(calibration=calibration, identity=calibration_sha256(calibration))

@@ -17,14 +17,14 @@ from tsis.cli._options import (
     DiameterMm,
     ForcesN,
     PhantomName,
-    ProbeGiven,
+    ProbeOption,
     YoungKpa,
-    given_probe,
+    chosen_probe,
     require_no_file,
 )
 from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progress
 from tsis.cli._progress import progress_bar
-from tsis.cli._saving import Keep, KeepFolder, KeepTarget, chosen_destination, publish_and_keep
+from tsis.cli._saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
 from tsis.errors import InputError
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
@@ -40,16 +40,16 @@ if TYPE_CHECKING:
 def demo(
     *,
     phantom: PhantomName = "hardness-100",
-    probe: ProbeGiven = "tsis-domed",
+    probe: ProbeOption = "tsis-domed",
     force_n: ForcesN,
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
     seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
-    keep: Keep = False,
-    store: KeepFolder = None,
-    number: KeepTarget = None,
+    keep: SaveOption = False,
+    store: StoreOption = None,
+    number: TargetOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Press a phantom with the virtual probe, estimate the inclusion, and write a page that shows it.
@@ -61,7 +61,7 @@ def demo(
     truth, forces = _truth(target), _named(force_n)
     if keep:
         require_no_file("--keep", probe)
-    chosen, prior = given_probe(probe), InclusionPrior()
+    chosen, prior = chosen_probe(probe), InclusionPrior()
     destination = chosen_destination(keep, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = irradiance(chosen, progress=advance)
@@ -92,7 +92,7 @@ def demo(
         kind="inclusion",
         estimate=result,
         probe=chosen.name,
-        known=calibration,
+        calibration=calibration,
         frames={"target": images, "plain": references, "untouched": [untouched]},
         options={"prior": asdict(prior)},
         name=target.name,
@@ -109,7 +109,7 @@ def demo(
             CALIBRATION_FILE: calibration_bytes(calibration),
         },
     )
-    publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
+    publish_and_save(outcome, out, destination, keepable, as_json=as_json)
 
 
 def _named(force_n: list[float]) -> dict[str, float]:

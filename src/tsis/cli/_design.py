@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tsis.cli._options import AsJson, ProbeGiven, given_probe
+from tsis.cli._options import AsJson, ProbeOption, chosen_probe
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.errors import InputError
@@ -20,7 +20,7 @@ from tsis.report import (
     HEADINGS,
     QUICK_DEGREES,
     DesignQuestion,
-    answered,
+    answer_question,
     compared_designs,
     design_caption,
     design_document,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.inclusion.design import Design
-    from tsis.report import DesignAnswer
+    from tsis.report import DesignAnalysis
 
 
 class Compared(StrEnum):
@@ -59,7 +59,7 @@ class Criterion(StrEnum):
 
 def design(
     *,
-    probe: ProbeGiven = "tsis-domed",
+    probe: ProbeOption = "tsis-domed",
     force_n: Annotated[
         list[float] | None, typer.Option(help="Force of a press, N; may be repeated. 0.5 and 1 on a dome, else 1.")
     ] = None,
@@ -92,10 +92,10 @@ def design(
     if evaluations is not None and not search:
         raise InputError("--evaluations needs --optimise: nothing is searched without it")
     question = DesignQuestion(
-        probe=given_probe(probe),
+        probe=chosen_probe(probe),
         forces_n=tuple(force_n or ()),
         with_reference=not no_reference,
-        frames_each=frames,
+        frames_per_press=frames,
         compared=tuple(aspect.value for aspect in compared) if compared else QUICK_DEGREES,
         criterion=criterion.value,
         traced=traced_light,
@@ -107,7 +107,7 @@ def design(
     if search:
         with progress_bar("searching layers and forces") as progress:
             best = searched_design(question, progress=progress)
-    response = answered(question, result, best)
+    response = answer_question(question, result, best)
     show_result(
         CommandResult(
             document=design_document(response),
@@ -120,7 +120,7 @@ def design(
     )
 
 
-def _table(answer: DesignAnswer) -> Table:
+def _table(answer: DesignAnalysis) -> Table:
     table = Table(
         title=answer.question.planned.described,
         caption=design_caption(answer.designs),

@@ -15,14 +15,14 @@ from tsis.calibration import read_usable_calibration
 from tsis.cli._options import (
     AsJson,
     calibrated_probe,
+    chosen_probe,
     chosen_scale,
-    given_probe,
-    plain_forces,
+    reference_forces,
     require_no_file,
     target_forces,
 )
 from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progress, publish
-from tsis.cli._saving import Keep, KeepFolder, KeepKind, KeepTarget, chosen_destination, publish_and_keep
+from tsis.cli._saving import KindOption, SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
 from tsis.errors import InputError
 from tsis.imaging import match_light
 from tsis.inclusion import InclusionPrior, ring_edges
@@ -93,16 +93,16 @@ def examine(
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-examine"
     ),
-    keep: Keep = False,
-    store: KeepFolder = None,
-    kind: KeepKind = None,
-    number: KeepTarget = None,
+    keep: SaveOption = False,
+    store: StoreOption = None,
+    kind: KindOption = None,
+    number: TargetOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated."""
     if keep:
         require_no_file("--keep", probe)
-    chosen = None if probe is None else given_probe(probe)
+    chosen = None if probe is None else chosen_probe(probe)
     if calibration is None and (plain or plain_force_n):
         raise InputError("--plain needs --calibration: without it no inclusion is estimated")
     if plain_force_n and not plain:
@@ -120,7 +120,7 @@ def examine(
         raise InputError("--keep needs --calibration: without it there is no estimate to keep")
     given = None if calibration is None else read_usable_calibration(calibration)
     scale = chosen_scale(given, scale_mm)
-    by_line = given is not None and not force_n and given.known.force_line is not None
+    by_line = given is not None and not force_n and given.calibration.force_line is not None
     if given is not None and (scale is None or not (force_n or by_line)):
         raise InputError(
             "an estimate with --calibration needs --scale-mm and --force-n as well, where it holds neither scale nor "
@@ -146,7 +146,7 @@ def examine(
 
         plain = plain or []
         reference_force = (
-            [None] * len(plain) if by_line else plain_forces(plain_force_n or (), force_n or (), len(plain))
+            [None] * len(plain) if by_line else reference_forces(plain_force_n or (), force_n or (), len(plain))
         )
         reference_frames = _read(plain, reference_force, scale)
         if keep:
@@ -164,11 +164,11 @@ def examine(
             kind="inclusion",
             estimate=result,
             probe=by.name,
-            known=given.known,
+            calibration=given.calibration,
             frames={"target": frames, "plain": reference_frames},
             options={"prior": asdict(prior)},
         )
-        publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
+        publish_and_save(outcome, out, destination, keepable, as_json=as_json)
 
 
 def _read(

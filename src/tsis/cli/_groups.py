@@ -18,7 +18,7 @@ class DefaultCommand(TyperGroup):
     """Commands of which the default one may be left out, so that ``tsis match A B`` matches two files."""
 
     default = ""
-    alone = True  # whether nothing at all calls the default command too, and not for help
+    is_default = True  # whether nothing at all calls the default command too, and not for help
 
     @classmethod
     def named(cls, default: str, *, alone: bool = True) -> type[DefaultCommand]:
@@ -27,7 +27,7 @@ class DefaultCommand(TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put the default command before what is neither a command nor a call for help."""
-        if not args and not self.alone:
+        if not args and not self.is_default:
             args = ["--help"]
         if not args or args[0] not in (*self.commands, "-h", "--help"):
             args = [self.default, *args]

@@ -15,10 +15,10 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
 from tsis.catalog import load_sphere
-from tsis.cli._options import AsJson, calibrated_probe, chosen_scale, given_probe, require_no_file, target_forces
+from tsis.cli._options import AsJson, calibrated_probe, chosen_probe, chosen_scale, require_no_file, target_forces
 from tsis.cli._output import CommandOutcome
 from tsis.cli._progress import progress_bar, waiting
-from tsis.cli._saving import Keep, KeepFolder, KeepKind, KeepTarget, chosen_destination, publish_and_keep
+from tsis.cli._saving import KindOption, SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
 from tsis.errors import InputError
 from tsis.hardness import BLUR_MM, DRIFT_SD, HardnessPrior, build_contact_table, estimate, shore
 from tsis.instrument import png_bytes, read_image
@@ -77,10 +77,10 @@ def hardness(
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-hardness"
     ),
-    keep: Keep = False,
-    store: KeepFolder = None,
-    kind: KeepKind = None,
-    number: KeepTarget = None,
+    keep: SaveOption = False,
+    store: StoreOption = None,
+    kind: KindOption = None,
+    number: TargetOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness."""
@@ -91,7 +91,7 @@ def hardness(
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
         if any(value is not None for value in given):
             raise InputError("--virtual and --demo press by themselves: give no images, scale, radius or calibration")
-        chosen, name = given_probe(probe or UNNAMED), virtual or DEMO
+        chosen, name = chosen_probe(probe or UNNAMED), virtual or DEMO
         destination = chosen_destination(keep, store, kind, number)
         _virtual(name, chosen, force_n or DEMO_FORCES, seed, out, destination=destination, as_json=as_json)
         return
@@ -99,7 +99,7 @@ def hardness(
         raise InputError("give the images of two presses, or --demo for a run without hardware")
     known = None if calibration is None else read_usable_calibration(calibration)
     scale = chosen_scale(known, scale_mm)
-    if known is None or scale is None or not (force_n or known.known.force_line):
+    if known is None or scale is None or not (force_n or known.calibration.force_line):
         raise InputError(
             "a hardness needs --calibration, --scale-mm and --force-n for each image, the last two where the "
             "calibration holds neither scale nor force line"
@@ -107,7 +107,7 @@ def hardness(
     forces = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
     raw = _read(paths, forces, scale)
     frames, response = known.pressed(raw)
-    chosen = given_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
+    chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
     balls = ball or []
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
@@ -129,11 +129,11 @@ def hardness(
         kind="hardness",
         estimate=result,
         probe=chosen.name,
-        known=known.known,
+        calibration=known.calibration,
         frames={"target": raw, "ball": raw_balls},
         options=_written_down(options),
     )
-    publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
+    publish_and_save(outcome, out, destination, keepable, as_json=as_json)
 
 
 def _defaults() -> dict[str, Any]:
@@ -175,13 +175,13 @@ def _virtual(
         kind="hardness",
         estimate=result,
         probe=probe.name,
-        known=simulated_probe,
+        calibration=simulated_probe,
         frames={"target": frames},
         options=_written_down(options),
         name=name,
         truth={"young_kpa": sphere.young_kpa},
     )
-    publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
+    publish_and_save(outcome, out, destination, keepable, as_json=as_json)
 
 
 def _outcome(

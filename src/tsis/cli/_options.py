@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 PhantomName = Annotated[str, typer.Option("--phantom", help="Name in the catalog; tsis simulate --list shows all.")]
-ProbeGiven = Annotated[
+ProbeOption = Annotated[
     str,
     typer.Option("--probe", help="Name in the catalog (tsis simulate --list), or a file of your own, as mine.toml."),
 ]
@@ -55,7 +55,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON a
 
 def chosen_scale(calibration: UsableCalibration | None, given: str | None) -> tuple[float, float] | None:
     """Millimetres per pixel: the calibration's, or ``--scale-mm`` where it holds none."""
-    stored = None if calibration is None else calibration.known.scale
+    stored = None if calibration is None else calibration.calibration.scale
     if stored is not None and given is not None:
         raise InputError("--scale-mm is not used with this calibration, which holds the scale; leave it out")
     if stored is not None:
@@ -76,13 +76,13 @@ def scale_of(text: str) -> tuple[float, float]:
 
 def target_forces(given: Sequence[float], images: int) -> list[float]:
     """Force of each image: one for all, or one an image."""
-    return _one_each("--force-n", given, images, "images")
+    return _one_per_press("--force-n", given, images, "images")
 
 
-def plain_forces(given: Sequence[float], force_n: Sequence[float], presses: int) -> list[float]:
+def reference_forces(given: Sequence[float], force_n: Sequence[float], presses: int) -> list[float]:
     """Force of each press on plain tissue: as given; else the force of all images, or of the image in its place."""
     if given:
-        return _one_each("--plain-force-n", given, presses, "presses on plain tissue")
+        return _one_per_press("--plain-force-n", given, presses, "presses on plain tissue")
     if len(set(force_n)) == 1:
         return [force_n[0]] * presses
     if presses > len(force_n):
@@ -93,7 +93,7 @@ def plain_forces(given: Sequence[float], force_n: Sequence[float], presses: int)
     return list(force_n[:presses])
 
 
-def _one_each(option: str, given: Sequence[float], count: int, what: str) -> list[float]:
+def _one_per_press(option: str, given: Sequence[float], count: int, what: str) -> list[float]:
     if len(given) not in (1, count):
         raise InputError(f"{option} must be given once, or once for each of {count} {what}; got it {len(given)} times")
     return list(given) * (count if len(given) == 1 else 1)
@@ -112,7 +112,7 @@ def is_file(probe: str) -> bool:
     return probe.lower().endswith(ENDING)
 
 
-def given_probe(probe: str) -> Probe:
+def chosen_probe(probe: str) -> Probe:
     """The probe that ``--probe`` names: one of the catalog, or that of a TOML file.
 
     Raises
@@ -141,7 +141,7 @@ def calibrated_probe(name: str, *, unnamed: str) -> Probe:
     return load_probe(name or unnamed)
 
 
-def given_lit_probe(probe: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
+def chosen_lit_probe(probe: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
     """The probe that ``--probe`` names, with the given values of all lamps replaced where it is one of the catalog."""
     if not is_file(probe):
         return probe_variant(probe, half_angle_deg, height_mm, aim_deg)
@@ -163,7 +163,7 @@ def require_no_file(what: str, probe: str | None) -> None:
 
 
 def read_probe(file: Path) -> Probe:
-    """The one probe of a TOML file, written as an entry of the catalog; errors as `given_probe`."""
+    """The one probe of a TOML file, written as an entry of the catalog; errors as `chosen_probe`."""
     return read_parsed(file, _parsed, most=LARGEST_FILE_BYTES)
 
 
@@ -198,24 +198,24 @@ def _require_short_keys(text: str) -> None:
 
 def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
     """The entry with nothing in it that a probe of the catalog does not have; values are checked by the probe."""
-    _known("a probe", entry, KEYS)
+    _require_known("a probe", entry, KEYS)
     if "radius_mm" not in entry or "layers" not in entry:
         raise InputError(f"a probe must give radius_mm and layers; got {', '.join(entry) or 'nothing'}")
     for layer in _tables("layers", entry["layers"], MOST_LAYERS):
-        _known("a layer", layer, (field.name for field in fields(Layer)))
+        _require_known("a layer", layer, (field.name for field in fields(Layer)))
         if not {"thickness_mm", "young_kpa"} <= set(layer):
             raise InputError(f"a layer must give thickness_mm and young_kpa; got {', '.join(layer) or 'nothing'}")
     for lamp in _tables("leds", entry.get("leds", []), MOST_LAMPS):
-        _known("a lamp", lamp, (field.name for field in fields(Led)))
+        _require_known("a lamp", lamp, (field.name for field in fields(Led)))
     (glass,) = _tables("glass", [entry.get("glass", {})], 1)
-    _known("the glass", glass, (field.name for field in fields(Glass)))
+    _require_known("the glass", glass, (field.name for field in fields(Glass)))
     assumed = entry.get("assumed", [])
     if not isinstance(assumed, list) or not all(isinstance(name, str) for name in assumed):
         raise InputError(f"assumed must be a list of names of values; got {assumed!r:.80}")
     return dict(entry)
 
 
-def _known(what: str, table: Mapping[str, Any], names: Iterable[str]) -> None:
+def _require_known(what: str, table: Mapping[str, Any], names: Iterable[str]) -> None:
     names = tuple(names)
     for key in table:
         require_one_of(f"value of {what}", key, names)

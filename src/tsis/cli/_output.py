@@ -75,10 +75,10 @@ def print_outcome(outcome: CommandOutcome, folder: Path, *, as_json: bool) -> No
     if as_json:
         print_json({**outcome.document, "folder": str(folder)})
         return
-    print_found(outcome.tables, outcome.notes, where=f"Page: {folder / 'index.html'}")
+    print_tables(outcome.tables, outcome.notes, where=f"Page: {folder / 'index.html'}")
 
 
-def print_found(tables: Iterable[Table], notes: Iterable[str], *, where: str = "") -> None:
+def print_tables(tables: Iterable[Table], notes: Iterable[str], *, where: str = "") -> None:
     """Print tables, notes and where the files are, if any, for people."""
     console = people()
     for table in tables:
@@ -119,7 +119,7 @@ def show_result(answer: CommandResult, out: Path | None, *, as_json: bool) -> No
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
         return
-    print_found(answer.tables, answer.notes, where="" if folder is None else f"Figures: {folder}")
+    print_tables(answer.tables, answer.notes, where="" if folder is None else f"Figures: {folder}")
 
 
 def _png(figure: Figure) -> bytes:

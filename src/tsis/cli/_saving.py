@@ -21,19 +21,19 @@ if TYPE_CHECKING:
     from tsis.records.store import Store
 
 
-NOT_KEPT = 1  # exit code of a command whose results are in their folder and not in the store
+NOT_SAVED = 1  # exit code of a command whose results are in their folder and not in the store
 
-Keep = Annotated[
+SaveOption = Annotated[
     bool, typer.Option("--keep", help="Keep frames, calibration and estimate in the store: tsis records list.")
 ]
-KeepFolder = Annotated[
+StoreOption = Annotated[
     Path | None,
     typer.Option("--store", help="Folder of that store.", show_default="this user's own of that kind"),
 ]
-KeepKind = Annotated[
+KindOption = Annotated[
     str | None, typer.Option("--kind", help="Kind of that store: phantom or subject.", show_default=PHANTOM)
 ]
-KeepTarget = Annotated[
+TargetOption = Annotated[
     int | None,
     typer.Option(
         "--target",
@@ -81,7 +81,7 @@ def chosen_destination(
     return destination
 
 
-def publish_and_keep(
+def publish_and_save(
     outcome: CommandOutcome, out: Path, destination: Destination | None, keepable: SavableResult, *, as_json: bool
 ) -> None:
     """Write the folder of results, then keep what they rest on, and print both.
@@ -104,13 +104,13 @@ def publish_and_keep(
         write_durably(folder / RESULT, json_bytes(outcome.document))
     except TsisError as error:
         print_outcome(outcome, folder, as_json=as_json)
-        stop_not_kept(error, str(folder))
+        stop_not_saved(error, str(folder))
     except OSError as error:
         outcome = replace(outcome, notes=(*outcome.notes, f"{RESULT} does not tell it: {error.strerror or error}."))
     print_outcome(outcome, folder, as_json=as_json)
 
 
-def stop_not_kept(error: TsisError, place: str) -> NoReturn:
+def stop_not_saved(error: TsisError, place: str) -> NoReturn:
     """End a command whose results are all there but for the store."""
     typer.echo(f"Error: the results are in {place}, but they could not be kept: {error}", err=True)
-    raise typer.Exit(NOT_KEPT)
+    raise typer.Exit(NOT_SAVED)

@@ -18,7 +18,7 @@ from tsis.model import LARGEST_SEED
 from tsis.virtual import GigEServer, VirtualCamera, VirtualProbe
 
 SLOWEST = 0.1  # frames/s: lets the virtual camera expose for as long as the simulated one can be asked to
-LOOK_S = 0.5
+POLL_S = 0.5
 
 
 def serve(
@@ -52,7 +52,7 @@ def serve(
         console.print(f"Read it with: tsis acquire --camera aravis:{server.identity}", markup=False, soft_wrap=True)
         print_notice(console)
         console.file.flush()
-        while server.failure is None and not ended.wait(LOOK_S):
+        while server.failure is None and not ended.wait(POLL_S):
             pass
     if server.failure is not None:
         raise CameraError(f"serving ended: {server.failure}") from server.failure

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from tsis.catalog import list_phantoms, list_probes, load_phantom, load_probe, phantom_variant
-from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeGiven, YoungKpa, given_probe
+from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
 from tsis.mechanics import press
@@ -29,7 +29,7 @@ class Strain(StrEnum):
 def simulate(
     *,
     phantom: PhantomName = "hardness-100",
-    probe: ProbeGiven = "tsis-2011",
+    probe: ProbeOption = "tsis-2011",
     force_n: ForceN = 1.0,
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
@@ -45,7 +45,7 @@ def simulate(
         _catalog(as_json=as_json)
         return
     pressed = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
-    chosen = given_probe(probe)
+    chosen = chosen_probe(probe)
     with waiting(f"pressing at {strain} strain"):
         field = press(chosen, pressed, force_n=force_n, strain=strain)
         reference = press(chosen, pressed.without_inclusion(), force_n=force_n, strain=strain)

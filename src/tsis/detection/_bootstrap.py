@@ -99,7 +99,7 @@ def drawn_areas(
     """
     m, n = both_classes(present, needed_by="a curve")
     draws = checked_draws(rng, draws)
-    positions = [_places(row[present], row[~present]) for row in scores]
+    positions = [_resampled_indices(row[present], row[~present]) for row in scores]
     result = np.empty((draws, len(scores)))
     for start, stop in batches(draws, m + n):
         inside = rng.multinomial(m, np.full(m, 1 / m), stop - start)
@@ -120,7 +120,7 @@ def percentiles(drawn: NDArray[np.float64], level: float) -> Interval:
     return Interval(low=float(low), high=float(high), level=level, method="bootstrap")
 
 
-def _places(
+def _resampled_indices(
     inside: NDArray[np.float64], outside: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
     """Order of the targets without inclusion, and how many of them lie below, and not above, each one with."""

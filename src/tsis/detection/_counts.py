@@ -105,12 +105,12 @@ class Counts:
     @property
     def sensitivity(self) -> Proportion:
         """Inclusions found among those present: equation (2.2) of the dissertation."""
-        return _share("sensitivity", self.true_positives, self.present, "target with an inclusion")
+        return _proportion("sensitivity", self.true_positives, self.present, "target with an inclusion")
 
     @property
     def specificity(self) -> Proportion:
         """Targets called empty among those that are: equation (2.3) of the dissertation."""
-        return _share("specificity", self.true_negatives, self.absent, "target without an inclusion")
+        return _proportion("specificity", self.true_negatives, self.absent, "target without an inclusion")
 
     @property
     def accuracy(self) -> Proportion:
@@ -121,13 +121,17 @@ class Counts:
     def positive_predictive_value(self) -> Proportion:
         """Inclusions present among those said to be; it holds for this study's share of inclusions alone."""
         message = self.true_positives + self.false_positives
-        return _share("positive_predictive_value", self.true_positives, message, "target said to hold an inclusion")
+        return _proportion(
+            "positive_predictive_value", self.true_positives, message, "target said to hold an inclusion"
+        )
 
     @property
     def negative_predictive_value(self) -> Proportion:
         """Targets without inclusion among those called so; it holds for this study's share of inclusions alone."""
         message = self.true_negatives + self.false_negatives
-        return _share("negative_predictive_value", self.true_negatives, message, "target said to hold no inclusion")
+        return _proportion(
+            "negative_predictive_value", self.true_negatives, message, "target said to hold no inclusion"
+        )
 
     @property
     def positive_likelihood_ratio(self) -> ProportionRatio:
@@ -148,7 +152,7 @@ class Counts:
         return ProportionDifference(first=self.sensitivity, second=Proportion(successes=false, trials=self.absent))
 
 
-def _share(name: str, successes: int, trials: int, requested: str) -> Proportion:
+def _proportion(name: str, successes: int, trials: int, requested: str) -> Proportion:
     if trials == 0:
         raise InputError(f"{name} must have at least one {requested} to be a share of; got 0: add such targets")
     return Proportion(successes=successes, trials=trials)

@@ -34,7 +34,7 @@ class PresenceProbability:
         That there is an inclusion, in [0, 1], at the prevalence ``prior``.
     prior
         Share of targets with an inclusion that was believed before the press, in [1e-9, 1 - 1e-9].
-    doubts
+    caveats
         Flags of the estimate that say that its model does not hold; with any of them the probability compares two
         explanations of which neither is good.
     evidence
@@ -56,14 +56,14 @@ class PresenceProbability:
 
     probability: float
     prior: float
-    doubts: tuple[str, ...] = ()
+    caveats: tuple[str, ...] = ()
     evidence: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "probability", require_number("probability", self.probability, 0, 1))
         prior = require_number("prior", self.prior, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
         object.__setattr__(self, "prior", prior)
-        require_type("doubts", self.doubts, tuple)
+        require_type("doubts", self.caveats, tuple)
         if self.evidence is not None:
             require_number("evidence", self.evidence, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
 
@@ -155,7 +155,7 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
     return PresenceProbability(
         probability=estimate.presence,
         prior=stated if prior is None else prior,  # type: ignore[arg-type]
-        doubts=uncertainties,
+        caveats=uncertainties,
         evidence=estimate.log_bayes_factor,
     )
 

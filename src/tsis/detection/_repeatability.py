@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
-APART = 1.959963984540054 * math.sqrt(2)  # standard deviations between two readings, which 95 % do not exceed
+REPEATABILITY_SD = 1.959963984540054 * math.sqrt(
+    2
+)  # standard deviations between two readings, which 95 % do not exceed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +52,7 @@ class Repeatability:
     @property
     def coefficient(self) -> float:
         """Repeatability coefficient: two readings of a target differ by less with a probability of 95 %; 2.77 sd."""
-        return APART * self.within_sd
+        return REPEATABILITY_SD * self.within_sd
 
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval of the repeatability coefficient, exact for normal readings.
@@ -146,7 +148,7 @@ class Reproducibility:
     @property
     def repeatability_coefficient(self) -> float:
         """Two readings of a target by one operator differ by less with a probability of 95 %."""
-        return APART * self.repeat_sd
+        return REPEATABILITY_SD * self.repeat_sd
 
     @property
     def coefficient(self) -> float:
@@ -154,7 +156,7 @@ class Reproducibility:
 
         From the sum of the three variances as estimated, before any is cut at 0; it cannot be negative.
         """
-        return APART * math.sqrt(sum(weight * square for weight, square, _ in self._terms()))
+        return REPEATABILITY_SD * math.sqrt(sum(weight * square for weight, square, _ in self._terms()))
 
     def repeatability_interval(self, level: float = LEVEL) -> Interval:
         """Interval of the repeatability coefficient, exact for normal readings.
@@ -192,14 +194,14 @@ class Reproducibility:
         """
         tail = (1 - checked_level(level)) / 2
         self._require_scatter()
-        middle = (self.coefficient / APART) ** 2
+        middle = (self.coefficient / REPEATABILITY_SD) ** 2
         below = above = 0.0
         for weight, square, free in self._terms():
             below += ((1 - free / float(chdtri(free, tail))) * weight * square) ** 2
             above += ((free / float(chdtri(free, 1 - tail)) - 1) * weight * square) ** 2
         return Interval(
-            low=APART * math.sqrt(max(middle - math.sqrt(below), 0.0)),
-            high=APART * math.sqrt(middle + math.sqrt(above)),
+            low=REPEATABILITY_SD * math.sqrt(max(middle - math.sqrt(below), 0.0)),
+            high=REPEATABILITY_SD * math.sqrt(middle + math.sqrt(above)),
             level=level,
             method="modified large samples",
         )

@@ -184,7 +184,7 @@ def estimate(
     presses = [
         ContactPress(
             force_n=frame.force_n or 0.0,
-            seen=item,
+            observed=item,
             ball_radius_mm=ball_mm if index >= len(frames) else None,
             ball_radius_sd=ball_sd,
         )

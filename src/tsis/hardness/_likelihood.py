@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DRIFT_SD = 0.003  # relative standard deviation of the lamps from press to press
 STEP = 0.01  # of the logarithms by which derivatives are taken
-OWN_SHARE = 0.5  # of the table's squared error that each press makes anew; the rest its sphere's presses share
+OWN_FRACTION = 0.5  # of the table's squared error that each press makes anew; the rest its sphere's presses share
 RIGID_KPA, RIGID_POISSON = 1e8, 0.3  # of a ball of steel: all of the compliance is the probe's
 
 
@@ -31,14 +31,14 @@ class ContactPress:
     ----------
     force_n
         Force by the gauge, N.
-    seen
+    observed
         What the frame says.
     ball_radius_mm, ball_radius_sd
         Radius of the rigid ball that was pressed, and its relative standard deviation; None for the object.
     """
 
     force_n: float
-    seen: ContactReading
+    observed: ContactReading
     ball_radius_mm: float | None = None
     ball_radius_sd: float = 0.0
 
@@ -56,7 +56,7 @@ class HardnessLikelihood:
     ) -> None:
         self.presses, self.table = tuple(presses), table
         self._calibration, self._drift_sd = calibration, drift_sd
-        observed = [press.seen for press in presses]
+        observed = [press.observed for press in presses]
         self.log_radius = np.log([item.radius_mm for item in observed])
         self.log_light = np.log(
             [item.light_force_n / press.force_n for item, press in zip(observed, presses, strict=True)]
@@ -95,7 +95,7 @@ class HardnessLikelihood:
             stiffer = self.table.log_radius(*sphere, press.force_n, probe_factor=np.exp(STEP))
             by_probe[..., index] = (stiffer - here) / STEP
             residual[..., index] = self.log_radius[index] - here
-            error[..., index] = self.table.error_at(*self.table.place(*sphere, press.force_n))
+            error[..., index] = self.table.error_at(*self.table.coordinates(*sphere, press.force_n))
             if press.ball_radius_mm is not None:
                 wider = self.table.log_radius(*sphere[:2], sphere[2] * np.exp(STEP), press.force_n)
                 by_ball[..., index] = press.ball_radius_sd * (wider - here) / STEP
@@ -112,8 +112,8 @@ class HardnessLikelihood:
         count, given = len(self.presses), self._calibration
         ball = np.array([press.ball_radius_mm is not None for press in self.presses])
         same = ball[:, None] == ball  # presses of one body: the ball's radius and the table's error are common to them
-        image = np.array([press.seen.radius_sd**2 for press in self.presses])
-        shared = (1 - OWN_SHARE) * same + OWN_SHARE * np.eye(count)
+        image = np.array([press.observed.radius_sd**2 for press in self.presses])
+        shared = (1 - OWN_FRACTION) * same + OWN_FRACTION * np.eye(count)
         radius = np.diag(image) + shared * error[..., :, None] * error[..., None, :]
         radius = radius + given.probe_young_sd**2 * by_probe[..., :, None] * by_probe[..., None, :]
         radius = radius + by_ball[..., :, None] * by_ball[..., None, :] * same

@@ -19,11 +19,13 @@ if TYPE_CHECKING:
     from tsis.model import Calibration, Probe, TactileImage
 
 
-REACH = 1.35  # radii of the bright patch within which all pressure lies: a patch cut at half of the peak spans 0.87
+PATCH_RANGE = (
+    1.35  # radii of the bright patch within which all pressure lies: a patch cut at half of the peak spans 0.87
+)
 FURTHER_MM = 0.3  # of the ring around it that tells the stray light
 RIM_MM = 1.0  # width of the face's edge that is not looked at
 BLUR_MM = 0.05  # standard deviation of the lens's point spread on the face, where nobody measured it
-BLUR_DOUBT = 0.3  # relative standard deviation of the point spread
+BLUR_UNCERTAINTY = 0.3  # relative standard deviation of the point spread
 STRAY_GREY = 0.01  # standard deviation in grey levels of stray light that is not even
 FULLEST, BRIGHTEST = 0.95, 0.999  # of the light of full contact: what a patch may reach, and what noise is cut at
 DARKEST = 0.05  # of the brightest light, where a division would only raise noise
@@ -46,7 +48,7 @@ class ContactReading:
         Its relative standard deviation by noise and patterns, without that of the gain.
     extent_mm
         Radius of the disc that both were read from.
-    clipped_share
+    clipped_fraction
         Share of that disc's bright patch at which the camera clipped.
     axis_ratio
         Long over short semi-axis of the bright patch.
@@ -57,7 +59,7 @@ class ContactReading:
     light_force_n: float
     light_force_sd: float
     extent_mm: float
-    clipped_share: float
+    clipped_fraction: float
     axis_ratio: float
 
 
@@ -94,8 +96,8 @@ def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration,
             f"the contact must lie inside the picture and be some pixels wide; in {label!r} it does not: centre the "
             "object, press less or choose a lens that sees more"
         )
-    extent = REACH * float(np.sqrt((result.area_mm2 or 0.0) / np.pi))
-    _check_place(image, probe, circle.centre_px, extent)
+    extent = PATCH_RANGE * float(np.sqrt((result.area_mm2 or 0.0) / np.pi))
+    _check_position(image, probe, circle.centre_px, extent)
     stray, stray_sd = _stray(level, probe, circle.centre_px, extent, calibration)
     _check_light(result.peak - stray, calibration, label)
     observed = _moments(
@@ -112,7 +114,7 @@ def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration,
         light_force_n=observed.total / MN_PER_N,
         light_force_sd=observed.total_sd,
         extent_mm=extent,
-        clipped_share=float(np.mean(image.grey[result.patch.mask] >= image.full_scale)),
+        clipped_fraction=float(np.mean(image.grey[result.patch.mask] >= image.full_scale)),
         axis_ratio=long / short,
     )
 
@@ -152,7 +154,7 @@ def _moments(
         grained = pattern * np.bincount(grains, weights=by_pressure * pressure)
         return float(np.sqrt((by_pressure**2 * noise).sum() + stray**2 + (grained**2).sum()))
 
-    blurred = 4 * BLUR_DOUBT * blur_mm**2 / own
+    blurred = 4 * BLUR_UNCERTAINTY * blur_mm**2 / own
     return _Moments(
         total=total,
         total_sd=relative_sd(np.full(len(grey), pixel_mm2 / total)),
@@ -183,7 +185,7 @@ def _evened(image: TactileImage, calibration: Calibration) -> TactileImage:
     return replace(image, grey=grey, full_scale=65535.0)
 
 
-def _check_place(image: TactileImage, probe: Probe, centre: tuple[float, float], extent: float) -> None:
+def _check_position(image: TactileImage, probe: Probe, centre: tuple[float, float], extent: float) -> None:
     """Refuse a contact that the picture or the face cuts off."""
     (width, height), label = image.scale(), image.name or "an image"
     rows, columns = image.grey.shape
@@ -191,7 +193,7 @@ def _check_place(image: TactileImage, probe: Probe, centre: tuple[float, float],
     room = min(x * width, (columns - 1 - x) * width, y * height, (rows - 1 - y) * height)
     axis = image.axis()
     beside = float(np.hypot((x - axis[0]) * width, (y - axis[1]) * height))
-    if extent / REACH > room:
+    if extent / PATCH_RANGE > room:
         raise InputError(f"the contact must lie inside the picture; in {label!r} it leaves the field of view")
     if beside + extent > probe.radius_mm:
         raise InputError(

@@ -109,15 +109,17 @@ class SphereOnDeformedFace(SphereOnProbe):
         """Fields at ascending forces in newtons, as far as they can be reached."""
         forces, result = [force * MN_PER_N for force in forces_n], list[PressField]()
         with suppress(MechanicsError) if stop_at_limit else nullcontext():
-            first = find_first_contact(self.potential, self._moved, TOUCH * self._radius, PULL, below_mn=forces[0] / 2)
+            first = find_first_contact(
+                self.potential, self._deformed, TOUCH * self._radius, PULL, below_mn=forces[0] / 2
+            )
             states = follow_load_path(self.potential, first, forces, refuse=self._refuse)
             for state, force in zip(states, forces_n, strict=True):
-                result.append(self._seen(state, force))
+                result.append(self._contact_view(state, force))
         if not result:
             raise MechanicsError(f"the press does not converge at {forces_n[0]:.3g} N; ask for another resolution")
         return tuple(result)
 
-    def _seen(self, state: State, force_n: float) -> PressField:
+    def _contact_view(self, state: State, force_n: float) -> PressField:
         field = self.read(state, force_n).field
         weights = self.face.face.weights(self.shape.arc_at(field.radius_mm))[:, 0]
         outward = weights @ self.potential.displacements(state.unknowns)[self.face.nodes, 0]

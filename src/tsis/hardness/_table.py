@@ -75,12 +75,12 @@ class ContactTable:
         probe_factor
             The moduli of the probe's layers over their nominal values.
         """
-        softness, depth = self.place(young_kpa, poisson, radius_mm, force_n, probe_factor=probe_factor)
+        softness, depth = self.coordinates(young_kpa, poisson, radius_mm, force_n, probe_factor=probe_factor)
         inside = np.minimum(depth, self.deepest_at(softness))
         added = terms(inside, softness, radius_mm, poisson) @ self.coefficients
         return np.asarray(np.log(radius_mm) + np.log(0.75) / 3 + np.log(depth) + added)
 
-    def place(
+    def coordinates(
         self, young_kpa: Any, poisson: Any, radius_mm: Any, force_n: Any, *, probe_factor: Any = 1.0
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Softness and depth of presses, as the class describes them."""

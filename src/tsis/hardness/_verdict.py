@@ -57,7 +57,7 @@ def identifiability(posterior: HardnessPosterior, prior: HardnessPrior) -> str:
 
 def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
     findings = []
-    clipped = max(press.seen.clipped_share for press in presses)
+    clipped = max(press.observed.clipped_fraction for press in presses)
     if clipped > CLIPPED:
         findings.append(
             (
@@ -65,7 +65,7 @@ def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
                 f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is not seen: expose shorter.",
             )
         )
-    oval = max(press.seen.axis_ratio for press in presses)
+    oval = max(press.observed.axis_ratio for press in presses)
     if oval > NOT_ROUND:
         findings.append(
             (
@@ -131,7 +131,7 @@ def _about_table(
     table = likelihood.table
     outside = 0.0
     for press in objects:
-        softness, depth = table.place(posterior.young_kpa, poisson, radius, press.force_n)
+        softness, depth = table.coordinates(posterior.young_kpa, poisson, radius, press.force_n)
         outside = max(outside, float(np.mean(depth > table.deepest_at(softness))))
     if outside <= BEYOND:
         return []

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 DIRECTIONS = 96  # on the circle; a multiple of 4 keeps both axes alike
-CENTRE_REACH = 0.4  # how far the centre may lie from the patch's, in patch radii
-RADIUS_REACH = (0.5, 1.5)  # least and greatest radius, in patch radii
+CENTRE_RANGE = 0.4  # how far the centre may lie from the patch's, in patch radii
+RADIUS_RANGE = (0.5, 1.5)  # least and greatest radius, in patch radii
 COARSE_STEPS = 9  # a side of the first grid of centres
 RADII = 36  # of the first grid
 FINE_RADII = 401  # about a known centre
@@ -85,7 +85,7 @@ def steepest_circle(field: SlopeField, centre: tuple[float, float], extent: floa
     start = _coarse(field, centre, extent)
     if start is None:
         return None
-    step = 2.0 * CENTRE_REACH * extent / (COARSE_STEPS - 1)
+    step = 2.0 * CENTRE_RANGE * extent / (COARSE_STEPS - 1)
 
     def shallowness(circle: NDArray[np.float64]) -> float:
         return -float(field.fall(circle[0], circle[1], circle[2:3])[0])
@@ -106,7 +106,7 @@ def steepest_circle(field: SlopeField, centre: tuple[float, float], extent: floa
 
 def steepest_radius(field: SlopeField, centre: tuple[float, float], extent: float) -> float | None:
     """Radius of the steepest circle about a known centre; None when the signal falls across none."""
-    radii = np.linspace(RADIUS_REACH[0] * extent, RADIUS_REACH[1] * extent, FINE_RADII)
+    radii = np.linspace(RADIUS_RANGE[0] * extent, RADIUS_RANGE[1] * extent, FINE_RADII)
     falls = field.fall(*centre, radii)
     best = int(np.argmax(falls))
     return float(radii[best]) if falls[best] > 0.0 else None
@@ -114,8 +114,8 @@ def steepest_radius(field: SlopeField, centre: tuple[float, float], extent: floa
 
 def _coarse(field: SlopeField, centre: tuple[float, float], extent: float) -> tuple[float, float, float] | None:
     """Best (x, y, radius) of a grid."""
-    radii = np.linspace(RADIUS_REACH[0] * extent, RADIUS_REACH[1] * extent, RADII)
-    shifts = np.linspace(-CENTRE_REACH * extent, CENTRE_REACH * extent, COARSE_STEPS)
+    radii = np.linspace(RADIUS_RANGE[0] * extent, RADIUS_RANGE[1] * extent, RADII)
+    shifts = np.linspace(-CENTRE_RANGE * extent, CENTRE_RANGE * extent, COARSE_STEPS)
     best, where = 0.0, None
     for x in centre[0] + shifts:
         for y in centre[1] + shifts:
@@ -155,7 +155,7 @@ def symmetry_centre(
         correlation = float(np.square(values + rotated)[pair].sum())
         return float(np.square(values - rotated)[pair].sum()) / correlation if correlation > 0.0 else 1.0
 
-    shifts = np.linspace(-CENTRE_REACH * extent, CENTRE_REACH * extent, COARSE_STEPS)
+    shifts = np.linspace(-CENTRE_RANGE * extent, CENTRE_RANGE * extent, COARSE_STEPS)
     starts = [np.array([centre[0] + x, centre[1] + y]) for x in shifts for y in shifts]
     start = min(starts, key=unlikeness)
     if unlikeness(start) >= 1.0:

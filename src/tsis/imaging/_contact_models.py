@@ -31,7 +31,7 @@ class RoughContact:
     [0.0, 0.05, 1.0]
     """
 
-    def share(
+    def light_fraction(
         self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
     ) -> NDArray[np.float64]:
         """Share of the light that leaves, in [0, 1], of the shape of the pressure; ``slope`` does not matter."""
@@ -43,7 +43,7 @@ class RoughContact:
 class SmoothContact:
     """Light leaves wherever smooth surfaces touch, whatever the pressure: it follows the area of the contact."""
 
-    def share(
+    def light_fraction(
         self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
     ) -> NDArray[np.float64]:
         """1 where there is pressure, else 0; slope and saturation do not matter."""
@@ -75,7 +75,7 @@ class CurvatureLoss:
     def __post_init__(self) -> None:
         require_number("refractive_index", self.refractive_index, 1.01, 4.0)
 
-    def share(
+    def light_fraction(
         self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
     ) -> NDArray[np.float64]:
         """Share of the light that leaves, in [0, 1], of the shape of the slope (either sign); pressure is no matter."""

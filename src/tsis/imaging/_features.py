@@ -52,7 +52,7 @@ class Features:
         ``sqrt(1 - (short / long)²)``: 0 for a circle.
     circularity
         ``4 pi area / perimeter²`` of the outline: 1 for a circle, less for anything else.
-    saturated_share
+    saturated_fraction
         Share of the patch's pixels at which the camera clipped.
     cropped
         True when the patch touches the border of the image.
@@ -76,7 +76,7 @@ class Features:
     angle_deg: float | None
     eccentricity: float | None
     circularity: float | None
-    saturated_share: float
+    saturated_fraction: float
     cropped: bool
     profile: RadialProfile | None
     patch: Patch
@@ -126,7 +126,7 @@ def features(
     """
     change = signal(image, reference, invert=invert)
     patch = segment(change, method=method, least_grey=least_grey)
-    if not patch.found:
+    if not patch.is_contact:
         return _no_contact(patch, image)
     rows, columns = np.nonzero(patch.mask)
     grey = change.grey[rows, columns]
@@ -151,7 +151,7 @@ def features(
         angle_deg=shape[2],
         eccentricity=float(np.sqrt(max(0.0, 1.0 - (shape[1] / shape[0]) ** 2))),
         circularity=_circularity(patch.contour_px * (scale or (1.0, 1.0))),
-        saturated_share=float(np.mean(image.grey[patch.mask] >= image.full_scale)),
+        saturated_fraction=float(np.mean(image.grey[patch.mask] >= image.full_scale)),
         cropped=patch.cropped,
         profile=None if scale is None else _profile(change, centroid, shape[0]),
         patch=patch,
@@ -176,7 +176,7 @@ def _no_contact(patch: Patch, image: TactileImage) -> Features:
         angle_deg=None,
         eccentricity=None,
         circularity=None,
-        saturated_share=0.0,
+        saturated_fraction=0.0,
         cropped=False,
         profile=None,
         patch=patch,

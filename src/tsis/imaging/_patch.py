@@ -56,7 +56,7 @@ class Patch:
             object.__setattr__(self, name, values)
 
     @property
-    def found(self) -> bool:
+    def is_contact(self) -> bool:
         """True when there is a contact."""
         return bool(self.mask.any())
 

@@ -36,8 +36,8 @@ def paint(
     Every profile is linear between its radii and every map between its nodes, beyond which it stays as at its edge.
     """
     picture = np.zeros((len(y), len(x)))
-    column, right = _places(x, map_x)
-    line, below = _places(y, map_y)
+    column, right = _interval_positions(x, map_x)
+    line, below = _interval_positions(y, map_y)
     e, fx, fy = np.empty(len(map_x)), np.empty(len(map_x)), np.empty(len(map_x))
     g, b = np.empty(len(map_x)), np.empty(len(map_x))
     grows = np.any(growth != 0) or np.any(bend != 0)
@@ -76,7 +76,9 @@ def paint(
 
 
 @compiled
-def _places(at: NDArray[np.float64], knots: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _interval_positions(
+    at: NDArray[np.float64], knots: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Between which knots each coordinate lies and how far on, from 0 to 1; those outside lie on the edge."""
     index, part = np.empty(len(at), np.int64), np.empty(len(at))
     for i in range(len(at)):

@@ -129,7 +129,7 @@ def _of_profile(
     """A round press: profiles of what shines and of the slope, turned around the axis."""
     radius, slope = field.radius_mm, np.gradient(field.face_displacement_mm, field.radius_mm)
     slope[0] = 0.0  # on the axis, where the difference above would be one-sided
-    fraction = model.share(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
+    fraction = model.light_fraction(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
     if isinstance(model, SmoothContact):  # whose edge is sharper than the profile's radii: the pixels know it
         fraction = np.ones_like(fraction)
     profiles = (_full_contact(calibration) * fraction, field.face_displacement_mm, slope)
@@ -149,7 +149,7 @@ def _of_map(
     inside = binary_erosion(field.face_displacement_mm != 0, border_value=1)
     slope_y, slope_x = inside * np.gradient(field.face_displacement_mm, field.y_mm, field.x_mm)
     steepness = np.hypot(slope_x, slope_y)
-    fraction = model.share(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
+    fraction = model.light_fraction(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
     x, y = sensor.axes_mm()
     rows, columns = (
         interpolation_matrix(field.y_mm, y, outside="zero"),
@@ -203,7 +203,9 @@ def render_reference(
         slope_y=slope * y[:, None] / np.maximum(radius, 1e-12),
     )
     model = as_contact_model(contact_model)
-    fraction = model.share(at_pixels(field.pressure_kpa), slope=slope, saturation_kpa=calibration.saturation_kpa)
+    fraction = model.light_fraction(
+        at_pixels(field.pressure_kpa), slope=slope, saturation_kpa=calibration.saturation_kpa
+    )
     if isinstance(model, SmoothContact):
         fraction = coverage(field, sensor) * (radius <= field.radius_mm[-1])
     observed = calibration.gain_grey_per_kpa * calibration.saturation_kpa * arriving * fraction

@@ -27,17 +27,17 @@ from tsis.inclusion._verdict import (
     identifiability,
     misfit_chance,
     misfit_finding,
-    place_findings,
+    position_findings,
 )
-from tsis.inclusion.checks import InclusionPlace, image_findings, inclusion_place
+from tsis.inclusion.checks import InclusionPosition, image_findings, inclusion_position
 from tsis.inclusion.posterior import (
     TISSUE,
     ForwardModel,
     InclusionLikelihood,
     Profiles,
     explore_inclusion,
-    ring_answers,
     ring_correlation,
+    ring_responses,
 )
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import (
@@ -152,7 +152,7 @@ def estimate(
         reading = read(targets)
         message = image_findings(targets, references, probe=probe, calibration=calibration)
         result = explore_inclusion(reading.likelihood, prior)
-        message = [*findings(result, prior, reading.data), *place_findings(reading.place), *message]
+        message = [*findings(result, prior, reading.data), *position_findings(reading.position), *message]
         chance = misfit_chance(result, reading.data)
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
@@ -187,24 +187,24 @@ class FrameReading:
 
     likelihood: InclusionLikelihood
     data: Profiles
-    place: InclusionPlace | None
+    position: InclusionPosition | None
 
 
 def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
     return misfit_chance(explore_inclusion(reading.likelihood, prior), reading.data) >= IMPROBABLE
 
 
-def _place(
+def _position(
     targets: list[TactileImage], references: list[TactileImage], calibration: Calibration, probe: Probe
-) -> InclusionPlace | None:
+) -> InclusionPosition | None:
     """Where the inclusion lies, by the strongest target and the reference nearest to its force."""
     if not references:
         return None
     target = max(targets, key=lambda frame: frame.force_n or 0.0)
     reference = min(references, key=lambda frame: abs((frame.force_n or 0.0) - (target.force_n or 0.0)))
     if abs((reference.force_n or 0.0) / (target.force_n or 1.0) - 1) > LIKE_FORCE:
-        return InclusionPlace(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
-    return inclusion_place(target, reference, calibration, radius_mm=probe.radius_mm)
+        return InclusionPosition(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
+    return inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm)
 
 
 def _contact_findings(
@@ -242,10 +242,10 @@ def read_frames(
     frames, edges = targets + references, ring_edges(probe)
     light = ring_light(frames[0], calibration, edges)
     data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
-    position = _place(targets, references, calibration, probe)
+    position = _position(targets, references, calibration, probe)
     offset, spread_sd = _offset(position, prior)
     model = ForwardModel(
-        rings=ring_answers(surrogate, edges, light.level, offset_mm=offset),
+        rings=ring_responses(surrogate, edges, light.level, offset_mm=offset),
         level=light.level,
         shading=light.shading,
         calibration=calibration,
@@ -253,13 +253,13 @@ def read_frames(
         force_n=np.array([frame.force_n for frame in frames]),
         is_reference=np.array([False] * len(targets) + [True] * len(references)),
         depletion_per_n=depletion_per_n(calibration, probe),
-        alike=ring_correlation(edges, calibration.grain_mm),
+        correlation=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
     )
-    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, place=position)
+    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, position=position)
 
 
-def _offset(inclusion: InclusionPlace | None, prior: InclusionPrior) -> tuple[float, float]:
+def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple[float, float]:
     """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
     if inclusion is None or inclusion.sd_mm > prior.offset_sd_mm:
         # Over the axis is where an examiner aims; that the square of a miss cannot be negative is left out.

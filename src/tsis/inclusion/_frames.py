@@ -26,12 +26,14 @@ if TYPE_CHECKING:
 
 RINGS = 20
 DARKEST = 1e-3  # of the brightest place; what is darker cannot be divided by
-OUTER_SHARE = 0.8  # of the face's radius; outside it the singular edge tells more about the rim than about the tissue
+OUTER_FRACTION = (
+    0.8  # of the face's radius; outside it the singular edge tells more about the rim than about the tissue
+)
 
 
 def ring_edges(probe: Probe) -> NDArray[np.float64]:
     """Boundaries in mm of the rings that the profile is averaged over."""
-    return np.linspace(0.0, OUTER_SHARE * probe.radius_mm, RINGS + 1)
+    return np.linspace(0.0, OUTER_FRACTION * probe.radius_mm, RINGS + 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -180,7 +182,7 @@ def covering_force_n(
     if surrogate.covering_force_n is None:
         return 0.0
     at = surrogate.covering_force_n.at_tissue(prior.tissue_young_kpa * stiffening, prior.thickness_mm)
-    result = at.plain if inclusion is None else at(*inclusion[:, None])[0]
+    result = at.baseline if inclusion is None else at(*inclusion[:, None])[0]
     return float(result[0])
 
 
@@ -195,7 +197,7 @@ def nominal_strains(surrogate: FullContactSurrogate, *, probe: Probe, prior: Inc
     at = (prior.tissue_young_kpa, prior.thickness_mm)
 
     def strain(approach_mm: Surrogate) -> float:
-        return nominal_strain(float(approach_mm.plain_at(*at)[0]), probe, prior.thickness_mm)
+        return nominal_strain(float(approach_mm.baseline_at(*at)[0]), probe, prior.thickness_mm)
 
     at_none = 0.0 if surrogate.shape is None else strain(surrogate.shape.approach_mm)
     return at_none, strain(surrogate.unit.approach_mm)

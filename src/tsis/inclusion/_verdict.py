@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion._prior import InclusionPrior
-    from tsis.inclusion.checks import InclusionPlace
+    from tsis.inclusion.checks import InclusionPosition
     from tsis.inclusion.posterior import InclusionPosterior, Profiles
 
     Finding = tuple[str, str]
@@ -60,7 +60,7 @@ def findings(posterior: InclusionPosterior, prior: InclusionPrior, data: Profile
                 f"{int((~data.usable).sum())} of {data.usable.size} rings are clipped or outside the picture.",
             )
         )
-    return [*findings, *_doubt_about_any(posterior.presence)]
+    return [*findings, *_presence_findings(posterior.presence)]
 
 
 def misfit_chance(posterior: InclusionPosterior, data: Profiles) -> float:
@@ -84,7 +84,7 @@ def misfit_finding(chance: float, *, disagree: bool) -> Finding:
     )
 
 
-def place_findings(inclusion: InclusionPlace | None) -> list[Finding]:
+def position_findings(inclusion: InclusionPosition | None) -> list[Finding]:
     """What a missing reference, or an inclusion beside the axis, means."""
     if inclusion is None:
         return [
@@ -125,7 +125,7 @@ def _is_loose(column: NDArray[np.float64], name: str, prior: InclusionPrior) -> 
     return sd > NOT_IDENTIFIED * prior.sd[name] or (name == "young_kpa" and sd > MODULUS_SD_KPA)
 
 
-def _doubt_about_any(presence: float) -> list[Finding]:
+def _presence_findings(presence: float) -> list[Finding]:
     if presence >= NEARLY_CERTAIN:
         return []
     if presence >= 1 - NEARLY_CERTAIN:

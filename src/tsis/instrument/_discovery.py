@@ -67,7 +67,7 @@ _LIVE = {
 _STORED = {"files": ("_files", "ImageFiles"), "video": ("_video", "VideoFile")}
 LIVE_SOURCES, STORED_SOURCES = tuple(_LIVE), tuple(_STORED)
 SOURCES = (*LIVE_SOURCES, *STORED_SOURCES)
-_PATIENCE_S = 20.0
+_TIMEOUT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,13 +76,13 @@ class CameraListing:
 
     Parameters
     ----------
-    found
+    cameras
         The cameras that answered, source by source.
     missing
         For each source that could not look, one sentence that says why and what to do.
     """
 
-    found: tuple[CameraInfo, ...]
+    cameras: tuple[CameraInfo, ...]
     missing: Mapping[str, str]
 
     def __post_init__(self) -> None:
@@ -93,7 +93,7 @@ def find_cameras(
     sources: Iterable[str] = LIVE_SOURCES,
     *,
     module: Callable[[str], Any] | None = None,
-    timeout_s: float = _PATIENCE_S,
+    timeout_s: float = _TIMEOUT_S,
 ) -> CameraListing:
     """Ask every source for its cameras; one that fails or hangs is named among the missing and stops no other.
 
@@ -116,12 +116,12 @@ def find_cameras(
     camera_infos: list[CameraInfo] = []
     missing: dict[str, str] = {}
     for name in names:
-        response = _asked(name, module or _searching_module, timeout_s)
+        response = _ask_source(name, module or _searching_module, timeout_s)
         if isinstance(response, str):
             missing[name] = response
         else:
             camera_infos.extend(response)
-    return CameraListing(found=tuple(camera_infos), missing=missing)
+    return CameraListing(cameras=tuple(camera_infos), missing=missing)
 
 
 def connect(spec: str) -> Camera:
@@ -167,7 +167,7 @@ def _searching_module(source: str) -> Any:
     return importlib.import_module(f"{_HOME}.{_LIVE[source][0]}")
 
 
-def _asked(source: str, module: Callable[[str], Any], timeout_s: float) -> tuple[CameraInfo, ...] | str:
+def _ask_source(source: str, module: Callable[[str], Any], timeout_s: float) -> tuple[CameraInfo, ...] | str:
     """The cameras of one source, or why it cannot look; asked in a thread, for a driver may never answer."""
     responses: list[tuple[CameraInfo, ...] | str] = []
 

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 _FFMPEG_LEVEL, _FFMPEG_SILENT = "OPENCV_FFMPEG_LOGLEVEL", "-8"
 # warnings.catch_warnings and the two log levels belong to the whole process, so one thread at a time may change them
-_one_at_a_time = threading.Lock()
+_lock = threading.Lock()
 
 
 @contextmanager
 def quiet_decoders() -> Iterator[None]:
     """Silence the messages of Pillow and OpenCV inside the block, and put everything back after it."""
     pillow = logging.getLogger("PIL")
-    with _one_at_a_time, warnings.catch_warnings():
+    with _lock, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         pillow_level, opencv_level = pillow.level, cv2.utils.logging.getLogLevel()
         pillow.setLevel(logging.CRITICAL + 1)

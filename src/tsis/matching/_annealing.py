@@ -6,7 +6,7 @@ outlier's among them, sum to one. The spline follows the weighed targets; its be
 its affine part, to where it began, by ``TURNING T``, both times the number of points. Then T falls.
 
 Nobody needs the weights themselves: only their sum a source point, and the sum of the targets that they weigh. Pairs
-farther apart than `REACH` are left out, and where points are many the first temperatures, which see nothing fine, are
+farther apart than `CUT_OFF` are left out, and where points are many the first temperatures, which see nothing fine, are
 passed on samples of them, the larger the cooler: each point then always has a few pairs.
 """
 
@@ -34,7 +34,7 @@ TURNING = 0.3  # published as 0.01; with more, more of the deformed, cluttered a
 SETTLED = 0.03  # a round ends when no point moved by so much of a standard deviation
 BALANCED = 1e-2  # to which the weights of a point sum to one; the next round goes on from there
 BALANCINGS = 10
-REACH = 24.0  # of T, squared distance beyond which exp(-12) counts as nothing
+CUT_OFF = 24.0  # of T, squared distance beyond which exp(-12) counts as nothing
 COARSE = (120, 350)  # points of source and target in the first temperatures, of sets that have more
 FINE = 0.5  # of the spacing of the target's points that take part: the standard deviation falls no farther below it
 
@@ -134,7 +134,7 @@ def soft_pairs(
     order = np.argsort(target[:, 0], kind="stable")
     single, stray = outlier_weights(transformed), outlier_weights(target)
     paired, drawn, sorted_balance = _balanced(
-        transformed, target[order], temperature, balance[order], single, stray[order], BALANCINGS, BALANCED, REACH
+        transformed, target[order], temperature, balance[order], single, stray[order], BALANCINGS, BALANCED, CUT_OFF
     )
     balance = np.empty_like(balance)
     balance[order] = sorted_balance
@@ -201,7 +201,7 @@ def _balanced(
     return paired, drawn, balance
 
 
-def plain_soft_pairs(
+def reference_soft_pairs(
     transformed: NDArray[np.float64], target: NDArray[np.float64], temperature: float, *, balancings: int = 2000
 ) -> NDArray[np.float64]:
     """The weights that `soft_pairs` sums, shape (n, m), from the whole matrix with the outliers' row and column."""

@@ -17,7 +17,7 @@ from scipy.spatial.distance import cdist
 
 from tsis.compiled import compiled
 from tsis.matching._fit import MatchFit, ridge_solution
-from tsis.matching._pairing import REACH, nearest_pairs, spacing
+from tsis.matching._pairing import TOLERANCE_SD, nearest_pairs, spacing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -76,7 +76,7 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
     """Match normalised points, shapes (n, d) and (m, d), by coherent point drift; nothing in it is left to chance."""
     del rng
     move, variance = fit_displacement(source, target)
-    tolerance = max(REACH * np.sqrt(variance), spacing(target) / 2)
+    tolerance = max(TOLERANCE_SD * np.sqrt(variance), spacing(target) / 2)
     matches, trust = nearest_pairs(move(source), target, tolerance=tolerance)
     return MatchFit(move=move, matches=matches, trust=trust)
 

@@ -21,7 +21,7 @@ BENDING_VARIANCES = (1e-4, 1e-3, 1e-2)  # prior, of a bending coordinate of norm
 FIRST_OUTLIERS = 0.1
 NARROWEST = 1e-3  # standard deviation of a pair, of normalised points
 ROUNDS = 6
-REACH = 50.0  # variances, squared distance beyond which nothing is explained
+CUT_OFF_VARIANCES = 50.0  # variances, squared distance beyond which nothing is explained
 FEWEST_OUTLIERS, MOST_OUTLIERS = 0.01, 0.95
 UPRIGHT = 0.2  # log odds a target point of sets the same way up against those turned by half a turn: a true pose
 # explains each point by more, a false one of many points does not
@@ -138,7 +138,7 @@ def _explained(
     near = (1 - outliers) / n * (2 * np.pi * variance) ** (-dimension / 2)
     paired, drawn, weights, away = np.zeros(n), np.zeros((n, dimension)), np.empty(n), np.empty(n)
     likelihood, squared = 0.0, 0.0
-    extent = np.sqrt(REACH * variance)
+    extent = np.sqrt(CUT_OFF_VARIANCES * variance)
     first_axis = np.ascontiguousarray(transformed[:, 0])
     for j in range(len(target)):
         total = outliers * even
@@ -148,7 +148,7 @@ def _explained(
             away[i] = 0.0
             for axis in range(dimension):
                 away[i] += (transformed[i, axis] - target[j, axis]) ** 2
-            weights[i] = near * np.exp(-0.5 * away[i] / variance) if away[i] < REACH * variance else 0.0
+            weights[i] = near * np.exp(-0.5 * away[i] / variance) if away[i] < CUT_OFF_VARIANCES * variance else 0.0
             total += weights[i]
         likelihood += np.log(total)
         for i in range(first, last):

@@ -42,7 +42,7 @@ class Move(Protocol):
         """Where the points go."""
 
 
-def moved_in_blocks(move: Move, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def transformed_in_blocks(move: Move, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where many points go, shape (k, d), without room for the terms of all of them at once."""
     return np.concatenate([move(points[start : start + BLOCK]) for start in range(0, len(points), BLOCK)])
 

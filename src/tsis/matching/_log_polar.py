@@ -104,7 +104,9 @@ def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> NDArray
     whole = np.linalg.norm(towards, axis=1)[:, None] * length
     cosine = np.einsum("nk,nmk->nm", towards, away) / np.maximum(whole, SMALLEST)
     ring, latitude = _rings(length / scale), (1 + np.clip(cosine, -1, 1)) / 2 * POLAR_BINS
-    return _normalised(_share(ring, _within(latitude, POLAR_BINS), np.zeros_like(ring), (DISTANCE_BINS, POLAR_BINS, 1)))
+    return _normalised(
+        _radial_weight(ring, _within(latitude, POLAR_BINS), np.zeros_like(ring), (DISTANCE_BINS, POLAR_BINS, 1))
+    )
 
 
 def chi_squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -171,7 +173,7 @@ def _counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float
     return counts
 
 
-def plain_counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+def reference_counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
     """What the compiled loop counts, written plainly: shape (n, distance, polar, angle)."""
     away = points[None, :, :] - points[:, None, :]
     length = np.linalg.norm(away, axis=2)
@@ -180,7 +182,7 @@ def plain_counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: 
     if points.shape[1] == 3:
         polar = POLAR_BINS
         latitude = np.where(length > 0, (1 + away[..., 2] / np.maximum(length, SMALLEST)) / 2 * polar, 0.0)
-    return _share(ring, _within(latitude, polar), angle, (DISTANCE_BINS, polar, ANGLE_BINS))
+    return _radial_weight(ring, _within(latitude, polar), angle, (DISTANCE_BINS, polar, ANGLE_BINS))
 
 
 def _rings(distance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -193,7 +195,7 @@ def _within(position: NDArray[np.float64], bins: int) -> NDArray[np.float64]:
     return np.clip(position - 0.5, 0.0, bins - 1.0)
 
 
-def _share(
+def _radial_weight(
     ring: NDArray[np.float64], latitude: NDArray[np.float64], angle: NDArray[np.float64], bins: tuple[int, int, int]
 ) -> NDArray[np.float64]:
     """Share each pair's neighbour, shape (n, n), linearly among the bins about its place; a point is not its own."""

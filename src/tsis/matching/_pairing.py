@@ -9,13 +9,13 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
-from tsis.matching._fit import UNMATCHED, MatchFit, moved_in_blocks
+from tsis.matching._fit import UNMATCHED, MatchFit, transformed_in_blocks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-REACH = 3.0  # standard deviations of a point's place that the tolerance stands for
+TOLERANCE_SD = 3.0  # standard deviations of a point's place that the tolerance stands for
 
 
 def nearest_pairs(
@@ -46,8 +46,8 @@ def nearest_pairs(
     """
     squared = cdist(transformed, target, "sqeuclidean")
     matches = assign(squared, dummy=tolerance**2)
-    likely = np.exp(-0.5 * squared * (REACH / tolerance) ** 2)
-    chance = likely / (likely.sum(axis=1, keepdims=True) + np.exp(-0.5 * REACH**2))
+    likely = np.exp(-0.5 * squared * (TOLERANCE_SD / tolerance) ** 2)
+    chance = likely / (likely.sum(axis=1, keepdims=True) + np.exp(-0.5 * TOLERANCE_SD**2))
     return matches, np.where(matches == UNMATCHED, 0.0, chance[np.arange(len(matches)), matches])
 
 
@@ -106,7 +106,7 @@ def matched_all(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.f
     What samples tell is the map. The matches are read off it, between moved source points and target points that are
     each other's nearest.
     """
-    transformed = moved_in_blocks(fit.move, source)
+    transformed = transformed_in_blocks(fit.move, source)
     matches, trust = mutual_nearest(transformed, target)
     return MatchFit(move=fit.move, matches=matches, trust=trust)
 

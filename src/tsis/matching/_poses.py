@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-ALONE = 0.07  # support for having no partner
+NO_PARTNER_SUPPORT = 0.07  # support for having no partner
 UPDATES = 20
 COMPARED = 150  # source points whose shape contexts choose the rotations
 LABELLED = {2: 6, 3: 30}  # rotations that are labelled, by dimension
@@ -54,7 +54,7 @@ def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.r
     for rotation in likely[: LABELLED[source.shape[1]] if len(source) * len(target) < MANY else LABELLED_OF_MANY]:
         cost = chi_squared(histograms(source @ rotation.T, scale=scale), contexts)
         around = Neighbourhood.among(source @ rotation.T, here.index)
-        labels = label(around, about, cost, single=ALONE, updates=UPDATES)
+        labels = label(around, about, cost, single=NO_PARTNER_SUPPORT, updates=UPDATES)
         pose = agreed(source, target[labels.best], labels.trust**2, rng=rng)
         poses.append(Pose(affine=pose.affine, agreement=pose.agreement * float(labels.trust.mean())))
         if poses[-1].agreement > CLEAR:

@@ -16,7 +16,7 @@ from tsis.matching import _shape_context as shape_context
 from tsis.matching import _tprl as tprl
 from tsis.matching import _tps_rpm as tps_rpm
 from tsis.matching._evidence import log_evidence
-from tsis.matching._fit import UNMATCHED, NormalFrame, moved_in_blocks
+from tsis.matching._fit import UNMATCHED, NormalFrame, transformed_in_blocks
 from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
 from tsis.matching._spline import far_apart, spline_basis, spread_out
 from tsis.model import require_array, require_one_of, require_type
@@ -135,7 +135,7 @@ class Registration:
         dimension = self.moved.shape[1]
         if checked.shape[1] != dimension:
             raise InputError(f"points must have {dimension} coordinates each, as the source; got shape {checked.shape}")
-        return moved_in_blocks(self.move, checked)
+        return transformed_in_blocks(self.move, checked)
 
     @property
     def outliers(self) -> NDArray[np.bool_]:

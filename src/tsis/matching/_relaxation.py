@@ -217,7 +217,7 @@ def _relax(
         flat *= support
         none *= single
         for _ in range(NORMALISATIONS):
-            _rows_to_one(probability, none)
+            _normalise_rows(probability, none)
             taken = np.zeros(columns)
             for i in range(n):
                 for s in range(c):
@@ -238,14 +238,14 @@ def _relax(
 
 
 @fused
-def _rows_to_one(probability: NDArray[np.float64], none: NDArray[np.float64]) -> None:
+def _normalise_rows(probability: NDArray[np.float64], none: NDArray[np.float64]) -> None:
     for i in range(len(none)):
         total = none[i] + probability[i].sum()
         none[i] /= total
         probability[i] /= total
 
 
-def plain_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[np.float64]:
+def reference_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[np.float64]:
     """Support ``[i, j, a, b]`` that pair (a, b) gives pair (i, j), shape (n, m, n, m): the sum in (5.12), in full."""
     difference = np.abs(source.log_distance[:, None, :, None] - target.log_distance[None, :, None, :])
     alpha = np.maximum(1 - difference / SAME_DISTANCE, 0)
@@ -259,11 +259,11 @@ def plain_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[np.f
     return supports
 
 
-def plain_label(
+def reference_label(
     source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, single: float, updates: int = UPDATES
 ) -> NDArray[np.float64]:
     """The probabilities of `label` as a whole matrix, shape (n, m), from products of whole matrices."""
-    supports, candidates = plain_supports(source, target), cheapest(cost, CANDIDATES)
+    supports, candidates = reference_supports(source, target), cheapest(cost, CANDIDATES)
     weighed = np.zeros(cost.shape)
     none = np.full((len(cost), 1), 1 / (candidates.shape[1] + 1))
     np.put_along_axis(weighed, candidates, 1.0, axis=1)

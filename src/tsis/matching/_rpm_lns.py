@@ -30,8 +30,8 @@ UPDATES = 10  # published as 300: more are slower and find no more, for what is 
 NEIGHBOURS = 5
 CANDIDATES = 25  # of each point, by shape context
 SHARPNESS = 0.03  # chi-squared distance that makes a pair e times less likely
-FIRST_ALONE = 0.2  # chance of having no partner to begin with
-ALONE = 0.35  # share of the neighbours that must agree for a pair to be likelier than none
+FIRST_NO_PARTNER = 0.2  # chance of having no partner to begin with
+LEAST_AGREEMENT = 0.35  # share of the neighbours that must agree for a pair to be likelier than none
 BALANCINGS = 2  # of rows and columns after each update
 SETTLED = 1e-3  # no chance changed by more
 BENDING, SOFTENING = 30.0, 0.5
@@ -133,11 +133,17 @@ def support(pairs: Pairs, source: csr_array, target: csr_array) -> csr_array:
 def relax(likely: NDArray[np.float64], supported: csr_array, pairs: Pairs) -> Chances:
     """Chances that agree with their neighbours', from how likely each pair is by itself, shape (p,)."""
     n, m = pairs.shape
-    chances = Chances(pair=likely * n / likely.sum(), source=np.full(n, FIRST_ALONE), target=np.full(m, FIRST_ALONE))
+    chances = Chances(
+        pair=likely * n / likely.sum(), source=np.full(n, FIRST_NO_PARTNER), target=np.full(m, FIRST_NO_PARTNER)
+    )
     for _ in range(UPDATES):
         before = chances.pair
         chances = _balanced(
-            Chances(pair=before * (supported @ before), source=chances.source * ALONE, target=chances.target * ALONE),
+            Chances(
+                pair=before * (supported @ before),
+                source=chances.source * LEAST_AGREEMENT,
+                target=chances.target * LEAST_AGREEMENT,
+            ),
             pairs,
         )
         if np.max(np.abs(chances.pair - before)) < SETTLED:
@@ -145,19 +151,19 @@ def relax(likely: NDArray[np.float64], supported: csr_array, pairs: Pairs) -> Ch
     return chances
 
 
-def plain_relax(
+def reference_relax(
     likely: NDArray[np.float64], source: NDArray[np.float64], target: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """What `relax` finds where every pair is a candidate, by whole matrices, all shape (n, m), (n, n) and (m, m)."""
     chance = np.zeros((len(source) + 1, len(target) + 1))
     chance[:-1, :-1] = likely * len(source) / likely.sum()
-    chance[:-1, -1] = chance[-1, :-1] = FIRST_ALONE
+    chance[:-1, -1] = chance[-1, :-1] = FIRST_NO_PARTNER
     agreeing = np.maximum(source.sum(axis=1)[:, None], target.sum(axis=1))
     for _ in range(UPDATES):
         before = chance[:-1, :-1].copy()
         chance[:-1, :-1] *= source @ before @ target / agreeing
-        chance[:-1, -1] *= ALONE
-        chance[-1, :-1] *= ALONE
+        chance[:-1, -1] *= LEAST_AGREEMENT
+        chance[-1, :-1] *= LEAST_AGREEMENT
         for _ in range(BALANCINGS):
             chance[:-1] /= chance[:-1].sum(axis=1, keepdims=True)
             chance[:, :-1] /= chance[:, :-1].sum(axis=0, keepdims=True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 ROUNDS = 6
-ALONE = 0.25  # chi-squared distance beyond which a pair is given up,
+NO_PARTNER_DISTANCE = 0.25  # chi-squared distance beyond which a pair is given up,
 SPARED = 0.75  # but no more than the worst quarter of them: turned or noisy points are all unlike
 BENDING = 3.0  # of the first round
 SOFTENING = 0.5  # of the bending, from round to round
@@ -40,7 +40,7 @@ def fit(
     transformed = source
     for number in range(ROUNDS):
         cost = chi_squared(describe(transformed), requested)
-        matches = _alike(cost)
+        matches = _shape_distance(cost)
         paired = matches != UNMATCHED
         coordinates = basis.coordinates(
             np.where(paired[:, None], target[matches], 0.0),
@@ -52,9 +52,9 @@ def fit(
     return MatchFit(move=basis.spline(coordinates), matches=matches, trust=np.where(paired, correlation, 0.0))
 
 
-def _alike(cost: NDArray[np.float64]) -> NDArray[np.int64]:
+def _shape_distance(cost: NDArray[np.float64]) -> NDArray[np.int64]:
     """Cheapest pairs of all points of the smaller set, less those that are too unlike."""
     matches = assign(cost, dummy=np.inf)
     paid = np.where(matches == UNMATCHED, np.inf, cost[np.arange(len(cost)), matches])
-    limit = max(ALONE, float(np.quantile(paid[np.isfinite(paid)], SPARED)))
+    limit = max(NO_PARTNER_DISTANCE, float(np.quantile(paid[np.isfinite(paid)], SPARED)))
     return np.where(paid <= limit, matches, UNMATCHED)

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 # Distances beyond which there is no partner, unless the spacing is more.
-REACHES = (0.5, 0.3, 0.18, 0.1, 0.0)
+SCALES = (0.5, 0.3, 0.18, 0.1, 0.0)
 NEAREST = 1.5  # spacings up to which there always may be one
 SPREADS = 4.0  # standard deviations beyond which a pair is taken for a false one
-BEYOND_DOUBT = 0.2  # root-mean-square distance of partners, of the spacing, below which none is taken for another
+CERTAIN_DISTANCE = 0.2  # root-mean-square distance of partners, of the spacing, below which none is taken for another
 BENDINGS = np.logspace(-7, 2, 28)
 
 
@@ -40,7 +40,7 @@ def assigned(
     One-to-one pairs of the least sum of squares undo what soft pairs leave when points slid along a line: many small
     steps are cheaper than the one large one at its end.
     """
-    for extent in REACHES:
+    for extent in SCALES:
         transformed = basis.design @ coordinates
         squared = cdist(transformed, target, "sqeuclidean")
         pairs = assign(squared, dummy=max(extent, NEAREST * spacing) ** 2)
@@ -71,7 +71,7 @@ def interpolated(
     pairs = assign(squared, dummy=(NEAREST * spacing) ** 2)
     rows = np.flatnonzero(pairs != UNMATCHED)
     away = squared[rows, pairs[rows]]
-    if len(rows) <= basis.points.shape[1] or np.mean(away) > (BEYOND_DOUBT * spacing) ** 2:
+    if len(rows) <= basis.points.shape[1] or np.mean(away) > (CERTAIN_DISTANCE * spacing) ** 2:
         return coordinates
     return basis.at(rows).coordinates(target[pairs[rows]], bending=BENDINGS[0])
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 FACE_POINTS = 241  # even steps of the radius at which a press is told
-EDGE_SHARE = 0.95  # of the radius; outside it the pressure may be singular and its sign says nothing
+EDGE_FRACTION = 0.95  # of the radius; outside it the pressure may be singular and its sign says nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

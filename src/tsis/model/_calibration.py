@@ -146,7 +146,7 @@ class LightMap:
         return tuple(np.asarray(rows @ getattr(self, name) @ columns) for name in FIELDS)
 
 
-SHARES = (
+FRACTIONS = (
     "gain_sd",
     "force_sd",
     "offset_sd",
@@ -230,7 +230,7 @@ class Calibration:
         require_number("background_grey", self.background_grey, 0.0, 65535.0)
         if self.light is not None and not isinstance(self.light, LightMap):
             raise InputError(f"light must be a LightMap or None; got {self.light!r:.80}")
-        for name in SHARES:
+        for name in FRACTIONS:
             require_number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
         require_number("grain_mm", self.grain_mm, 0.05, 50.0, hint="millimetres")
         require_number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)

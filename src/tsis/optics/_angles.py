@@ -171,7 +171,7 @@ class Acceptance:
     blind_deg
         Angle from the side wall's normal below which a ray never reaches the pressed face, because a layer of lower
         index reflects it on the way; 0 where every ray reaches it.
-    blind_share
+    blind_fraction
         The same as a share of the angles, within the layer, at which a ray stays in the stack.
     """
 
@@ -180,7 +180,7 @@ class Acceptance:
     acceptance_deg: NDArray[np.float64]
     unlimited: NDArray[np.bool]
     blind_deg: NDArray[np.float64]
-    blind_share: NDArray[np.float64]
+    blind_fraction: NDArray[np.float64]
 
 
 def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
@@ -221,7 +221,7 @@ def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
         acceptance_deg=np.degrees(np.arcsin(np.minimum(1, aperture))),
         unlimited=aperture >= 1,
         blind_deg=np.degrees(np.arcsin(np.minimum(1, _aperture(indices, np.maximum(on_the_way, outside))))),
-        blind_share=np.divide(np.minimum(blind, stays), stays, out=np.zeros_like(stays), where=stays > 0),
+        blind_fraction=np.divide(np.minimum(blind, stays), stays, out=np.zeros_like(stays), where=stays > 0),
     )
 
 

@@ -3,8 +3,8 @@
 from tsis.plots._calibration import dot_board, force_residuals, force_sums, grey_sums, hysteresis_loops
 from tsis.plots._detection import (
     agreement_limits,
+    detected_by_size_and_depth,
     draw_scan_plan,
-    found_by_place,
     read_over_true,
     reliability_diagram,
     roc_curve,
@@ -26,11 +26,11 @@ __all__ = [
     "contact_rows",
     "curves_over_levels",
     "design_errors",
+    "detected_by_size_and_depth",
     "dot_board",
     "draw_scan_plan",
     "force_residuals",
     "force_sums",
-    "found_by_place",
     "grey_sums",
     "guide_index",
     "guide_light",

@@ -116,7 +116,9 @@ def reliability_diagram(curve: ReliabilityCurve, ax: Axes) -> Axes:
     return ax
 
 
-def found_by_place(diameter_mm: ArrayLike, depth_mm: ArrayLike, result: Sequence[bool | None], ax: Axes) -> Axes:
+def detected_by_size_and_depth(
+    diameter_mm: ArrayLike, depth_mm: ArrayLike, result: Sequence[bool | None], ax: Axes
+) -> Axes:
     """Inclusions over size and depth, deep ones below: found, missed and undecided.
 
     Parameters

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 HERE, PRINTED = "#0072b2", "#d55e00"  # told apart without red-green vision
-APART = 0.12  # distance of the two bars of one target, in targets
+BAR_OFFSET = 0.12  # distance of the two bars of one target, in targets
 
 
 def repeated_readings(
@@ -40,7 +40,7 @@ def repeated_readings(
         What the legend calls the readings.
     """
     position = np.arange(len(targets), dtype=float)
-    shift = 0.0 if printed_mean is None else APART
+    shift = 0.0 if printed_mean is None else BAR_OFFSET
     means, deviations = [target.mean for target in targets], [target.sd for target in targets]
     ax.errorbar(position - shift, means, yerr=np.nan_to_num(deviations), fmt="o", capsize=5, color=HERE, label=label)
     if printed_mean is not None:

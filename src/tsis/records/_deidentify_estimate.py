@@ -25,7 +25,7 @@ VERSION = re.compile(r"\d{1,4}(\.\d{1,6}){0,3}((a|b|rc|\.dev|\.post)\d{1,6})?")
 FLAGS = {"inclusion": INCLUSION_FLAGS, "hardness": HARDNESS_FLAGS}
 PARAMETERS = {"diameter_mm": ("diameter", "mm"), "depth_mm": ("depth", "mm"), "young_kpa": ("modulus", "kPa")}
 LISTS = ("images", "reference", "presses")  # of frames, in a provenance
-SEEN = ("radius_mm", "radius_sd", "light_force_n")  # of a contact
+CONTACT_KEYS = ("radius_mm", "radius_sd", "light_force_n")  # of a contact
 
 
 def deidentified_estimate(stored: StoredEstimate, frames: Mapping[str, str]) -> StoredEstimate:
@@ -116,8 +116,8 @@ def _frame(given: Mapping[str, Any], frames: Mapping[str, str]) -> dict[str, Any
     if isinstance(sha256, str) and SHA256.fullmatch(sha256):
         document["sha256"] = sha256
     if isinstance(observed, Mapping):
-        by_name = {name: observed[name] for name in SEEN if _is_number(observed.get(name))}
-        if len(by_name) == len(SEEN):
+        by_name = {name: observed[name] for name in CONTACT_KEYS if _is_number(observed.get(name))}
+        if len(by_name) == len(CONTACT_KEYS):
             document["seen"] = by_name
     return document
 

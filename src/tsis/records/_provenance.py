@@ -53,7 +53,7 @@ def _files(folder: Traversable, location: str) -> Iterator[tuple[str, Traversabl
 
 
 FRAMES = ("images", "reference", "presses")  # of an estimate's provenance: one entry a frame
-SAID_ELSEWHERE = frozenset({"notice", "tsis", "prior", *FRAMES})
+STATED_ELSEWHERE = frozenset({"notice", "tsis", "prior", *FRAMES})
 LABELS = frozenset({"name", "settings"})  # say where a thing came from and enter no number
 SHOWN = 60
 
@@ -68,12 +68,12 @@ def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
     ...     {"tsis": "0.1.0", "libraries": {"numpy": "2.4.5"}}, {"tsis": "0.1.0", "libraries": {"numpy": "2.4.6"}}))
     ['numpy 2.4.5 -> 2.4.6']
     """
-    was, now = _plain(before.estimate.provenance), _plain(after.estimate.provenance)
+    was, now = _plain_values(before.estimate.provenance), _plain_values(after.estimate.provenance)
     return (
         *environment_changes(before.environment, after.environment),
         *_differences("the probe", before.probe, after.probe),
         *_frame_changes(was, now),
-        *_option_changes(_plain(before.options), _plain(after.options)),
+        *_option_changes(_plain_values(before.options), _plain_values(after.options)),
         *_prior_changes(before, after),
         *_other_changes(was, now),
     )
@@ -120,7 +120,7 @@ def _prior_changes(before: StoredEstimate, after: StoredEstimate) -> Iterator[st
     """The prior as it was given; where it was the default of the release then, as the estimator wrote it down."""
     reported = "options" if all(item.options.get("prior") for item in (before, after)) else "provenance"
     result = (item.options if reported == "options" else item.estimate.provenance for item in (before, after))
-    was, now = (_plain({"prior": item.get("prior")})["prior"] for item in result)
+    was, now = (_plain_values({"prior": item.get("prior")})["prior"] for item in result)
     if not isinstance(was, Mapping) or not isinstance(now, Mapping):  # a bundle may hold anything there
         yield from _differences("the prior changed", was, now)
         return
@@ -133,7 +133,7 @@ def _prior_changes(before: StoredEstimate, after: StoredEstimate) -> Iterator[st
 
 def _other_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     """What else the estimator wrote down: probe, calibration, method, tables."""
-    for name in sorted({*was, *now} - SAID_ELSEWHERE):
+    for name in sorted({*was, *now} - STATED_ELSEWHERE):
         item, other = was.get(name), now.get(name)
         if isinstance(item, Mapping) and isinstance(other, Mapping):
             for part in sorted({*item, *other} - LABELS):
@@ -157,13 +157,13 @@ def _shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)[:SHOWN]
 
 
-def _plain(value: Mapping[str, Any]) -> Mapping[str, Any]:
+def _plain_values(value: Mapping[str, Any]) -> Mapping[str, Any]:
     """As a store gives it back."""
     document: Mapping[str, Any] = free_to_plain(value, "provenance")
     return document
 
 
-def sentence(same: bool, causes: Sequence[str]) -> str:
+def comparison_message(same: bool, causes: Sequence[str]) -> str:
     """In one sentence what became of the numbers, and why.
 
     Examples

@@ -12,7 +12,7 @@ from tsis.errors import CalibrationError, RecordsError
 from tsis.model import INTERVAL_LEVEL
 from tsis.records._estimation import EstimationRequest, estimate_stored
 from tsis.records._plain import estimate_to_plain
-from tsis.records._provenance import changes, environment, sentence
+from tsis.records._provenance import changes, comparison_message, environment
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,7 +40,7 @@ class Shift:
         Posterior means, in the unit that the name carries.
     interval_before, interval_after
         Of 90 %.
-    moved, low_moved, high_moved
+    shifted, low_shift, high_shift
         By how many old standard deviations the mean and the ends of the interval moved; positive is upwards.
     """
 
@@ -49,9 +49,9 @@ class Shift:
     after: float
     interval_before: tuple[float, float]
     interval_after: tuple[float, float]
-    moved: float
-    low_moved: float
-    high_moved: float
+    shifted: float
+    low_shift: float
+    high_shift: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,9 +95,9 @@ class Recomputation:
         return tuple(flag for flag in self.before.estimate.flags if flag not in self.after.estimate.flags)
 
     @property
-    def sentence(self) -> str:
+    def message(self) -> str:
         """What became of the result, and why."""
-        return sentence(self.same, self.causes)
+        return comparison_message(self.same, self.causes)
 
 
 def recompute(
@@ -123,7 +123,7 @@ def recompute(
     InputError, CalibrationError
         When today's code does not take what was stored.
     """
-    record = store.dossier(target)
+    record = store.record(target)
     record.require_whole()
     in_force = list({stored.kind: stored for stored in record.estimates}.values())
     if not in_force:
@@ -213,9 +213,9 @@ def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
             after=means[1][name],
             interval_before=was[name],
             interval_after=now[name],
-            moved=_in_sd(means[1][name] - means[0][name], sd[name]),
-            low_moved=_in_sd(now[name][0] - was[name][0], sd[name]),
-            high_moved=_in_sd(now[name][1] - was[name][1], sd[name]),
+            shifted=_in_sd(means[1][name] - means[0][name], sd[name]),
+            low_shift=_in_sd(now[name][0] - was[name][0], sd[name]),
+            high_shift=_in_sd(now[name][1] - was[name][1], sd[name]),
         )
         for name in before.samples
         if name in after.samples

@@ -30,7 +30,7 @@ class SavableResult:
         As of `StoredEstimate`.
     frames
         As the camera gave them, by the role of their presses: those of the target first.
-    known
+    calibration
         The calibration.
     name, truth
         Of a new target.
@@ -39,7 +39,7 @@ class SavableResult:
     kind: str
     estimate: Estimate
     probe: str
-    known: ProbeCalibration
+    calibration: ProbeCalibration
     frames: Mapping[str, Sequence[TactileImage]]
     options: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
@@ -93,7 +93,9 @@ def save_results(store: Store, keepable: SavableResult, *, number: int | None = 
         for at, (role, frame) in enumerate(frames):
             taken = moment + timedelta(microseconds=at)  # so that their order is kept
             presses.append(
-                store.add_press(target, frame, role=role, taken=taken, probe=keepable.probe, calibration=keepable.known)
+                store.add_press(
+                    target, frame, role=role, taken=taken, probe=keepable.probe, calibration=keepable.calibration
+                )
             )
         stored = enter_estimate(
             store,
@@ -102,7 +104,7 @@ def save_results(store: Store, keepable: SavableResult, *, number: int | None = 
             kind=keepable.kind,
             presses=presses,
             probe=keepable.probe,
-            calibration=keepable.known,
+            calibration=keepable.calibration,
             options=keepable.options,
         )
     except TsisError as error:

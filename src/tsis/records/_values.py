@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 
 KINDS = ("phantom", "subject")  # of stores; what is known of one must never get into the other
-ROLE_WORDS = {
+ROLE_NAMES = {
     "target": "on the target",
     "plain": "on plain tissue",
     "untouched": "without touch",
     "ball": "on a known ball",
 }
-ROLES = tuple(ROLE_WORDS)  # of presses; a ball is for hardness
+ROLES = tuple(ROLE_NAMES)  # of presses; a ball is for hardness
 ESTIMATES = ("inclusion", "hardness")
 LONGEST_NAME, LONGEST_NOTE = 200, 4000
 LARGEST_SIDE_PX = 65_535

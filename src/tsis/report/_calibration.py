@@ -54,18 +54,18 @@ def calibration_rows(calibration: ProbeCalibration, findings: SessionResult) -> 
     """Quantity, value and 95 % interval of everything that was measured."""
     low, high = findings.response.saturation.interval()
     upper = f"{high:.4g} kPa" if findings.response.saturation.identified else "open above"
-    rows = list(held_rows(calibration))
+    rows = list(content_rows(calibration))
     rows.append(("saturation", f"{findings.response.saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
     line = findings.line
-    rows.append(_share_row("largest departure of the mean of tips from the line", line.linearity))
+    rows.append(_fraction_row("largest departure of the mean of tips from the line", line.linearity))
     if line.hysteresis is not None:
-        rows.append(_share_row("hysteresis", line.hysteresis))
+        rows.append(_fraction_row("hysteresis", line.hysteresis))
     if line.tip_difference is not None:
-        rows.append(_share_row("largest tip against the one before, at 0.8 N", line.tip_difference))
+        rows.append(_fraction_row("largest tip against the one before, at 0.8 N", line.tip_difference))
     return tuple(rows)
 
 
-def held_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
+def content_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
     """The same of what the file itself holds; ``cited`` is its identity where not all of it is shown."""
     rows = [
         ("probe", calibration.probe or "not named", ""),
@@ -231,7 +231,7 @@ def _row(name: str, value: MeasuredValue) -> Row:
     return name, f"{value.value:.5g} {value.unit}".strip(), f"{low:.5g} to {high:.5g}"
 
 
-def _share_row(name: str, value: MeasuredValue) -> Row:
+def _fraction_row(name: str, value: MeasuredValue) -> Row:
     low, high = value.interval()
     return name, f"{PER_CENT * value.value:.2f} %", f"{PER_CENT * low:.2f} to {PER_CENT * high:.2f} %"
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-ODD_SHARE = 1e-3  # of the pixels
+ODD_FRACTION = 1e-3  # of the pixels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,24 +87,24 @@ def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
         return (("contact", "none found: nothing stands out of the noise"),)
     rows = [
         ("centroid", _pair(result.centroid_px, "px") + _also(_pair(result.centroid_mm, "mm from the axis"))),
-        ("area", f"{result.area_px:.0f} px" + _also(_one(result.area_mm2, "mm²"))),
+        ("area", f"{result.area_px:.0f} px" + _also(_number(result.area_mm2, "mm²"))),
         (
             "equivalent diameter",
-            f"{result.equivalent_diameter_px:.1f} px" + _also(_one(result.equivalent_diameter_mm, "mm")),
+            f"{result.equivalent_diameter_px:.1f} px" + _also(_number(result.equivalent_diameter_mm, "mm")),
         ),
         ("ellipse semi-axes", _pair(result.semi_axes_px, "px") + _also(_pair(result.semi_axes_mm, "mm"))),
-        ("direction of the long axis", _one(result.angle_deg, "degrees")),
-        ("eccentricity", _one(result.eccentricity, "")),
-        ("circularity", _one(result.circularity, "")),
+        ("direction of the long axis", _number(result.angle_deg, "degrees")),
+        ("eccentricity", _number(result.eccentricity, "")),
+        ("circularity", _number(result.circularity, "")),
         ("peak", f"{result.peak:.1f} grey levels"),
         ("sum of grey levels", f"{result.total:.0f}"),
-        ("saturated share", f"{100 * result.saturated_share:.1f} %"),
+        ("saturated share", f"{100 * result.saturated_fraction:.1f} %"),
         ("touches the border", "yes" if result.cropped else "no"),
     ]
     if circle is not None:
         rows[1:1] = [
             ("centre of the round contact", _pair(circle.centre_px, "px")),
-            ("radius of its steepest edge", f"{circle.radius_px:.1f} px" + _also(_one(circle.radius_mm, "mm"))),
+            ("radius of its steepest edge", f"{circle.radius_px:.1f} px" + _also(_number(circle.radius_mm, "mm"))),
         ]
     return tuple((name, value.strip()) for name, value in rows)
 
@@ -129,8 +129,8 @@ def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
         notes.append(
             f"{image.name}: {100 * clipped:.1f} % of the picture is clipped by the camera (shorten the exposure)."
         )
-    if result.saturated_share > 0:
-        notes.append(f"{image.name}: {100 * result.saturated_share:.1f} % of the contact is clipped by the camera.")
+    if result.saturated_fraction > 0:
+        notes.append(f"{image.name}: {100 * result.saturated_fraction:.1f} % of the contact is clipped by the camera.")
     if image.mm_per_pixel is None:
         notes.append(f"{image.name}: no scale was given, so lengths are in pixels (give --scale-mm).")
     return tuple(notes)
@@ -138,7 +138,7 @@ def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
 
 def _extremes(change: TactileImage) -> tuple[float, float]:
     """How far the grey levels fall and rise, but for the odd pixel."""
-    low, high = np.quantile(change.grey, [ODD_SHARE, 1 - ODD_SHARE])
+    low, high = np.quantile(change.grey, [ODD_FRACTION, 1 - ODD_FRACTION])
     return -float(low), float(high)
 
 
@@ -146,8 +146,8 @@ def _cards(features: Features) -> tuple[Card, ...]:
     if not features.contact:
         return (Card(title="Contact", value="none", detail="nothing stands out of the noise", doubtful=True),)
     in_mm = features.equivalent_diameter_mm is not None
-    diameter = _one(features.equivalent_diameter_mm, "mm") if in_mm else f"{features.equivalent_diameter_px:.1f} px"
-    area = _one(features.area_mm2, "mm²") if in_mm else f"{features.area_px:.0f} px"
+    diameter = _number(features.equivalent_diameter_mm, "mm") if in_mm else f"{features.equivalent_diameter_px:.1f} px"
+    area = _number(features.area_mm2, "mm²") if in_mm else f"{features.area_px:.0f} px"
     return (
         Card(
             title="Centroid",
@@ -207,7 +207,7 @@ def _draw_profile(figure: Figure, profile: RadialProfile) -> None:
     ring_profile(profile, figure.subplots())
 
 
-def _one(value: float | None, unit: str) -> str:
+def _number(value: float | None, unit: str) -> str:
     return "" if value is None else f"{value:.3g} {unit}"
 
 
@@ -250,7 +250,7 @@ def comparison(image: TactileImage, other: TactileImage, *, same_light: bool = F
         notes.append(f"These two cannot be subtracted: {error}.")
     else:
         pictures.append(_difference(change, image, other))
-        notes.append(_said(change, same_light=same_light))
+        notes.append(_change_text(change, same_light=same_light))
     return Page(
         title=f"{image.name} compared with {other.name}",
         subtitle="",
@@ -294,7 +294,7 @@ def _difference(change: TactileImage, image: TactileImage, other: TactileImage) 
     )
 
 
-def _said(change: TactileImage, *, same_light: bool) -> str:
+def _change_text(change: TactileImage, *, same_light: bool) -> str:
     grey = change.grey
     light = "; the second was brought to the brightness of the first" if same_light else ""
     return (

@@ -52,7 +52,7 @@ class DesignQuestion:
         Forces of the presses in newtons; 0.5 and 1 on a dome, else 1 when empty.
     with_reference
         Whether plain tissue nearby is pressed too.
-    frames_each
+    frames_per_press
         How often each press is made.
     compared
         What is changed, of `tsis.inclusion.design.ASPECTS`; nothing when empty.
@@ -72,7 +72,7 @@ class DesignQuestion:
     probe: Probe
     forces_n: tuple[float, ...] = ()
     with_reference: bool = True
-    frames_each: int = 1
+    frames_per_press: int = 1
     compared: tuple[str, ...] = QUICK_DEGREES
     criterion: str = "all"
     traced: bool = False
@@ -92,7 +92,7 @@ class DesignQuestion:
         """The probe with its presses."""
         forces = self.forces_n or (FLAT_N if self.probe.face_curvature_mm is None else DOMED_N)
         once = protocol_of(self.probe, tuple(forces), with_reference=self.with_reference)
-        return replace(once, frames_each=self.frames_each, name=PLANNED)
+        return replace(once, frames_each=self.frames_per_press, name=PLANNED)
 
     @property
     def protocols(self) -> tuple[Protocol, ...]:
@@ -103,7 +103,7 @@ class DesignQuestion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DesignAnswer:
+class DesignAnalysis:
     """The designs, best first, and the best that a search has found.
 
     Attributes
@@ -180,12 +180,12 @@ def searched_design(
     )
 
 
-def answered(
+def answer_question(
     question: DesignQuestion, result: tuple[Design, ...], optimum: DesignOptimum | None = None
-) -> DesignAnswer:
+) -> DesignAnalysis:
     """Put what was found in order."""
     designs = [*result, *([] if optimum is None else [optimum.best])]
-    return DesignAnswer(question=question, designs=rank_designs(designs, question.criterion), optimum=optimum)
+    return DesignAnalysis(question=question, designs=rank_designs(designs, question.criterion), optimum=optimum)
 
 
 HEADINGS = ("design", "d / mm", "h / mm", "E / kPa", "known", "strain", "whole", "grey", "breaks")
@@ -193,7 +193,7 @@ SHORT = {"diameter_mm": ("Diameter", "mm", 2), "depth_mm": ("Depth", "mm", 2), "
 CROSSES = "Nearer to the corner is better; crosses break a limit."
 
 
-def design_document(design: DesignAnswer) -> dict[str, Any]:
+def design_document(design: DesignAnalysis) -> dict[str, Any]:
     """All of it, as plain values with the names of Python."""
     question, best = design.question, design.optimum
     return envelope(
@@ -222,7 +222,7 @@ def design_caption(designs: Sequence[Design]) -> str:
     )
 
 
-def design_notes(design: DesignAnswer) -> tuple[str, ...]:
+def design_notes(design: DesignAnalysis) -> tuple[str, ...]:
     """What to know besides the table: before any press, what the columns mean, limits broken, what binds the best."""
     before = PRIOR.sd
     broken = {
@@ -246,7 +246,7 @@ def draw_errors(designs: Sequence[Design], figure: Figure) -> None:
     figure.legend(*left.get_legend_handles_labels(), loc="outside right upper", fontsize=8, markerscale=0.8)
 
 
-def design_page(design: DesignAnswer) -> Page:
+def design_page(design: DesignAnalysis) -> Page:
     """The planned design's errors as cards with the prior beside them, the information plot, and all designs."""
     designs = design.designs
     return Page(
@@ -280,7 +280,7 @@ def _card(design: Design, name: str) -> Card:
     )
 
 
-def _best_card(design: DesignAnswer) -> Card:
+def _best_card(design: DesignAnalysis) -> Card:
     best, criterion = design.best, design.question.criterion
     by = "all three together" if criterion == "all" else LABELS[criterion]
     return Card(
@@ -298,9 +298,9 @@ def _row(design: Design) -> tuple[str, ...]:
         f"{errors['diameter_mm']:.2f}",
         f"{errors['depth_mm']:.2f}",
         f"{errors['young_kpa']:.1f}",
-        f"{design.information.identified_share:.0%}",
+        f"{design.information.identified_fraction:.0%}",
         f"{limits.strain:.2f}",
-        f"{limits.whole_share:.0%}",
+        f"{limits.whole_fraction:.0%}",
         f"{limits.brightest_grey:.0f}",
         ", ".join(limits.broken),
     )
@@ -315,7 +315,7 @@ def _document(design: Design) -> dict[str, Any]:
         "layers_young_kpa": [layer.young_kpa for layer in design.protocol.probe.layers],
         "face_curvature_mm": design.protocol.probe.face_curvature_mm,
         "expected_rmse": reported.rmse,
-        "modulus_identified_share": reported.identified_share,
+        "modulus_identified_share": reported.identified_fraction,
         "mean_log_narrowing": reported.log_sd,
         "limits": asdict(design.limits),
         "broken": design.limits.broken,

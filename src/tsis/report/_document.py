@@ -112,10 +112,10 @@ def profile_document(profile: RadialProfile) -> dict[str, Any]:
 
 def json_bytes(document: Mapping[str, Any]) -> bytes:
     """UTF-8 JSON that any parser reads: no NaN."""
-    return (json.dumps(document, indent=2, allow_nan=False, default=_plain) + "\n").encode()
+    return (json.dumps(document, indent=2, allow_nan=False, default=_json_value) + "\n").encode()
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, np.generic):

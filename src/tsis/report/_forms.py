@@ -148,4 +148,4 @@ def report_of_stored_target(store_address: StoreAddress, number: int, form: str)
             raise RecordsError(
                 f"the store must be {store_address.identity[:12]}, which was opened; got {store.identity[:12]}"
             )
-        return page_bytes(form, store.dossier(store.target(number)))
+        return page_bytes(form, store.record(store.target(number)))

@@ -166,6 +166,6 @@ def estimate_cards(stored: StoredEstimate, truth: Mapping[str, float]) -> tuple[
     return inclusion_cards(stored.estimate, truth)
 
 
-def estimate_sentences(stored: StoredEstimate) -> tuple[str, ...]:
+def estimate_messages_of(stored: StoredEstimate) -> tuple[str, ...]:
     """What a reader must know besides the numbers, the most important first."""
     return hardness_notes(stored.estimate) if stored.kind == HARDNESS else estimate_messages(stored.estimate)

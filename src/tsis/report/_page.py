@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 DPI = 120
 PAPER_DPI = 220  # at the size at which a picture stands on the paper
-ONE_AT_A_TIME = threading.Lock()  # matplotlib has settings and a cache of letters for the whole program
+FIGURE_LOCK = threading.Lock()  # matplotlib has settings and a cache of letters for the whole program
 
 
 def address(picture: Picture) -> str:
@@ -40,7 +40,7 @@ def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DP
 
 
 def _drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:
-    with ONE_AT_A_TIME, mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
+    with FIGURE_LOCK, mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
         figure = Figure(figsize=size, layout="constrained")
         picture.draw(figure)
         buffer = io.BytesIO()

@@ -27,7 +27,7 @@ def recomputation_notes(recomputation: Recomputation) -> tuple[str, ...]:
     return tuple(messages)
 
 
-def stored_sentence(recomputation: Recomputation) -> str:
+def recomputation_message(recomputation: Recomputation) -> str:
     """Where the new estimate is; empty where it is the old one."""
     if recomputation.same:
         return ""
@@ -48,7 +48,7 @@ def _shift_rows(recomputation: Recomputation) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for shift in recomputation.shifts:
         (low, high), (now_low, now_high) = shift.interval_before, shift.interval_after
-        means = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.moved:+.2g}")
+        means = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.shifted:+.2g}")
         rows.append((shift.name, *means, f"{low:.3g} to {high:.3g}", f"{now_low:.3g} to {now_high:.3g}"))
     return rows
 
@@ -61,7 +61,7 @@ def recomputation_document(target: Target, recomputation: Recomputation) -> dict
         "target": target.number,
         "kind": recomputation.before.kind,
         "same": recomputation.same,
-        "sentence": recomputation.sentence,
+        "sentence": recomputation.message,
         "causes": list(recomputation.causes),
         "notes": list(recomputation.notes),
         "shifts": [free_to_plain(asdict(shift), "shift") for shift in recomputation.shifts],  # moved by so many old sd

@@ -8,7 +8,7 @@
 from tsis.study._folder import ANALYSED, PLAN, Study, enter_readings, open_study, read_seal
 from tsis.study._log import LOG_FILE, read_chain
 from tsis.study._making import new_study, printed_targets, random_targets
-from tsis.study._plan import JUDGED_BY, TARGETS
+from tsis.study._plan import ANALYSED_READING, TARGETS
 from tsis.study._pressing import RunResult, press_study
 from tsis.study._tables import READING_COLUMNS, export_readings, import_readings, import_table, read_truth_table
 from tsis.study._unblinding import enter_analysis, unblind
@@ -17,7 +17,7 @@ from tsis.study._verification import StudyVerification, is_one_name, verify_stud
 
 __all__ = [
     "ANALYSED",
-    "JUDGED_BY",
+    "ANALYSED_READING",
     "LOG_FILE",
     "PLAN",
     "QUANTITIES",

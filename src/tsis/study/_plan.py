@@ -70,7 +70,7 @@ FORMAT, VERSION = "tsis-study", 1
 LONGEST_NAME, MOST_FORCES, MOST_REPEATS = 120, 16, 1000
 LARGEST_THRESHOLD = 1e12
 CODE = re.compile(r"T-[2-9A-HJ-NP-Z]{4}")
-JUDGED_BY = "the first reading of each target by each device"
+ANALYSED_READING = "the first reading of each target by each device"
 UNDECIDED = "counted apart, and also as the wrong answer"
 
 
@@ -169,7 +169,7 @@ class StudyPlan:
                     "with_reference": self.with_reference,
                     "repeats": self.repeats,
                     "threshold": self.threshold,
-                    "judged_by": JUDGED_BY,
+                    "judged_by": ANALYSED_READING,
                     "undecided": UNDECIDED,
                     "codes": list(self.codes),
                     "truth_sha256": self.commitment,

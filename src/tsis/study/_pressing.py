@@ -111,7 +111,7 @@ def press_study(
     with run_lock(study.folder / PLAN):
         study = open_study(study.folder)  # another run may just have ended
         left = study.missing(study.plan.device, operator)
-        instrument = None if not left else _Bench.of(study, preparing)
+        instrument = None if not left else _Rig.of(study, preparing)
         entered = undecided = 0
         for done, (code, repeat) in enumerate(left):
             if progress is not None:
@@ -137,7 +137,7 @@ def _rng(seed: int, code: str, operator: str, repeat: int) -> np.random.Generato
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Bench:
+class _Rig:
     """The probe of a study, its light and what is believed before any press."""
 
     study: Study
@@ -145,7 +145,7 @@ class _Bench:
     prior: InclusionPrior
 
     @classmethod
-    def of(cls, study: Study, preparing: Callable[[int, int], None] | None) -> _Bench:
+    def of(cls, study: Study, preparing: Callable[[int, int], None] | None) -> _Rig:
         probe, prior = load_probe(study.plan.probe), InclusionPrior()
         light = irradiance(probe, progress=preparing)
         build_full_contact_surrogate(probe, prior.box(), progress=preparing)
@@ -182,7 +182,7 @@ class _Bench:
         except (InputError, MechanicsError) as error:
             return replace(blank, reason=one_line(error), evidence=evidence)
         if store is not None:
-            evidence["kept_as"] = _kept(store, result, given, targets, references, code, self.prior)
+            evidence["kept_as"] = _saved(store, result, given, targets, references, code, self.prior)
         uncertainties = UNTRUSTED_FLAGS.intersection(result.flags) - {NO_INCLUSION}
         if uncertainties or result.presence is None:
             reason = f"{NOT_TRUSTED}: {', '.join(sorted(uncertainties))}"
@@ -224,7 +224,7 @@ def _digest(frames: list[TactileImage]) -> str:
     return result.hexdigest()
 
 
-def _kept(
+def _saved(
     store: Store,
     estimate: Estimate,
     calibration: ProbeCalibration,
@@ -240,7 +240,7 @@ def _kept(
         kind="inclusion",
         estimate=estimate,
         probe=calibration.probe,
-        known=calibration,
+        calibration=calibration,
         frames={"target": targets, "plain": references},
         options={"prior": asdict(prior)},
         name=code,

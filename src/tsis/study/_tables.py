@@ -197,7 +197,7 @@ def _or(value: float | None, usual: float) -> float:
 
 
 READING_COLUMNS = ("code", "score", "operator", "repeat", *QUANTITIES)
-NO_ANSWER = "the device gave no answer"
+NO_RESPONSE = "the device gave no answer"
 
 
 def import_readings(
@@ -302,7 +302,7 @@ def _reading(row: CsvRow, codes: frozenset[str], device: str) -> DeviceReading:
             operator=row.text("operator"),
             repeat=int(repeat),
             score=score,
-            reason=NO_ANSWER if score is None else "",
+            reason=NO_RESPONSE if score is None else "",
             values=values,
         )
     except InputError as error:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from tsis.sweep._samples import SweepBatch
-    from tsis.sweep._work import Answer, SweepJob
+    from tsis.sweep._work import Outcome, SweepJob
 
 
 AHEAD = 2  # batches a thread of a worker
@@ -52,7 +52,7 @@ class DaskPool:
     """
 
     def __init__(
-        self, job: SweepJob, address: str, *, work: Callable[[SweepJob, SweepBatch], Answer] = finish_batch
+        self, job: SweepJob, address: str, *, work: Callable[[SweepJob, SweepBatch], Outcome] = finish_batch
     ) -> None:
         if not ADDRESS.fullmatch(address):
             raise InputError(f"scheduler must be an address such as tcp://127.0.0.1:8786; got {address!r:.80}")
@@ -77,9 +77,9 @@ class DaskPool:
         """Hand over a batch."""
         key = f"tsis-sweep-{self._run}-{next(self._number)}"
         self._batches[key] = batch
-        self._answers.add(self._client.submit(self._work, self._job, batch, key=key, pure=False))
+        self._results.add(self._client.submit(self._work, self._job, batch, key=key, pure=False))
 
-    def collect(self) -> Answer:
+    def collect(self) -> Outcome:
         """Wait for the next answer.
 
         Raises
@@ -87,10 +87,10 @@ class DaskPool:
         SweepError
             When the scheduler is gone.
         """
-        future = next(self._answers)
+        future = next(self._results)
         batch = self._batches.pop(future.key)
         try:
-            response: Answer = future.result(timeout=WORKERS_S)
+            response: Outcome = future.result(timeout=WORKERS_S)
         except (OSError, CancelledError, self._distributed.KilledWorker) as error:
             # A worker died more often than the scheduler allows, or an answer was lost on the way: once more.
             if self._client.status not in ("running", "connecting"):
@@ -122,7 +122,7 @@ class DaskPool:
             raise SweepError(
                 f"the scheduler at {self._address} must have a worker; got none in {WORKERS_S:g} s"
             ) from error
-        self._answers = self._distributed.as_completed(loop=self._client.loop)
+        self._results = self._distributed.as_completed(loop=self._client.loop)
         return self
 
     def __exit__(

@@ -250,7 +250,7 @@ def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with _alone(folder):
+        with _lock(folder):
             if (folder / MANIFEST_FILE).exists():
                 _refuse_other(folder, start)
             else:
@@ -304,7 +304,7 @@ def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
+def _lock(folder: Path) -> Iterator[None]:
     if sys.platform == "win32":
         yield
         return

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 
 LARGEST_PLAN_BYTES, LONGEST_KEY = 256 * 2**10, 16
-_PLAIN = ("forces_n", "strain", "sample", "count", "seed", "batch", "unfit")
-KEYS = ("probe", *_PLAIN, "logarithmic", "ranges", "grid", "outputs")
+_KEYS = ("forces_n", "strain", "sample", "count", "seed", "batch", "unfit")
+KEYS = ("probe", *_KEYS, "logarithmic", "ranges", "grid", "outputs")
 OUTPUTS = ("radii_mm", "columns")
 
 EXAMPLE = """\
@@ -101,7 +101,7 @@ def plan_from_document(document: Mapping[str, Any]) -> Plan:
     outputs = _table("outputs", document.get("outputs", {}))
     for key in outputs:
         require_one_of("key of [outputs]", key, OUTPUTS)
-    given = {key: _tuple(document[key]) for key in document if key in _PLAIN}
+    given = {key: _tuple(document[key]) for key in document if key in _KEYS}
     given |= {key: _tuple(value) for key, value in outputs.items()}
     return Plan(probe=_probe(document["probe"]), quantities=_quantities(document), **given)
 

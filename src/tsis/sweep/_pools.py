@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from tsis.sweep._samples import SweepBatch
-    from tsis.sweep._work import Answer, SweepJob
+    from tsis.sweep._work import Outcome, SweepJob
 
 
 class WorkerPool(Protocol):
@@ -34,7 +34,7 @@ class WorkerPool(Protocol):
         """Hand over a batch."""
         ...
 
-    def collect(self) -> Answer:
+    def collect(self) -> Outcome:
         """Wait for the next answer."""
         ...
 
@@ -45,8 +45,8 @@ class WorkerPool(Protocol):
     ) -> None: ...
 
 
-HELD = 2  # batches that a worker has: it need not wait for the next one
-AHEAD = HELD + 1  # and one a worker that waits here
+QUEUED_BATCHES = 2  # batches that a worker has: it need not wait for the next one
+AHEAD = QUEUED_BATCHES + 1  # and one a worker that waits here
 # -P: the folder that the user stands in may hold a random.py or numpy.py of its own.
 COMMAND = (sys.executable, "-P", "-m", "tsis.sweep._worker")
 # Set before the libraries load: a pool of threads that is never made costs nothing.
@@ -68,22 +68,22 @@ class LocalPool:
         self.window = AHEAD * count
         self._job = pickle.dumps(job)
         self._todo: SimpleQueue[SweepBatch | None] = SimpleQueue()
-        self._answers: SimpleQueue[Answer] = SimpleQueue()
+        self._results: SimpleQueue[Outcome] = SimpleQueue()
         self._stopping = False
         self._lock = threading.RLock()
         self._processes: set[subprocess.Popen[bytes]] = set()
         # Once a worker has died, another is kept ready: workers that die sooner than they start would finish nothing.
         self._has_lost = False
         self._spare: subprocess.Popen[bytes] | None = None
-        self._threads = [threading.Thread(target=self._look_after, daemon=True) for _ in range(count)]
+        self._threads = [threading.Thread(target=self._supervise, daemon=True) for _ in range(count)]
 
     def submit(self, batch: SweepBatch) -> None:
         """Hand over a batch."""
         self._todo.put(batch)
 
-    def collect(self) -> Answer:
+    def collect(self) -> Outcome:
         """Wait for the next answer."""
-        return self._answers.get()
+        return self._results.get()
 
     def __enter__(self) -> Self:
         for thread in self._threads:
@@ -104,7 +104,7 @@ class LocalPool:
         for process in tuple(self._processes):
             self._end(process)
 
-    def _look_after(self) -> None:
+    def _supervise(self) -> None:
         """Keep one process busy, and replace it when it dies."""
         process: subprocess.Popen[bytes] | None = None
         given: deque[SweepBatch] = deque()  # what the process has; it works on the first
@@ -115,17 +115,17 @@ class LocalPool:
                     given.append(batch)
                     process = process or self._started()
                     _hand_over(process, batch)
-                    if len(given) < HELD:
+                    if len(given) < QUEUED_BATCHES:
                         continue
                 if process is not None and given:
-                    response = _answer_of(process)
+                    response = _outcome_of(process)
                     given.popleft()
-                    self._answers.put(response)
+                    self._results.put(response)
             except Exception:  # whatever half an answer looks like, its worker is gone
                 self._end(process)
                 process, self._has_lost = None, True
                 for lost in given:
-                    self._answers.put(Lost(batch=lost))
+                    self._results.put(Lost(batch=lost))
                 given.clear()
         self._end(process)
 
@@ -182,7 +182,7 @@ def _hand_over(process: subprocess.Popen[bytes], batch: SweepBatch) -> None:
     process.stdin.flush()
 
 
-def _answer_of(process: subprocess.Popen[bytes]) -> Answer:
+def _outcome_of(process: subprocess.Popen[bytes]) -> Outcome:
     assert process.stdout is not None
-    response: Answer = pickle.load(process.stdout)
+    response: Outcome = pickle.load(process.stdout)
     return response

@@ -154,7 +154,7 @@ def press_all(plan: Plan, batch: SweepBatch, press: PressFunction) -> Rows:
         for row in range(count):
             values = {name: float(column[row]) for name, column in numbers.items()}
             try:
-                result = _kept(plan, values, press)
+                result = _saved_values(plan, values, press)
             except REFUSALS as reason:
                 error[row] = f"{type(reason).__name__}: {reason}"[:LONGEST_ERROR]
                 continue
@@ -164,7 +164,9 @@ def press_all(plan: Plan, batch: SweepBatch, press: PressFunction) -> Rows:
     return Rows(sample=sample, numbers=numbers | results, error=error)
 
 
-def _kept(plan: Plan, values: Mapping[str, float], press: PressFunction) -> dict[str, float | NDArray[np.float64]]:
+def _saved_values(
+    plan: Plan, values: Mapping[str, float], press: PressFunction
+) -> dict[str, float | NDArray[np.float64]]:
     phantom, force = plan.phantom(values), values["force_n"]
     field = press(plan.probe, phantom, force_n=force, strain=plan.strain)
     document: dict[str, float | NDArray[np.float64]] = {

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 # Threads of one process share the number of threads of its linear algebra, which decides the last digits.
-_ONE_AT_A_TIME = threading.Lock()
+_LOCK = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,13 +67,13 @@ class Failed:
     reason: str
 
 
-Answer: TypeAlias = Finished | Lost | Failed
+Outcome: TypeAlias = Finished | Lost | Failed
 
 
 def finish_batch(job: SweepJob, batch: SweepBatch) -> Finished | Failed:
     """Keep the batch's file where it is whole, else compute and write it; failures are an answer too."""
     try:
-        with _ONE_AT_A_TIME:
+        with _LOCK:
             return _finish(job, batch)
     except SweepError as error:
         return Failed(reason=str(error))

@@ -41,7 +41,7 @@ class VirtualScene(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Held:
+class _Press:
     """A press that is held; replaced as a whole, so that no frame shows one press under the force of another."""
 
     lies: Phantom | SoftSphere
@@ -123,7 +123,7 @@ class VirtualCamera:
         shape = (probe.sensor.rows, probe.sensor.columns)
         if light is not None and np.shape(light) != shape:
             raise InputError(f"light must have the sensor's shape, {shape}; got {np.shape(light)}")
-        self._held = _Held(lies=phantom, force=force, light=light)
+        self._press = _Press(lies=phantom, force=force, light=light)
         self._pressing = threading.Lock()
         self._mode = virtual_mode(probe.sensor, rate)
         self._opened = False
@@ -132,7 +132,7 @@ class VirtualCamera:
     @property
     def name(self) -> str:
         """What a person calls it."""
-        return _called(self._held)
+        return _called(self._press)
 
     @property
     def lost(self) -> bool:
@@ -149,7 +149,7 @@ class VirtualCamera:
 
     def settings(self) -> tuple[Setting, ...]:
         """The force of the press, and the camera's exposure, gain and black level."""
-        return (self._held.force, *self._settings.values())
+        return (self._press.force, *self._settings.values())
 
     def adjust(self, name: str, value: float) -> None:
         """Change a setting; the next frame shows it.
@@ -167,12 +167,12 @@ class VirtualCamera:
             self._settings[name] = replace(setting, value=setting.checked(value))
             return
         with self._pressing:
-            stored = self._held
+            stored = self._press
             force = replace(stored.force, value=stored.force.checked(value))
             light = stored.light
             if light is not None and force.value != stored.force.value:
                 light = self._probe.light(stored.lies, force_n=force.value)
-            self._held = _Held(lies=stored.lies, force=force, light=light)
+            self._press = _Press(lies=stored.lies, force=force, light=light)
 
     def hold_on(
         self, phantom: Phantom | SoftSphere, *, force_n: float, light: NDArray[np.float64] | None = None
@@ -182,9 +182,9 @@ class VirtualCamera:
         Frames go on meanwhile as they were. ``light`` is that of the new press where it is known.
         """
         with self._pressing:
-            force = replace(self._held.force, value=self._held.force.checked(force_n))
+            force = replace(self._press.force, value=self._press.force.checked(force_n))
             observed = self._probe.light(phantom, force_n=force.value) if light is None else light
-            self._held = _Held(lies=phantom, force=force, light=observed)
+            self._press = _Press(lies=phantom, force=force, light=observed)
 
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames."""
@@ -223,15 +223,15 @@ class VirtualCamera:
             sequence += 1
             due_s += period_s
 
-    def _lit(self) -> tuple[_Held, NDArray[np.float64]]:
+    def _lit(self) -> tuple[_Press, NDArray[np.float64]]:
         """The press and its light, which is computed where nobody has yet."""
-        stored = self._held
+        stored = self._press
         if stored.light is None:
             with self._pressing:
-                stored = self._held
+                stored = self._press
                 if stored.light is None:
                     light = self._probe.light(stored.lies, force_n=stored.force.value)
-                    self._held = stored = replace(stored, light=light)
+                    self._press = stored = replace(stored, light=light)
         assert stored.light is not None
         return stored, stored.light
 
@@ -259,5 +259,5 @@ def virtual_mode(sensor: Sensor, frames_per_s: float = USUAL_PER_S) -> Mode:
     return Mode(width_px=sensor.columns, height_px=sensor.rows, full_scale=sensor.full_scale, frames_per_s=frames_per_s)
 
 
-def _called(stored: _Held) -> str:
+def _called(stored: _Press) -> str:
     return f"virtual probe on {stored.lies.name or 'a phantom'}"

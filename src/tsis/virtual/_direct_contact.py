@@ -109,7 +109,7 @@ class DirectContactRig:
         if calibration is None:
             calibration = direct_contact_calibration(sensor, probe=probe, light=light)
         # The errors of a rig are those of a virtual probe, which draws and checks them.
-        self._bench = VirtualProbe(probe, rng=rng, sensor=sensor, light=self._light, calibration=calibration)
+        self._rig = VirtualProbe(probe, rng=rng, sensor=sensor, light=self._light, calibration=calibration)
         self.probe, self.sensor, self.calibration = probe, sensor, calibration
         self._radius_sd_mm = require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
         self._drift_sd = require_number("drift_sd", drift_sd, 0.0, 1.0, hint="a share of one")
@@ -120,7 +120,7 @@ class DirectContactRig:
     @property
     def stiffness(self) -> float:
         """The true moduli of this rig's probe over the nominal ones, which no estimate knows."""
-        return self._bench._stiffness
+        return self._rig._stiffness
 
     def solved_by(self, solve: Callable[..., Sequence[PressField]], *, radius_sd_mm: float) -> DirectContactRig:
         """The same rig with another solution of its presses, for objects whose radius is known so closely."""
@@ -174,7 +174,7 @@ class DirectContactRig:
         ]
 
     def _lit(self, field: PressField) -> NDArray[np.float64]:
-        rig, given = self._bench, self.calibration
+        rig, given = self._rig, self.calibration
         observed = self._beside(render(field, self.sensor, given)) * self._light.at(*self.sensor.axes_mm())
         drift = 1 + self._drift_sd * self._rng.standard_normal()
         observed *= rig._gain * drift * rig._pattern * rig._ring_pattern(given.repeatability_sd)

@@ -139,7 +139,7 @@ class MachineErrors:
         Of the light that unloading shows more or less than loading, at half of the largest force, as a share of it.
     force_sd
         Relative, by which the machine misses the commanded force; the gauge sees it.
-    place_sd_mm
+    position_sd_mm
         Of the place where a tip is mounted.
     stray_grey
         Light of the untouched probe, grey levels; no standard deviation.
@@ -155,7 +155,7 @@ class MachineErrors:
     pattern_sd: float = 0.0005
     hysteresis_sd: float = 0.003
     force_sd: float = 0.003
-    place_sd_mm: float = 0.2
+    position_sd_mm: float = 0.2
     stray_grey: float = 3.0
     gauge_gain_sd: float = 0.001
     gauge_zero_sd_n: float = 0.003
@@ -173,11 +173,11 @@ class MachineTruth:
 
     Attributes
     ----------
-    answer
+    response
         Grey level to pressure under the mean light of the face and lamps of 1.
     stiffness
         Moduli of the probe over the nominal ones.
-    hysteresis_share
+    hysteresis_fraction
         Light of unloading over that of loading, less one, at half of the largest force.
     gauge_gain, gauge_zero_n
         The gauge shows ``gain * F + zero``.
@@ -185,9 +185,9 @@ class MachineTruth:
         Light over the face, shape (rows, columns), of mean 1 outside the reference patch.
     """
 
-    answer: Calibration
+    response: Calibration
     stiffness: float
-    hysteresis_share: float
+    hysteresis_fraction: float
     gauge_gain: float
     gauge_zero_n: float
     relative_light: NDArray[np.float64]
@@ -198,12 +198,12 @@ def drawn_truth(
 ) -> MachineTruth:
     """Draw one machine: its answer to pressure around the ``nominal`` one, its gauge, and its light over the face."""
     return MachineTruth(
-        answer=Calibration(
+        response=Calibration(
             gain_grey_per_kpa=nominal.gain_grey_per_kpa * float(np.exp(errors.gain_sd * rng.standard_normal())),
             saturation_kpa=nominal.saturation_kpa,
         ),
         stiffness=float(np.exp(errors.probe_young_sd * rng.standard_normal())),
-        hysteresis_share=errors.hysteresis_sd * float(rng.standard_normal()),
+        hysteresis_fraction=errors.hysteresis_sd * float(rng.standard_normal()),
         gauge_gain=1 + errors.gauge_gain_sd * float(rng.standard_normal()),
         gauge_zero_n=errors.gauge_zero_sd_n * float(rng.standard_normal()),
         relative_light=_shading(camera, errors.shading_sd * rng.standard_normal(3)),

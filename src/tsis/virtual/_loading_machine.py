@@ -180,14 +180,14 @@ class VirtualLoadingMachine:
         """Light and place in mm of a tip, drawn when it is first used."""
         if tip not in self._tips:
             light = self.errors.tip_sd * float(self._rng.standard_normal())
-            self._tips[tip] = light, self.errors.place_sd_mm * self._rng.standard_normal(2)
+            self._tips[tip] = light, self.errors.position_sd_mm * self._rng.standard_normal(2)
         return self._tips[tip]
 
     def _once(self, force: float) -> float:
         """What this press does to the light: its own scatter, and what it remembers of the largest force."""
         self._largest_n = max(self._largest_n, force)
         fraction = force / self._largest_n
-        memory = self.truth.hysteresis_share * 4 * fraction * (1 - fraction)
+        memory = self.truth.hysteresis_fraction * 4 * fraction * (1 - fraction)
         return (1 + memory) * (1 + self.errors.repeatability_sd * self._rng.standard_normal())
 
     def _light(
@@ -204,7 +204,7 @@ class VirtualLoadingMachine:
                 f"{contact.contact_radius_mm:.2g} mm around its middle (press less, or see a wider field)"
             )
         radius = np.hypot(x[columns][None, :] - position[0], y[rows][:, None] - position[1])
-        light = rough_contact(contact.pressure_kpa(radius), self.truth.answer) * (1 + brighter)
+        light = rough_contact(contact.pressure_kpa(radius), self.truth.response) * (1 + brighter)
         if patterned:
             knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * extent) + 3)
             light *= 1 + np.interp(2 * radius, np.arange(len(knots)), knots)

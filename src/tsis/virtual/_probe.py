@@ -136,12 +136,12 @@ class VirtualProbe:
         """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
         require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         force = force_n * max(0.0, 1 + self.calibration.force_sd * self._rng.standard_normal())
-        observed = self._seen(phantom, force)
+        observed = self._deformed_face(phantom, force)
         observed *= self._gain * self._pattern * self._ring_pattern(self.calibration.repeatability_sd)
         stray = self.calibration.offset_sd * self._rng.standard_normal() * float(np.median(observed))
         return observed + stray
 
-    def _seen(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
+    def _deformed_face(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
         """Light of the press by the model that can describe it; three dimensions only where they are needed."""
 
         def seen(field: PressField | PressMap) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ LEVEL = 0.55  # grey level of the untouched probe in the middle, share of the se
 SHADE = 0.25  # share of the light that is missing in the frame's corners, and gained from one side to the other
 DISTORTION = 0.01  # by which a length at the frame's corner is seen shorter than in its middle
 SMALL_DEPTH_MM = 1.5  # depth over which the gel's answer of light to depth bends
-ANSWER = 0.45  # share of the light that the deepest places lose
+LIGHT_LOSS = 0.45  # share of the light that the deepest places lose
 
 
 def untouched_frame(sensor: Sensor, *, rng: np.random.Generator) -> TactileImage:
@@ -173,7 +173,7 @@ def ball_frame(
     rim = depth - radius + np.sqrt(radius**2 - edge**2)
     fall = edge / np.sqrt(radius**2 - edge**2) / rim
     below = inside * np.exp(-fall * np.maximum(distance - edge, 0.0))
-    lost = ANSWER * (1 - np.exp(-_pixels(below, sensor) / SMALL_DEPTH_MM))
+    lost = LIGHT_LOSS * (1 - np.exp(-_pixels(below, sensor) / SMALL_DEPTH_MM))
     return _exposed(1 - lost, sensor, rng, blur_px, f"ball of {radius:g} mm, {depth:g} mm deep")
 
 

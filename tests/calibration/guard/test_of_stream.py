@@ -19,7 +19,7 @@ PROBE = load_probe("tsis-2011")
 
 
 def known(**changes: Any) -> UsableCalibration:
-    return UsableCalibration(known=bench(**changes), identity="0" * 64)
+    return UsableCalibration(calibration=bench(**changes), identity="0" * 64)
 
 
 def test_the_untouched_probe_is_that_of_the_calibration() -> None:

@@ -11,7 +11,7 @@ from tsis.calibration import MeasuredValue
 from tsis.calibration.force import MIDDLE, Loading, read_loading_frame
 from tsis.calibration.reference import CameraReference
 from tsis.calibration.response import PressureResponse, Saturation, fit_response
-from tsis.calibration.response._fit import light_share, peakedness, spread_factor
+from tsis.calibration.response._fit import light_fraction, peakedness, spread_factor
 from tsis.errors import CalibrationError, InputError
 from tsis.imaging import Sensor, render
 from tsis.mechanics import HertzContact
@@ -80,14 +80,14 @@ def test_shapes_are_the_integrals_over_the_contact(x: float) -> None:
     edge = MIDDLE * np.sqrt(2.5 * spread)
     middle = quad(ring, 0, edge, args=(0,))[0] / (np.pi * edge**2)
     at = np.array([x**2])
-    assert float(light_share(at)[0]) == pytest.approx(total / (2 * np.pi / 3), rel=1e-4)
+    assert float(light_fraction(at)[0]) == pytest.approx(total / (2 * np.pi / 3), rel=1e-4)
     assert float(spread_factor(at)[0]) == pytest.approx(spread, rel=1e-4)
     assert float(peakedness(at)[0]) == pytest.approx(middle * spread / total, rel=1e-4)
 
 
 def test_shapes_go_smoothly_through_no_saturation() -> None:
     at = np.linspace(-0.2, 0.2, 21)
-    for shape in (light_share, spread_factor, peakedness):
+    for shape in (light_fraction, spread_factor, peakedness):
         bend = np.diff(shape(at), 2)
         assert np.abs(bend).max() < 0.05 * np.abs(np.diff(shape(at))).max()
 

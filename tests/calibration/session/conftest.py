@@ -44,7 +44,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
         )
     )
     for step in session.plan():
-        session.keep(step, virtual.shots(step))
+        session.save(step, virtual.shots(step))
         if step.name == "untouched":
             lamps = float(np.mean(virtual.machine.lamps[-step.frames :]))
     return Bench(virtual, session, lamps)

@@ -62,7 +62,7 @@ def test_the_bench_is_recovered_within_the_intervals(
         (SENSOR.read_noise_grey, known.reference.read_noise_grey, 0.01),
         (SENSOR.shot_noise_grey, known.reference.shot_noise_grey, 0.02),
         (slope, known.force_line.slope_grey_per_n, 0.25),
-        (truth.answer.gain_grey_per_kpa * bench.lamps, findings.response.gain_grey_per_kpa, 0.25),
+        (truth.response.gain_grey_per_kpa * bench.lamps, findings.response.gain_grey_per_kpa, 0.25),
     )
     for true, measured, width in found:
         low, high = measured.interval(LEVEL)
@@ -72,7 +72,7 @@ def test_the_bench_is_recovered_within_the_intervals(
     assert low <= intercept <= high
     assert high - low < 0.1 * slope
     low, high = findings.response.saturation.interval(LEVEL)
-    assert low <= truth.answer.saturation_kpa <= high
+    assert low <= truth.response.saturation_kpa <= high
 
 
 def test_it_says_whose_it_is_and_how_long_it_is_good(made: tuple[ProbeCalibration, SessionResult]) -> None:
@@ -204,7 +204,7 @@ def repeat_frame(session: SessionFolder, step: str, number: int, *, noisy: bool)
     for at in range(number + 1, len(shots)):
         flips = rng.integers(0, 2, held.grey.shape) if noisy else 0
         shots[at] = replace(shots[at], image=replace(held, grey=np.clip(held.grey + flips, 0, held.full_scale)))
-    session.keep(own, shots)
+    session.save(own, shots)
 
 
 @pytest.mark.parametrize("number", [0, 5, 10, 38])
@@ -256,7 +256,7 @@ def test_frames_of_another_size_are_refused(copied: SessionFolder, step: str, na
     (own,) = (each for each in copied.plan() if each.name == step)
     shots = copied.shots(own)
     shutil.rmtree(copied.path / step)
-    copied.keep(own, [replace(shot, image=replace(shot.image, grey=shot.image.grey[:-2])) for shot in shots])
+    copied.save(own, [replace(shot, image=replace(shot.image, grey=shot.image.grey[:-2])) for shot in shots])
     with pytest.raises(ImageMismatchError, match=f"{named!r}: frames must have the shape"):
         calibrate(copied)
 

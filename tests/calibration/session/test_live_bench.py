@@ -86,7 +86,7 @@ def test_a_camera_that_is_lost_is_one_sentence(camera: ScriptedCamera, acquisiti
 
 def test_a_typed_force_belongs_to_the_next_frame(camera: ScriptedCamera, acquisition: Acquisition) -> None:
     found = []
-    taker = threading.Thread(target=lambda: found.append(LiveBench(acquisition).one(0.75)))
+    taker = threading.Thread(target=lambda: found.append(LiveBench(acquisition).take_frame(0.75)))
     taker.start()
     number = 0
     while taker.is_alive():

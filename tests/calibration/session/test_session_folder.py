@@ -95,7 +95,7 @@ def test_frames_come_back_in_order_with_every_grey_level(session: SessionFolder,
     ]
     step = session.plan()[-1]
     counted: list[int] = []
-    assert session.keep(step, shots, progress=counted.append) == 2
+    assert session.save(step, shots, progress=counted.append) == 2
     assert counted == [1, 2]
     first, second = session.shots(step)
     np.testing.assert_array_equal(first.image.grey, shots[0].image.grey)
@@ -116,14 +116,14 @@ def test_a_step_that_is_interrupted_leaves_nothing_and_earlier_steps_stay(
         raise error
 
     dark, untouched, *_ = session.plan()
-    session.keep(dark, taken())
+    session.save(dark, taken())
     before = entries(session)
     with pytest.raises((CameraError, KeyboardInterrupt, FileInputError)):
-        session.keep(untouched, interrupted())
+        session.save(untouched, interrupted())
     assert entries(session) == before == {"session.json", "dark"}
     assert session.done(dark)
     assert not session.done(untouched)
-    assert session.keep(untouched, taken()) == 3
+    assert session.save(untouched, taken()) == 3
 
 
 def test_a_full_disk_is_one_sentence_and_leaves_nothing(
@@ -139,7 +139,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(
 
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(FileInputError, match="must be a folder that can be written; got: No space left"):
-        session.keep(session.plan()[0], taken())
+        session.save(session.plan()[0], taken())
     assert len(written) == 3
     assert entries(session) == {"session.json"}
 
@@ -150,25 +150,25 @@ def test_what_a_killed_program_left_goes_when_the_step_is_done(session: SessionF
     left.mkdir()
     (left / "frame-0000.png").write_bytes(b"half")
     assert not session.done(dark)
-    session.keep(dark, taken())
+    session.save(dark, taken())
     assert entries(session) == {"session.json", "dark"}
 
 
 def test_a_step_is_done_once_and_never_without_frames(session: SessionFolder) -> None:
     dark = session.plan()[0]
     with pytest.raises(CalibrationError, match="at least one frame; got none"):
-        session.keep(dark, [])
+        session.save(dark, [])
     assert entries(session) == {"session.json"}
-    session.keep(dark, taken(2))
+    session.save(dark, taken(2))
     with pytest.raises(FileInputError, match="must be new; it exists already"):
-        session.keep(dark, taken(3))
+        session.save(dark, taken(3))
     assert len(session.shots(dark)) == 2
 
 
 def test_what_is_missing_is_named(session: SessionFolder) -> None:
     required = ("dark", "untouched", "board-untouched", "board", "tip-10mm-1", "tip-14mm-1")
     assert session.missing() == required
-    session.keep(session.plan()[0], taken())
+    session.save(session.plan()[0], taken())
     assert session.missing() == required[1:]
     with pytest.raises(CalibrationError, match="step 'untouched' must be done first"):
         session.shots(session.plan()[1])
@@ -198,7 +198,7 @@ def test_what_is_missing_is_named(session: SessionFolder) -> None:
 )
 def test_a_hostile_index_is_one_sentence(session: SessionFolder, index: str, sentence: str) -> None:
     dark = session.plan()[0]
-    session.keep(dark, taken())
+    session.save(dark, taken())
     (session.path / "dark" / "shots.csv").write_bytes(index.encode("latin-1"))
     with pytest.raises(FileInputError, match=sentence) as caught:
         session.shots(dark)
@@ -213,7 +213,7 @@ def test_whatever_stands_in_the_index_is_read_or_refused(
 ) -> None:
     dark = session.plan()[0]
     if not session.done(dark):
-        session.keep(dark, taken())
+        session.save(dark, taken())
     index = session.path / "dark" / "shots.csv"
     with index.open("w", newline="", encoding="utf-8", errors="replace") as file:
         writer = csv.writer(file)
@@ -226,7 +226,7 @@ def test_whatever_stands_in_the_index_is_read_or_refused(
 
 def test_a_damaged_frame_is_named(session: SessionFolder) -> None:
     dark = session.plan()[0]
-    session.keep(dark, taken())
+    session.save(dark, taken())
     file = session.path / "dark" / "frame-0001.png"
     file.write_bytes(file.read_bytes()[:-20])
     with pytest.raises(FileInputError, match=r"frame-0001\.png"):

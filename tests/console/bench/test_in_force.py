@@ -38,7 +38,7 @@ def scale(shape: tuple[int, int]) -> PixelScale:
 
 def known(**changes: Any) -> UsableCalibration:
     made = replace(sample_calibration(), camera=LIT, settings={"gain": 2.0}, **changes)
-    return UsableCalibration(known=made, identity=calibration_sha256(made))
+    return UsableCalibration(calibration=made, identity=calibration_sha256(made))
 
 
 def test_presses_are_taken_under_it_with_its_scale_and_probe(bench: Instrument) -> None:
@@ -96,7 +96,7 @@ def test_one_that_does_not_fit_is_refused_and_the_one_before_stays(
     bench.use_calibration(known(), by=ANN)
     bench.start(by=ANN)
     until(lambda: bench.state().camera.rows > 0)
-    other = UsableCalibration(known=replace(known().known, **changes), identity="0" * 64)
+    other = UsableCalibration(calibration=replace(known().calibration, **changes), identity="0" * 64)
     with pytest.raises(CalibrationError, match=words):
         bench.use_calibration(other, by=ANN)
     assert bench.state().calibration_identity == known().identity
@@ -106,8 +106,8 @@ def test_one_that_does_not_fit_is_refused_and_the_one_before_stays(
 def test_one_that_was_given_before_the_start_and_does_not_fit_is_told_and_nothing_is_kept_under_it(
     bench: Instrument, changes: dict[str, Any]
 ) -> None:
-    other = replace(known().known, **changes)
-    bench.use_calibration(UsableCalibration(known=other, identity=calibration_sha256(other)), by=ANN)
+    other = replace(known().calibration, **changes)
+    bench.use_calibration(UsableCalibration(calibration=other, identity=calibration_sha256(other)), by=ANN)
     bench.start(by=ANN)
     until(lambda: bench.state().camera.rows > 0)
     assert "The calibration is not in force" in bench.state().trouble[0]
@@ -118,8 +118,8 @@ def test_one_that_was_given_before_the_start_and_does_not_fit_is_told_and_nothin
 
 def test_of_a_file_at_the_start(tmp_path: Path) -> None:
     good, old = tmp_path / "good.json", tmp_path / "old.json"
-    write_calibration(known().known, good)
-    write_calibration(replace(known().known, made=NOW - timedelta(days=9), expires=NOW - timedelta(days=1)), old)
+    write_calibration(known().calibration, good)
+    write_calibration(replace(known().calibration, made=NOW - timedelta(days=9), expires=NOW - timedelta(days=1)), old)
     with lit_bench(tmp_path, calibration=good) as bench:
         bench.start(by=ANN)
         assert bench.state().calibration_identity == known().identity

@@ -158,7 +158,7 @@ def test_a_camera_that_stays_away_is_waited_for_until_somebody_ends_it(running: 
 def test_a_disk_that_fills_ends_it_with_what_was_kept(
     running: Instrument, monkeypatch: pytest.MonkeyPatch, after: int
 ) -> None:
-    keep = FrameFolder.keep
+    keep = FrameFolder.save
 
     def kept(self: FrameFolder, frame: Any, number: int) -> str:
         if number >= after:

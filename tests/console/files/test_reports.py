@@ -28,7 +28,7 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
     with open_store(tmp_path / "records") as store, closing(Reports(store)) as reports:
         store.take_in(sample_dossier())
         target = store.target(NUMBER)
-        here = {form: page_bytes(form, store.dossier(target)) for form in PAGE_FORMS}
+        here = {form: page_bytes(form, store.record(target)) for form in PAGE_FORMS}
         monkeypatch.setattr(
             "tsis.report.target._page.target_page", lambda *_: pytest.fail("it is made in this process")
         )

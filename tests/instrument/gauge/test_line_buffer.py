@@ -29,7 +29,7 @@ def test_memory_is_bounded_and_lines_are_those_of_the_text(chunks: list[bytes]) 
     lines = []
     for chunk in chunks:
         lines += buffer.feed(chunk, since_s=0.0, now_s=1.0)
-        assert buffer.held <= LONGEST_REPLY_BYTES
+        assert buffer.pending <= LONGEST_REPLY_BYTES
     whole = [line.content for line in lines if line.whole]
     # The slow reference: cut the whole text at once.
     text = b"".join(chunks).replace(b"\r", b"\n")

@@ -80,7 +80,7 @@ def test_sixteen_bits_fit_a_folder_and_no_video(tmp_path: Path) -> None:
         camera.script.put(deep)
         camera.script.put(END)
         acquisition.ring.wait(place, 10.0)
-        kept = FrameFolder(tmp_path / "a").keep(deep, 0)
+        kept = FrameFolder(tmp_path / "a").save(deep, 0)
         report = record(acquisition, LosslessVideo(tmp_path / "b"), tmp_path / "b", frames=1)
     source = ImageFiles(tmp_path / "a" / kept)
     source.open()
@@ -88,7 +88,7 @@ def test_sixteen_bits_fit_a_folder_and_no_video(tmp_path: Path) -> None:
     np.testing.assert_array_equal(next(iter(source.frames())).pixels, deep.pixels)
     assert report.kept == 0
     with pytest.raises(ValueError, match="at most 8 bits; got full scale 4095"):
-        LosslessVideo(tmp_path / "b").keep(deep, 0)
+        LosslessVideo(tmp_path / "b").save(deep, 0)
 
 
 def test_a_full_disk_keeps_what_there_is_and_says_so(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_a_full_disk_keeps_what_there_is_and_says_so(tmp_path: Path) -> None:
         def keep(self, frame: Frame, number: int) -> str:
             if number == 2:
                 raise OSError(28, "No space left on device")
-            return super().keep(frame, number)
+            return super().save(frame, number)
 
     report, folder = _recorded(tmp_path, [0, 1, 2, 3, END], Full(tmp_path))
     assert report.kept == 2
@@ -124,7 +124,7 @@ def test_a_disk_too_slow_for_the_ring_is_counted(tmp_path: Path) -> None:
                     camera.script.put(_noise(sequence))
                 camera.script.put(END)
                 until(lambda: acquisition.ring.end == 10)
-            return super().keep(frame, number)
+            return super().save(frame, number)
 
     def begin() -> bool:
         if camera.script.empty() and acquisition.ring.end == 0:
@@ -202,7 +202,7 @@ def test_counts_add_up_when_the_camera_is_lost_while_the_disk_is_behind(tmp_path
                     cameras[1].script.put(_noise(sequence))
                 cameras[1].script.put(END)
                 until(lambda: acquisition.ring.end == 14)
-            return super().keep(frame, number)
+            return super().save(frame, number)
 
     def begin() -> bool:
         if cameras[0].script.empty() and acquisition.ring.end == 0:

@@ -15,8 +15,8 @@ from tsis.instrument.drivers import _pylon as pylon
 from tsis.instrument.drivers import _vimba as vimba
 from tsis.instrument.drivers.genicam import _harvesters as genicam
 from tsis.instrument.drivers.genicam import _producers as genicam_producers
-from tsis.instrument.drivers.genicam import cannot_open, maker_library, none_found, reason
-from tsis.instrument.drivers.genicam._producers import Producers, interrupts_kept, producer_files
+from tsis.instrument.drivers.genicam import camera_not_found, cannot_open, maker_library, reason
+from tsis.instrument.drivers.genicam._producers import Producers, interrupts_preserved, producer_files
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -101,7 +101,7 @@ def test_a_producer_that_does_not_open_is_not_held(monkeypatch: pytest.MonkeyPat
 
 def test_the_programs_own_answer_to_an_interrupt_is_kept() -> None:
     before = signal.getsignal(signal.SIGINT)
-    with interrupts_kept():
+    with interrupts_preserved():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     assert signal.getsignal(signal.SIGINT) is before
 
@@ -124,5 +124,5 @@ def test_sentences_of_drivers_are_cut_to_what_they_say() -> None:
     assert len(reason(RuntimeError("x" * 5000))) == 160
     assert isinstance(cannot_open("camera", RuntimeError("no"), busy=False), CameraError)
     assert "close that first" in str(cannot_open("camera", RuntimeError("no"), busy=True))
-    assert str(none_found("pylon", "7", ["8", "9"])) == "no pylon camera is called '7'; found: 8, 9"
-    assert str(none_found("pylon", "", [])) == "no pylon camera was found; check its cable and power"
+    assert str(camera_not_found("pylon", "7", ["8", "9"])) == "no pylon camera is called '7'; found: 8, 9"
+    assert str(camera_not_found("pylon", "", [])) == "no pylon camera was found; check its cable and power"

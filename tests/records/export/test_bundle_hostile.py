@@ -20,7 +20,7 @@ from tsis.files import LARGEST_PIXELS
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.export.bundle._layout import largest
 from tsis.records.export.bundle._picture import read_picture
-from tsis.records.export.bundle._reading import read_place
+from tsis.records.export.bundle._reading import read_source
 
 WHOLE = files_of(sample_dossier())
 FRAMES = sorted(name for name in WHOLE if name.startswith("frames/"))
@@ -55,14 +55,14 @@ def at_most(mebibytes: float) -> Iterator[None]:
 
 def refused(files: dict[str, bytes], says: str) -> None:
     with at_most(150), pytest.raises(FileInputError, match=says):
-        read_place(Memory(files))
+        read_source(Memory(files))
 
 
 def test_the_bundles_in_memory_are_bundles() -> None:
-    assert plain(read_place(Memory(WHOLE))) == plain(sample_dossier())
+    assert plain(read_source(Memory(WHOLE))) == plain(sample_dossier())
     assert sealed(WHOLE) == WHOLE
     good = png(96, 150, bytes(96 * 151))
-    read_place(Memory(sealed(WHOLE | {FRAMES[0]: good})))  # so that what is refused below is refused for its fault
+    read_source(Memory(sealed(WHOLE | {FRAMES[0]: good})))  # so that what is refused below is refused for its fault
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_forged_values_are_refused_or_are_values(name: str) -> None:
         for value in odd:
             forged = put(document, path, value)
             try:
-                read_place(Memory(sealed(WHOLE | {name: json.dumps(forged).encode()})))
+                read_source(Memory(sealed(WHOLE | {name: json.dumps(forged).encode()})))
             except FileInputError:
                 refusals += 1
     assert refusals > 0.5 * len(odd) * len(paths(document)) * (0.5 if name == "estimates.json" else 1)
@@ -204,7 +204,7 @@ def test_two_thousand_changed_files_are_refused_by_name() -> None:
         if changed == WHOLE[name]:
             continue
         with pytest.raises(FileInputError) as refusal:
-            read_place(Memory(WHOLE | {name: changed}))
+            read_source(Memory(WHOLE | {name: changed}))
         assert name in str(refusal.value)
 
 
@@ -215,7 +215,7 @@ def test_a_thousand_changed_files_with_hashes_that_fit_raise_nothing_else() -> N
     for _ in range(1000):
         name = rng.choice(names)
         try:
-            read_place(Memory(sealed(WHOLE | {name: rng.choice(CHANGES)(rng, WHOLE[name])})))
+            read_source(Memory(sealed(WHOLE | {name: rng.choice(CHANGES)(rng, WHOLE[name])})))
             accepted += name.startswith(("frames", "samples"))
         except FileInputError:
             pass

@@ -189,7 +189,7 @@ def test_an_import_that_ends_early_goes_on_where_it_ended(
     tally = Entering()
     with pytest.raises(KeyboardInterrupt):
         enter(store, looked, tally=tally)
-    assert tally.sentence == "2 of 4 presses are stored and stay (the same import goes on from there)"
+    assert tally.message == "2 of 4 presses are stored and stay (the same import goes on from there)"
     monkeypatch.undo()
     (entered,) = enter(store, find_import_batches([tmp_path], ImportOptions()))
     assert (entered.added, entered.present) == (2, 2)

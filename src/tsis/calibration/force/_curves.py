@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tsis.calibration.force._loading import Loading
 
 
-CLIPPED_SHARE = 1e-4  # of a patch's pixels; above it a press is saturated
+CLIPPED_FRACTION = 1e-4  # of a patch's pixels; above it a press is saturated
 GRID = 20  # forces at which loadings are compared
 FEWEST = 4
 
@@ -68,7 +68,7 @@ class LoadingRun:
 
 def usable(loading: Loading) -> NDArray[np.bool]:
     """Presses whose light stands out of the noise and does not clip, shape (n,)."""
-    return np.asarray(loading.touched & (loading.total_grey > 0) & (loading.clipped <= CLIPPED_SHARE))
+    return np.asarray(loading.touched & (loading.total_grey > 0) & (loading.clipped <= CLIPPED_FRACTION))
 
 
 def run_of(loading: Loading) -> LoadingRun:

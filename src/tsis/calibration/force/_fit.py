@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.force._curves import (
-    CLIPPED_SHARE,
+    CLIPPED_FRACTION,
     LoadingRun,
     detectable_n,
     loading_hysteresis,
@@ -38,15 +38,15 @@ if TYPE_CHECKING:
     from tsis.calibration.reference import CameraReference
 
 
-GAUGE_SHARE = 0.001  # of the reading: what a gauge of class 0.1 % states
-PRINTED_TIP_SHARE = 0.0245  # the source's difference between two tips, where one tip only was used
+GAUGE_ERROR = 0.001  # of the reading: what a gauge of class 0.1 % states
+PRINTED_TIP_ERROR = 0.0245  # the source's difference between two tips, where one tip only was used
 
 
 def fit_force_line(
     loadings: Sequence[Loading],
     *,
     reference: CameraReference,
-    gauge_fraction: float = GAUGE_SHARE,
+    gauge_fraction: float = GAUGE_ERROR,
     drift_fraction: float | None = None,
     method: str = "threshold",
 ) -> tuple[ForceLine, ForceLineDiagnostics]:
@@ -97,10 +97,10 @@ def fit_force_line(
         slope_grey_per_n=slope,
         unit_covariance=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
         units=len(units),
-        assumed_tip_share=PRINTED_TIP_SHARE if len(tips) == 1 else 0.0,
+        assumed_tip_share=PRINTED_TIP_ERROR if len(tips) == 1 else 0.0,
         residual_grey=residual_grey,
         residual_share=residual_fraction,
-        drift_share=reference.drift_share if drift_fraction is None else drift_fraction,
+        drift_share=reference.drift_fraction if drift_fraction is None else drift_fraction,
         gauge_share=gauge,
         least_n=least,
         most_n=most,
@@ -155,7 +155,7 @@ def _range(loadings: Sequence[Loading], detectable: MeasuredValue | None) -> tup
     """Smallest and largest force that the line holds for, and whether clipping ends it."""
     touched = np.concatenate([loading.load_n[loading.touched] for loading in loadings])
     observed = np.concatenate([loading.total_grey[loading.touched] > 0 for loading in loadings])
-    clipped = np.concatenate([loading.clipped[loading.touched] > CLIPPED_SHARE for loading in loadings])
+    clipped = np.concatenate([loading.clipped[loading.touched] > CLIPPED_FRACTION for loading in loadings])
     whole = touched[~clipped & (touched < touched[clipped].min())] if clipped.any() else touched
     unseen = touched[~observed]
     dark_end = float(unseen.max()) if unseen.size else 0.0

@@ -133,7 +133,7 @@ def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.
     require_one_of("segmentation method", method, PATCH_METHODS)
     patch = segment(image, method="noise")
     mask = np.asarray(patch.mask)
-    if not patch.found:
+    if not patch.is_contact:
         return mask
     if method == "canny":
         mask = _within_edges(image.grey, mask, patch.threshold_grey)

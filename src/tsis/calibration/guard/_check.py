@@ -79,7 +79,7 @@ def check_press(
 
 def guard_reference(calibration: UsableCalibration | None) -> GuardReference:
     """The untouched probe of a calibration; nothing without one."""
-    reference = None if calibration is None else calibration.known.reference
+    reference = None if calibration is None else calibration.calibration.reference
     if reference is None:
         return GuardReference()
     return GuardReference(
@@ -102,16 +102,16 @@ def press_watch(frame: Frame, calibration: UsableCalibration | None) -> PressWat
 
 def with_calibrated_scale(image: TactileImage, calibration: UsableCalibration | None) -> TactileImage:
     """A frame with the calibration's scale, or as it is; `ImageMismatchError` when that was of another size."""
-    scale = None if calibration is None else calibration.known.scale
+    scale = None if calibration is None else calibration.calibration.scale
     return image if scale is None else scale.on(image)
 
 
 def _scale(calibration: UsableCalibration | None) -> tuple[float, float] | None:
-    scale = None if calibration is None else calibration.known.scale
+    scale = None if calibration is None else calibration.calibration.scale
     return None if scale is None else scale.mm_per_pixel
 
 
 def _face_radius_mm(calibration: UsableCalibration | None) -> float | None:
     """Radius of the face of a probe that the catalog knows."""
-    name = "" if calibration is None else calibration.known.probe
+    name = "" if calibration is None else calibration.calibration.probe
     return load_probe(name).radius_mm if name in list_probes() else None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 COARSE = 4  # blocks along the side of what the darkest part is looked for in
 LOWEST = 0.05  # share of the frame whose median starts the search
-LEAST_SHARE = 0.1  # of the frame: a smaller dark part may be the foot of a contact that fills the frame
+LEAST_FRACTION = 0.1  # of the frame: a smaller dark part may be the foot of a contact that fills the frame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +72,7 @@ def darkest(change: NDArray[np.float64]) -> tuple[float, NDArray[np.bool] | None
     coarse = cv2.resize(change, size, interpolation=cv2.INTER_AREA)
     lowest = float(np.quantile(coarse, LOWEST / 2))
     level = np.asarray(coarse <= lowest + 2 * NOISE_FACTOR * pixel_noise(change) / COARSE)
-    if level.mean() < LEAST_SHARE:
+    if level.mean() < LEAST_FRACTION:
         return lowest, None
     whole = cv2.resize(level.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST)
     return lowest, whole.astype(bool)
@@ -161,7 +161,7 @@ def read_guard_frame(pixels: NDArray[Any], prepared: Prepared, *, force_n: float
         if np.count_nonzero(mask) >= LEAST_AREA:
             tilt, off_centre = _moments(smooth, mask, prepared)
             saturated = _clipped(pixels, mask, prepared)
-            cropped = _reaches_border(smooth, (int(row), int(column))) / peak
+            cropped = _brightest_at_border(smooth, (int(row), int(column))) / peak
     everywhere = float((pixels >= shape.full_scale).mean())
     if everywhere > MOST:
         saturated = everywhere
@@ -212,7 +212,7 @@ def _around(position: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bo
     return np.asarray(labels == labels[position])
 
 
-def _reaches_border(smooth: NDArray[np.float64], position: tuple[int, int]) -> float:
+def _brightest_at_border(smooth: NDArray[np.float64], position: tuple[int, int]) -> float:
     """Highest level at which the part around the peak touches the frame's border.
 
     Not the brightest light on the border: the rim of a face that is wider than the frame shines there by itself.
@@ -233,7 +233,7 @@ def _moments(
 
     Light ``b(r) (1 + g x / R)`` around the mask's centre has ``<x> = g <x²> / R``, whatever its profile b.
     """
-    x, y = prepared.places
+    x, y = prepared.positions
     area, light = mask.astype(np.float64), np.where(mask, smooth, 0.0)
     pixels, total = area.sum(), light.sum()
     cell = abs((x[-1] - x[0]) / max(len(x) - 1, 1) * (y[-1] - y[0]) / max(len(y) - 1, 1))
@@ -283,7 +283,7 @@ def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
         shape=shape,
         untouched=None if untouched is None else shape.means(untouched.grey),
         sign=-1.0 if reference.invert else 1.0,
-        places=shape.places(),
+        positions=shape.positions(),
         beyond_rim=() if rim is None else shape.beyond_rim(rim),
         patch=reference.patch,
         patch_before=None,

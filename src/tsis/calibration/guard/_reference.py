@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-ACROSS = 192  # blocks along the longer side: a contact of a tenth of the frame is still twenty blocks wide
+BLOCKS = 192  # blocks along the longer side: a contact of a tenth of the frame is still twenty blocks wide
 RIM = 1.03  # of the face's radius: beyond it the lens brings no light of the contact
 FEWEST = 20  # blocks of a quadrant with which its level is known
 
@@ -65,7 +65,7 @@ class FrameShape:
     @property
     def by(self) -> int:
         """Pixels along a block's side."""
-        return max(1, max(self.rows, self.columns) // ACROSS)
+        return max(1, max(self.rows, self.columns) // BLOCKS)
 
     def means(self, pixels: NDArray[Any]) -> NDArray[np.float64]:
         """Mean grey level of each block; a rest of less than a block at the right and lower border is spread."""
@@ -73,7 +73,7 @@ class FrameShape:
         grey = pixels.astype(np.float32, copy=False)  # OpenCV would round the means of whole numbers
         return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.float64)
 
-    def places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def positions(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Coordinates (x, y) of the blocks' columns and rows from the axis, in mm or pixels."""
         counts = (max(1, self.columns // self.by), max(1, self.rows // self.by))
         sizes = self.mm_per_pixel or (1.0, 1.0)
@@ -85,7 +85,7 @@ class FrameShape:
 
     def beyond_rim(self, radius: float) -> tuple[NDArray[np.bool], ...]:
         """Blocks of each quadrant beyond a face of that radius; quadrants that hold few are left out."""
-        x, y = self.places()
+        x, y = self.positions()
         far = np.hypot(x[None, :], y[:, None]) > RIM * radius
         parts = [far & ((x > 0) == right)[None, :] & ((y > 0) == low)[:, None] for right in (0, 1) for low in (0, 1)]
         return tuple(part for part in parts if np.count_nonzero(part) >= FEWEST)
@@ -157,7 +157,7 @@ class Prepared:
         Blocks of the untouched probe; None when there is none.
     sign
         1, or -1 for probes whose light falls where they are pressed.
-    places
+    positions
         Coordinates (x, y) of the blocks' columns and rows.
     beyond_rim
         Blocks of each quadrant beyond the face's rim; empty where it is not known or not seen.
@@ -172,7 +172,7 @@ class Prepared:
     shape: FrameShape
     untouched: NDArray[np.float64] | None
     sign: float
-    places: tuple[NDArray[np.float64], NDArray[np.float64]]
+    positions: tuple[NDArray[np.float64], NDArray[np.float64]]
     beyond_rim: tuple[NDArray[np.bool], ...]
     patch: ReferencePatch | None
     patch_before: float | None

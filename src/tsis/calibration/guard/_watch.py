@@ -245,7 +245,7 @@ class PressWatch:
         reading = read_guard_frame(frame.pixels, self._prepared, force_n=force_n)
         history, outside = self._remembered(state, frame.time_s, reading)
         # Between two closed bins the series is the same, and so is the verdict.
-        settling = state.settling if history.time_s is state.history.time_s else self._judged(history)
+        settling = state.settling if history.time_s is state.history.time_s else self._assess(history)
         stillness = state.stillness.with_picture(frame.pixels)
         result = findings(
             reading,
@@ -282,7 +282,7 @@ class PressWatch:
         earlier = state.outside if not state.outside or state.outside[-1][0] < time_s else ()
         return history, (*earlier[1 - FRAMES :], (time_s, reading.outside_grey))
 
-    def _judged(self, history: PressHistory) -> Settling | None:
+    def _assess(self, history: PressHistory) -> Settling | None:
         if history.last_s is None:  # no contact
             return None
         time, value = np.array(history.time_s), np.array(history.value)

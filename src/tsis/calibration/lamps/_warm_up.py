@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 FEWEST = 12  # values: two of the line, two of the noise, and enough to tell them
 MOST = 150  # the series is averaged to at most so many
-TAUS = 100  # time constants, from a step of the series to `REACH` times its length
-REACH = 3.0  # beyond it an exponential is a line
+TAUS = 100  # time constants, from a step of the series to `LONGEST_TIME_CONSTANT` times its length
+LONGEST_TIME_CONSTANT = 3.0  # beyond it an exponential is a line
 WALKS = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # variance of the wander at the end over noise's
 NEGLIGIBLE = 1e-6  # probability of a time constant on the first, coarse grid
 EDGE = 0.5  # probability of time constants longer than the series from which the level counts as not seen
@@ -107,7 +107,7 @@ def fit_warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
     by = -(-len(time) // MOST)
     first = len(time) % by  # the newest are kept
     time, value = (part[first:].reshape(-1, by).mean(axis=1) for part in (time, value))
-    taus = np.geomspace(float(np.diff(time).min()), REACH * float(time[-1]), TAUS)
+    taus = np.geomspace(float(np.diff(time).min()), LONGEST_TIME_CONSTANT * float(time[-1]), TAUS)
     coarse = _posterior(time, value, taus)[0].reshape(len(WALKS), TAUS).sum(axis=0)
     likely = np.flatnonzero(coarse > NEGLIGIBLE)
     taus = np.geomspace(taus[max(likely[0] - 1, 0)], taus[min(likely[-1] + 1, TAUS - 1)], TAUS)

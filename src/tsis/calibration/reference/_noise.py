@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 BANDS = 12  # of the frame, of one level
 LEAST_PIXELS = 200  # in a band
 LEAST_LIGHT_GREY = 10.0  # with less, the whole frame is one band
-CLIPPED_SHARE = 1e-3  # of the pixels; more of them would cut the noise
+CLIPPED_FRACTION = 1e-3  # of the pixels; more of them would cut the noise
 CHANCE = 0.99  # probability up to which the points' scatter about the line is taken for chance
 FAINTEST = 0.1  # of a phase that noise blurred, below which it says nothing
 LEAST_NOISE_GREY = 0.3  # below it, rounding hides the noise
@@ -111,9 +111,9 @@ def photon_transfer(
     for frames in (dark, *levels):
         values = frames[:, usable]
         clipped = float(np.mean((values <= 0) | (values >= full_scale)))
-        if clipped > CLIPPED_SHARE:
+        if clipped > CLIPPED_FRACTION:
             raise CalibrationError(
-                f"frames for the noise must clip in less than {CLIPPED_SHARE:.1%} of pixels; got {clipped:.1%} "
+                f"frames for the noise must clip in less than {CLIPPED_FRACTION:.1%} of pixels; got {clipped:.1%} "
                 "(raise the black level or shorten the exposure)"
             )
         points += _points(values, base[usable], is_dark=frames is dark)

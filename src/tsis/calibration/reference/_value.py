@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 LEAST_LIGHT = 0.2  # of the mean: what is darker is not divided by
-SATURATED_SHARE = 1e-4  # of the good pixels that may clip
+SATURATED_FRACTION = 1e-4  # of the good pixels that may clip
 LAMP_RANGE = (0.8, 1.25)  # times the light at the reference, which no warm lamp leaves
 LAMPS_OFF = 0.5  # of the untouched light
 UNSEEN_DRIFT = 0.01  # of the lamps, where no reference patch tells
@@ -112,7 +112,7 @@ class CameraReference:
         return None if self.patch_px is None else ReferencePatch.from_px(self.patch_px)
 
     @property
-    def drift_share(self) -> float:
+    def drift_fraction(self) -> float:
         """Relative standard deviation of the lamps in a later, corrected frame; without a patch an assumed 1 %."""
         return UNSEEN_DRIFT if self.patch_px is None else self.lamp_sd
 
@@ -151,9 +151,9 @@ class CameraReference:
         """
         self._check(image)
         clipped = self.clipped(image)
-        if clipped > SATURATED_SHARE:
+        if clipped > SATURATED_FRACTION:
             raise InputError(
-                f"image must clip in at most {SATURATED_SHARE:.2%} of its pixels; got {clipped:.2%} at "
+                f"image must clip in at most {SATURATED_FRACTION:.2%} of its pixels; got {clipped:.2%} at "
                 f"{self.full_scale:g} (press less, or shorten the exposure and calibrate again)"
             )
         return replace(image, grey=self.touch_grey(image))

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from scipy.special import erf, erfi
 
 from tsis.calibration._measured import MeasuredValue
-from tsis.calibration.force import GAUGE_SHARE, HERTZ_SPREAD, MIDDLE, joined, run_of, usable
+from tsis.calibration.force import GAUGE_ERROR, HERTZ_SPREAD, MIDDLE, joined, run_of, usable
 from tsis.calibration.response._value import PressureResponse, Saturation
 from tsis.errors import CalibrationError, InputError
 from tsis.model import MN_PER_N, require_number
@@ -36,7 +36,7 @@ TABLE = 226
 POINTS = 48
 
 
-def light_share(square: NDArray[np.float64]) -> NDArray[np.float64]:
+def light_fraction(square: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sum of the light over what it would be without saturation, for x², any shape."""
     table = _table()
     return np.asarray(np.interp(square, table[0], table[1]))
@@ -77,7 +77,7 @@ def _shown(square: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.fl
     return np.asarray(bent / root * np.sqrt(np.pi) / 2)
 
 
-LEAST_SHARE = 0.1  # of the largest force: below it the contact holds too few pixels to have a shape
+LEAST_FRACTION = 0.1  # of the largest force: below it the contact holds too few pixels to have a shape
 FEWEST = 6
 
 
@@ -85,7 +85,7 @@ def fit_response(
     loadings: Sequence[Loading],
     *,
     reference: CameraReference,
-    gauge_fraction: float = GAUGE_SHARE,
+    gauge_fraction: float = GAUGE_ERROR,
     area_fraction: float = 0.0,
 ) -> PressureResponse:
     """Fit gain and saturation to the loading branches; unloading, which may remember, is left out.
@@ -169,7 +169,7 @@ def _saturation(loadings: Sequence[Loading], pixel_mm2: float) -> Saturation:
 
 def _shapes(loading: Loading, pixel_mm2: float) -> NDArray[np.float64]:
     """Force, mean square width, peakedness and sum of presses that have a shape, shape (4, n)."""
-    good = _rising(loading) & (loading.load_n >= LEAST_SHARE * loading.load_n.max()) & (loading.mean_square_mm2 > 0)
+    good = _rising(loading) & (loading.load_n >= LEAST_FRACTION * loading.load_n.max()) & (loading.mean_square_mm2 > 0)
     force, spread, total = loading.load_n[good], loading.mean_square_mm2[good], loading.total_grey[good]
     return np.array([force, spread, loading.peak_grey[good] * spread / (total * pixel_mm2), total])
 
@@ -193,7 +193,7 @@ def _slopes(loadings: Sequence[Loading], bend: float) -> NDArray[np.float64]:
     for loading in loadings:
         good = _rising(loading)
         force = loading.load_n[good]
-        straight = loading.total_grey[good] / light_share(_squares(force, loading.mean_square_mm2[good], bend))
+        straight = loading.total_grey[good] / light_fraction(_squares(force, loading.mean_square_mm2[good], bend))
         slopes.setdefault(loading.tip_radius_mm, []).append(float(np.polyfit(force, straight, 1)[0]))
     if len(slopes) == 1:
         return np.array(next(iter(slopes.values())))

@@ -99,7 +99,7 @@ class PressureResponse:
         gain_sd = (gain.interval()[1] / gain.value - 1) / NORMAL_95
         return Calibration(
             gain_grey_per_kpa=gain.value,
-            gain_sd=min(1.0, float(np.linalg.norm([gain_sd, self.repeatability_share, reference.drift_share]))),
+            gain_sd=min(1.0, float(np.linalg.norm([gain_sd, self.repeatability_share, reference.drift_fraction]))),
             saturation_kpa=self.saturation.value_kpa,
             background_grey=0.0,
             force_sd=self.gauge_share,

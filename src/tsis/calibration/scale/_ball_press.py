@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-ANSWER_ORDER = 4  # of the polynomial that stands for the answer of grey level to depth
+RESPONSE_ORDER = 4  # of the polynomial that stands for the answer of grey level to depth
 INNER = 0.75  # share of the radius of steepest fall: beyond the contact's edge the face is the gel's and not the ball's
 SECTORS = 12  # of the face about the ball, left out one at a time for the uncertainty
 MOST_PIXELS = 3000  # of a press; more are averaged in blocks
@@ -113,7 +113,7 @@ def pixel_aspect_ratio(press: BallPress) -> float:
 def left_by_polynomial(depth: NDArray[np.float64], grey: NDArray[np.float64]) -> NDArray[np.float64]:
     """Grey levels less the best polynomial of a depth."""
     middle, half = (depth.max() + depth.min()) / 2, np.ptp(depth) / 2
-    basis = np.polynomial.chebyshev.chebvander((depth - middle) / half, ANSWER_ORDER)
+    basis = np.polynomial.chebyshev.chebvander((depth - middle) / half, RESPONSE_ORDER)
     return np.asarray(grey - basis @ np.linalg.lstsq(basis, grey, rcond=None)[0])
 
 

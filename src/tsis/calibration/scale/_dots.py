@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-LEAST_SHARE = 2e-4  # relative; no picture of spots goes below it: light, aberrations, the gel's creep
+LEAST_FRACTION = 2e-4  # relative; no picture of spots goes below it: light, aberrations, the gel's creep
 EVEN = 3**0.5  # bound of an even distribution over its standard deviation
 BY_CHANCE = 2.0  # standard deviations that noise explains
 
@@ -57,7 +57,7 @@ def with_model_uncertainty(
     bend = _beyond_noise(*fitted.bend(cell))
     # Between no error and half the skew anything is as likely (GUM 4.3.7: bound over the root of three).
     askew = _skew_beyond_noise(fitted, cell) / 2 / EVEN
-    fractions = np.sqrt(LEAST_SHARE**2 + bend**2 + askew**2)
+    fractions = np.sqrt(LEAST_FRACTION**2 + bend**2 + askew**2)
     return tuple(_widened(size, float(fraction)) for size, fraction in zip(sizes, fractions, strict=True))
 
 
@@ -246,7 +246,7 @@ def scale_from_dots(
 
 def _dots(spots: Spots, least: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Lattice coordinates and centres of the dots, and the centres of the spots that are none."""
-    positions = spots.places_px
+    positions = spots.positions_px
     if len(positions) < least:
         raise CalibrationError(
             f"image must show at least {least} dots; {len(positions)} spots stand out (press the dot board flat on the "

@@ -134,7 +134,7 @@ def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
     # Steps that most dots have come first: beside gaps a diagonal is taken for a step, beside a stray spot half a step.
     steps_of = np.array([steps for _, steps in existing])
     most = 0
-    for position in np.argsort(-_alike(steps_of), kind="stable")[:STARTS]:
+    for position in np.argsort(-_same_lattice(steps_of), kind="stable")[:STARTS]:
         result = _grown(positions_px, tree, existing[position][0], existing[position][1])
         links = _link_count(result)
         if links > MORE * most:
@@ -163,7 +163,7 @@ def _first_steps(
     return None
 
 
-def _alike(steps: NDArray[np.float64]) -> NDArray[np.int64]:
+def _same_lattice(steps: NDArray[np.float64]) -> NDArray[np.int64]:
     """How many pairs of steps are like each of the pairs, shape (n,), from pairs of shape (n, 2, 2)."""
     straight = np.linalg.norm(steps[:, None] - steps[None], axis=3).max(axis=2)
     crossed = np.linalg.norm(steps[:, None] - steps[None, :, ::-1], axis=3).max(axis=2)
@@ -225,12 +225,12 @@ def _measured_steps(
     """The steps about a dot: medians of those known between the dots around it, each axis for itself."""
     results = []
     for axis, default in enumerate(first):
-        given = list(_known_steps(positions, cell, spot_at, axis))
+        given = list(_given_steps(positions, cell, spot_at, axis))
         results.append(np.median(given, axis=0) if given else default)
     return results[0], results[1]
 
 
-def _known_steps(
+def _given_steps(
     positions: NDArray[np.float64], cell: tuple[int, int], spot_at: dict[tuple[int, int], int], axis: int
 ) -> Iterator[NDArray[np.float64]]:
     for di, dj in itertools.product(range(-2, 3), repeat=2):

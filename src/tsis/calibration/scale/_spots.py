@@ -23,7 +23,7 @@ STEP = 2.0**0.5  # from one blur to the next
 FINEST_PX = 1.5  # blur: finer spots have no sub-pixel centre
 COARSEST = 1 / 20  # blur over the image's shorter side: five spots across are the fewest of use
 BORDER = 4.0  # blurs that a spot keeps from the border, whose mirror image of it would draw it outwards
-APART = 1.5  # blurs between a spot and the next maximum
+LEAST_SEPARATION = 1.5  # blurs between a spot and the next maximum
 WEAKEST = 0.3  # strength over that of a typical spot
 
 
@@ -33,7 +33,7 @@ class Spots:
 
     Attributes
     ----------
-    places_px
+    positions_px
         Centres (x, y), shape (n, 2), pixels, strongest first; (0, 2) when there are none.
     strength
         How far each stands out, shape (n,), grey levels.
@@ -43,7 +43,7 @@ class Spots:
         True when they are brighter than what surrounds them.
     """
 
-    places_px: NDArray[np.float64]
+    positions_px: NDArray[np.float64]
     strength: NDArray[np.float64]
     width_px: float
     bright: bool
@@ -98,13 +98,13 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
                 best = side, k, response, rows, columns
         fine = coarse
     if best is None:
-        return Spots(places_px=np.empty((0, 2)), strength=np.empty(0), width_px=0.0, bright=True)
+        return Spots(positions_px=np.empty((0, 2)), strength=np.empty(0), width_px=0.0, bright=True)
     side, k, response, rows, columns = best
     strength = response[rows, columns]
     selected = np.flatnonzero(strength > WEAKEST * typical[side, k])
     selected = selected[np.argsort(-strength[selected], kind="stable")]
     return Spots(
-        places_px=_sub_pixel(response, rows[selected], columns[selected], max(1, round(blurs[k] / 2))),
+        positions_px=_sub_pixel(response, rows[selected], columns[selected], max(1, round(blurs[k] / 2))),
         strength=strength[selected],
         # A Gaussian answers most to the blur that is its own width over the root of the step.
         width_px=float(blurs[k] * STEP ** (0.5 + _top(typical[side], k))),
@@ -151,7 +151,7 @@ def _noise_gain(blur: float) -> float:
 
 def _peaks(response: NDArray[np.float64], blur: float, least: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows and columns of the maxima above a level that keep away from each other and from the border."""
-    size = 2 * round(APART * blur) + 1
+    size = 2 * round(LEAST_SEPARATION * blur) + 1
     highest = cv2.dilate(response, np.ones((size, size), np.uint8))
     margin = int(np.ceil(BORDER * blur)) + 1
     inside = np.zeros(response.shape, dtype=bool)

@@ -133,7 +133,7 @@ class SessionFolder:
         """Names of the steps that are not done and that no calibration can be made without."""
         return tuple(step.name for step in self.plan() if not (step.optional or self.done(step)))
 
-    def keep(
+    def save(
         self,
         step: CalibrationStep,
         shots: Iterable[CalibrationFrame],

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tsis.instrument.gauge import ForceLog
 
 
-PATIENCE_S = 5.0
+TIMEOUT_S = 5.0
 FORCE_S = 1.0  # for which the reading after a frame is waited
 
 
@@ -64,7 +64,7 @@ class LiveBench:
                 force = self._log.at(last_s).force_n
                 yield CalibrationFrame(image=received.frame.tactile_image(), time_s=last_s, force_n=force)
 
-    def one(self, force_n: float) -> CalibrationFrame:
+    def take_frame(self, force_n: float) -> CalibrationFrame:
         """The next frame, with a force that a person read."""
         received = next(self._fresh())
         return CalibrationFrame(image=received.frame.tactile_image(), time_s=received.arrived_s, force_n=force_n)
@@ -73,8 +73,8 @@ class LiveBench:
         ring = self._acquisition.ring
         position = ring.end
         while True:
-            if not ring.wait(position, PATIENCE_S):
+            if not ring.wait(position, TIMEOUT_S):
                 why = f": {self._acquisition.failure}" if self._acquisition.failure is not None else ""
-                raise CameraError(f"{self._acquisition.name} must bring frames; none came for {PATIENCE_S:g} s{why}")
+                raise CameraError(f"{self._acquisition.name} must bring frames; none came for {TIMEOUT_S:g} s{why}")
             arrivals, position, _ = ring.read(position)
             yield from arrivals

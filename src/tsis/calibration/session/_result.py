@@ -165,7 +165,7 @@ def calibrate(
     for number, step in enumerate(still):
         if session.done(step):
             shots[step.name] = session.shots(step)
-            _require_alike(shots[step.name], step, shots[DARK][0].image)
+            _require_same_format(shots[step.name], step, shots[DARK][0].image)
         progress(number + 1, len(steps) + 1)
     scale, dots, board = _scale(shots, pitch_mm=terms.pitch_mm, pitch_sd_mm=terms.pitch_sd_mm)
     reference = _reference(shots, scale, terms.patch_px)
@@ -173,14 +173,14 @@ def calibrate(
     for step in steps.values():
         if step.is_loading:  # read one by one, for many frames of a large camera fill the memory
             pressed = session.shots(step)
-            _require_alike(pressed, step, shots[DARK][0].image)
+            _require_same_format(pressed, step, shots[DARK][0].image)
             with _named(step.name):
                 loadings.append(read_loading(pressed, step, reference))
             progress(len(still) + len(loadings), len(steps) + 1)
     line, diagnostics = fit_force_line(loadings, reference=reference, gauge_fraction=terms.gauge_share)
     require_measured_slope(line)
     response = fit_response(
-        loadings, reference=reference, gauge_fraction=terms.gauge_share, area_fraction=_area_share(scale)
+        loadings, reference=reference, gauge_fraction=terms.gauge_share, area_fraction=_area_fraction(scale)
     )
     calibration = ProbeCalibration(
         name=terms.name,
@@ -216,7 +216,7 @@ def _scale(
     return scale, dots, board
 
 
-def _area_share(scale: PixelScale) -> float:
+def _area_fraction(scale: PixelScale) -> float:
     """Relative standard deviation of a pixel's area; one pitch errs along both axes, so their shares add."""
     return sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
 
@@ -245,7 +245,7 @@ def _rate(shots: Sequence[CalibrationFrame]) -> MeasuredValue | None:
     return frame_rate(times) if len(times) == len(shots) else None
 
 
-def _require_alike(shots: Sequence[CalibrationFrame], step: CalibrationStep, first: TactileImage) -> None:
+def _require_same_format(shots: Sequence[CalibrationFrame], step: CalibrationStep, first: TactileImage) -> None:
     requested = (first.grey.shape, first.full_scale)
     for shot in shots:
         got = (shot.image.grey.shape, shot.image.full_scale)

@@ -82,8 +82,8 @@ class DecayFit:
         self._matrices = {
             (sign, stored): sign * part for sign in SIGNS for stored, part in ((False, free), (True, pulled))
         }
-        self._seen = orthogonal.T @ (value - self._middle)
-        self._rest = max(float(np.square(value - self._middle).sum() - np.square(self._seen).sum()), 0.0)
+        self._observed = orthogonal.T @ (value - self._middle)
+        self._rest = max(float(np.square(value - self._middle).sum() - np.square(self._observed).sum()), 0.0)
 
     def best(self) -> tuple[float, float]:
         """Sign of the amplitudes that fits better, and the sum of squared residuals."""
@@ -132,6 +132,6 @@ class DecayFit:
 
     def _solved(self, sign: float, *, fading: float | None = None) -> tuple[NDArray[np.float64], float]:
         """Amplitudes of that sign, and the sum of squared residuals."""
-        requested = self._seen if fading is None else np.append(self._seen, STIFF * fading)
+        requested = self._observed if fading is None else np.append(self._observed, STIFF * fading)
         amplitude, norm = nnls(self._matrices[sign, fading is not None], requested, maxiter=50 * len(self.tau_s))
         return sign * amplitude, norm**2 + self._rest

@@ -35,7 +35,7 @@ BINS = 128  # the series is averaged to at most so many values, at equal steps
 FEWEST = 16  # values with which two exponentials and the noise can be told apart
 LEAST_NOISE = 2e-4  # of the value: the grid of time constants is no finer
 TERMS = 5  # that a fit spends: level, two amplitudes and two time constants
-DOUBT = 3.0  # standard deviations by which a fit may miss its noise
+MISFIT_SD = 3.0  # standard deviations by which a fit may miss its noise
 SAME = 1e-9  # of the value: a difference below it is the arithmetic's
 CAPPED = 1.0  # shares beyond it are said as the whole
 
@@ -184,7 +184,7 @@ def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s:
     fit = DecayFit(time, value, tau_range_s=(min(step, longest_s / 2), longest_s))
     missed = fit.best()[1] / (count - TERMS)
     # Sampling variances: of the residual's variance 2 / n, of the robust one from differences some 8 / n.
-    if missed > noise**2 * (1 + DOUBT * np.sqrt(10.0 / count)):
+    if missed > noise**2 * (1 + MISFIT_SD * np.sqrt(10.0 / count)):
         return None
     quantile = float(stdtrit(count - TERMS, CERTAINTY))
     runs = 1 + int(np.count_nonzero(np.diff(value)))

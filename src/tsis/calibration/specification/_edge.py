@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 SHAPES = ("straight", "circle")
 PARTS = 8  # of the edge, measured one by one
-REACH_MM = 1.0  # from the edge to both sides
+EDGE_RANGE_MM = 1.0  # from the edge to both sides
 LEAST_PIXELS = 60  # in a part
 LEAST_CONTRAST = 8.0  # of the step, in standard deviations of a pixel's noise
 TEN_TO_NINETY = 2.563103  # in standard deviations of a normal blur
 
 
-def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float = REACH_MM) -> MeasuredValue:
+def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float = EDGE_RANGE_MM) -> MeasuredValue:
     """Width in mm from 10 to 90 % across a sharp edge of even contact: a block's straight one or a flat punch's circle.
 
     The edge is found where the light crosses half of the step, its place fitted as a line or a circle; along it, light

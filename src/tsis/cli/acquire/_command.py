@@ -15,7 +15,7 @@ from tsis.catalog import load_phantom, load_probe
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson, ForceN, PhantomName, ProbeName
 from tsis.cli._progress import waiting
-from tsis.cli._saving import KeepFolder, KeepKind, chosen_destination
+from tsis.cli._saving import KindOption, StoreOption, chosen_destination
 from tsis.cli.acquire._listing import list_cameras, show_camera
 from tsis.cli.acquire._sequence import take_sequence
 from tsis.cli.acquire._snapshots import ROLES, SnapshotDestination, take_snapshot
@@ -69,7 +69,9 @@ def is_stored(spec: str) -> bool:
     return spec.partition(":")[0] in STORED_SOURCES
 
 
-def wanted_settings(connect_camera: Callable[[], Camera], name: str | None, pairs: Sequence[str]) -> dict[str, float]:
+def requested_settings(
+    connect_camera: Callable[[], Camera], name: str | None, pairs: Sequence[str]
+) -> dict[str, float]:
     """Settings of a preset, and over them those given as ``name=value``."""
     chosen: dict[str, float] = {}
     if name is not None:
@@ -135,8 +137,8 @@ def acquire(
         bool, typer.Option("--keep", help="Keep the snapshot in the store of records too: tsis records list.")
     ] = False,
     role: Annotated[str, typer.Option(help=f"What is pressed, for the store: {', '.join(ROLES)}.")] = ROLES[0],
-    store: KeepFolder = None,
-    kind: KeepKind = None,
+    store: StoreOption = None,
+    kind: KindOption = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Where the targets' folders lie, or folder of a sequence.", show_default="., tsis-sequence"),
@@ -173,7 +175,7 @@ def acquire(
     if modes:
         show_camera(make, as_json=as_json)
         return
-    requested = wanted_settings(make, preset, setting or ())
+    requested = requested_settings(make, preset, setting or ())
     stored = is_stored(camera)
     acquisition = Acquisition(
         make, mode=mode, settings=requested, ring_frames=RING_FRAMES, patient=stored, reconnect=not stored

@@ -28,12 +28,14 @@ def list_cameras(*, as_json: bool) -> None:
     with waiting("looking for cameras"):
         findings = find_cameras()
     if as_json:
-        print_json(envelope("acquire", found=[asdict(item) for item in findings.found], missing=dict(findings.missing)))
+        print_json(
+            envelope("acquire", found=[asdict(item) for item in findings.cameras], missing=dict(findings.missing))
+        )
         return
     console = people()
     table = Table(Column("--camera", overflow="fold"), "maker", "model", "note", title="Cameras")  # to be copied whole
     table.add_row("virtual", "", "", VIRTUAL_NOTE)
-    for item in findings.found:
+    for item in findings.cameras:
         table.add_row(*(escape(text) for text in (item.spec, item.maker, item.model, item.note)))
     console.print(table)
     if findings.missing:

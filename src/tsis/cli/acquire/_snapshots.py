@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.calibration.guard import check_press, guard_reference, with_calibrated_scale
 from tsis.cli._force_gauge import force_then
 from tsis.cli._output import people, print_json, print_notice
-from tsis.cli._saving import stop_not_kept
+from tsis.cli._saving import stop_not_saved
 from tsis.errors import CameraError, TsisError
 from tsis.imaging import colour_map
 from tsis.instrument import save_snapshot
@@ -51,7 +51,7 @@ class SnapshotDestination:
     role: str
     probe: str = ""
 
-    def keep(self, sidecar: Path, calibration: UsableCalibration | None) -> dict[str, Any]:
+    def save(self, sidecar: Path, calibration: UsableCalibration | None) -> dict[str, Any]:
         """Store the snapshot of a sidecar; what a result says of it; `TsisError` when it could not be stored."""
         from tsis.records.importing import save_snapshot_to_store  # loads the libraries of records
 
@@ -103,12 +103,12 @@ def take_snapshot(
     failure = None
     if where is not None:
         try:
-            about["kept"] = where.keep(saved.sidecar, calibration)
+            about["kept"] = where.save(saved.sidecar, calibration)
         except TsisError as error:  # the files are there and stay
             failure = error
     _print(saved, received, flags, about, as_json=as_json)
     if failure is not None:
-        stop_not_kept(failure, str(saved.sidecar.parent.resolve()))
+        stop_not_saved(failure, str(saved.sidecar.parent.resolve()))
 
 
 def _print(

@@ -32,7 +32,7 @@ FORCE_HOLDS_S = 1.0  # a reading older than this tells nothing of the press now
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Seen:
+class _Observation:
     """What one frame showed."""
 
     flags: tuple[GuardFlag, ...]
@@ -57,14 +57,14 @@ def watch_presses(
     with ended_by(signal.SIGINT) as ended, Live(console=console, transient=True, auto_refresh=False) as live:
         while not ended.is_set() and not (seconds is not None and time.monotonic() - begun_s >= seconds):
             arrivals, position = _newest(acquisition, position)
-            troubles.tell("camera", str(acquisition.failure or "") if acquisition.lost or acquisition.ended else "")
-            troubles.tell("gauge", "" if log is None else log.state().error)
+            troubles.report("camera", str(acquisition.failure or "") if acquisition.lost or acquisition.ended else "")
+            troubles.report("gauge", "" if log is None else log.state().error)
             if not arrivals and acquisition.ring.closed:
                 break
             for received in arrivals:
                 watch = watch or press_watch(received.frame, calibration)
-                observed = _look(watch, state, received, log)
-                _tell(console.print, state.raised, observed.flags)
+                observed = _observe(watch, state, received, log)
+                _report(console.print, state.raised, observed.flags)
                 state = observed.state
                 frames.update(["frames", *(flag.name for flag in observed.flags)])
                 live.update(_line(acquisition, observed), refresh=console.is_terminal)
@@ -87,23 +87,23 @@ class _Troubles:
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._told: dict[str, str] = {}
+        self._reported: dict[str, str] = {}
 
-    def tell(self, what: str, trouble: str) -> None:
-        if bool(trouble) != bool(self._told.get(what)):
-            self._told[what] = trouble
+    def report(self, what: str, trouble: str) -> None:
+        if bool(trouble) != bool(self._reported.get(what)):
+            self._reported[what] = trouble
             self._console.print(f"! {what}: {trouble or 'is back'}", markup=False, soft_wrap=True)
 
 
-def _look(watch: PressWatch, state: WatchState, arrival: ReceivedFrame, log: ForceLog | None) -> _Seen:
+def _observe(watch: PressWatch, state: WatchState, arrival: ReceivedFrame, log: ForceLog | None) -> _Observation:
     # The newest reading and not that of the frame's time, for which a guard would wait for the next one.
     readings = () if log is None else log.readings(since_s=arrival.arrived_s - FORCE_HOLDS_S)
     force = max(0.0, readings[-1].force_n) if readings else None
     flags, after = watch.step(state, arrival.frame, force)
-    return _Seen(flags=flags, force_n=force, state=after)
+    return _Observation(flags=flags, force_n=force, state=after)
 
 
-def _tell(say: Callable[..., None], before: frozenset[str], flags: tuple[GuardFlag, ...]) -> None:
+def _report(say: Callable[..., None], before: frozenset[str], flags: tuple[GuardFlag, ...]) -> None:
     for flag in flags:
         if flag.name not in before:
             say(f"+ {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
@@ -111,7 +111,7 @@ def _tell(say: Callable[..., None], before: frozenset[str], flags: tuple[GuardFl
         say(f"- {name}", markup=False)
 
 
-def _line(acquisition: Acquisition, seen: _Seen) -> str:
+def _line(acquisition: Acquisition, seen: _Observation) -> str:
     account = acquisition.account()
     force = "" if seen.force_n is None else f", {seen.force_n:.2f} N"
     still = _stillness(seen.state.settling)

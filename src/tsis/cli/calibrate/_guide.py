@@ -21,8 +21,8 @@ from tsis.catalog import load_probe
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson
 from tsis.cli._output import publish
-from tsis.cli.acquire import VIRTUAL, live_connector, wanted_settings
-from tsis.cli.calibrate._make import OUT, Days, Out, made
+from tsis.cli.acquire import VIRTUAL, live_connector, requested_settings
+from tsis.cli.calibrate._make import OUT, Days, Out, make_outcome
 from tsis.errors import CalibrationError, InputError
 from tsis.files import printable_path
 from tsis.instrument.acquisition import Acquisition
@@ -50,16 +50,16 @@ class Operator:
     """
 
     def __init__(self, bench: LiveBench, console: Console, *, has_gauge: bool) -> None:
-        self._bench, self._console, self._has_gauge = bench, console, has_gauge
+        self._rig, self._console, self._has_gauge = bench, console, has_gauge
 
     def take(self, step: CalibrationStep) -> Iterator[CalibrationFrame] | None:
         """The step's frames; None when the person leaves it out."""
         hint = "Enter when ready" + (", s to leave it out: " if step.optional else ": ")
-        response = self._answer(f"   {hint}").strip().lower()
+        response = self._ask(f"   {hint}").strip().lower()
         if step.optional and response == "s":
             return None
         if not step.is_loading:
-            return self._bench.still(step.frames)
+            return self._rig.still(step.frames)
         return self._by_gauge() if self._has_gauge else self._by_hand()
 
     def _by_gauge(self) -> Iterator[CalibrationFrame]:
@@ -68,7 +68,7 @@ class Operator:
 
         def wait() -> None:
             try:
-                self._answer("   load now, slowly; Enter when it is back at 0: ")
+                self._ask("   load now, slowly; Enter when it is back at 0: ")
             except InputError as error:
                 responses.put(error)
             else:
@@ -82,24 +82,22 @@ class Operator:
             return True
 
         threading.Thread(target=wait, name="waiting for Enter", daemon=True).start()
-        return self._bench.loading(over)
+        return self._rig.loading(over)
 
     def _by_hand(self) -> Iterator[CalibrationFrame]:
         """A frame for each force that the person types."""
         while True:
-            text = self._answer(
-                "   force in N that the gauge shows (begin with 0, untouched; Enter alone ends): "
-            ).strip()
+            text = self._ask("   force in N that the gauge shows (begin with 0, untouched; Enter alone ends): ").strip()
             if not text:
                 return
             try:
-                yield self._bench.one(float(text.replace(",", ".")))
+                yield self._rig.take_frame(float(text.replace(",", ".")))
             except ValueError as error:
                 self._console.print(
                     f"   {error if isinstance(error, InputError) else 'that is no number'}", markup=False
                 )
 
-    def _answer(self, question: str) -> str:
+    def _ask(self, question: str) -> str:
         self._console.print(question, end="", markup=False, soft_wrap=True)
         line = _line()
         if not line:
@@ -155,8 +153,9 @@ def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
         )
     if other := stored.differing(terms):
         raise CalibrationError(
-            f"the session in {printable_path(folder.path)} was begun with {_told(stored, other)}; this command says "
-            f"{_told(terms, other)} (give the options that it was begun with, or choose another --session)"
+            f"the session in {printable_path(folder.path)} was begun with {_settings_text(stored, other)}; "
+            f"this command says "
+            f"{_settings_text(terms, other)} (give the options that it was begun with, or choose another --session)"
         )
     if changed := stored.changed_setting(terms.settings):
         setting, value, now = changed
@@ -168,7 +167,7 @@ def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
     console.print(f"Going on with the session in {folder.path}; its terms hold.", markup=False, soft_wrap=True)
 
 
-def _told(terms: SessionSetup, names: Iterable[str]) -> str:
+def _settings_text(terms: SessionSetup, names: Iterable[str]) -> str:
     """Terms as one types them."""
     return " ".join(_typed(OPTIONS[name], getattr(terms, name)) for name in names)
 
@@ -246,7 +245,7 @@ def guide(
         _take_steps(folder, rig.shots, console)
     else:
         make = live_connector(camera)
-        acquisition = Acquisition(make, mode=mode, settings=wanted_settings(make, None, setting or ()))
+        acquisition = Acquisition(make, mode=mode, settings=requested_settings(make, None, setting or ()))
         with (
             gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
             acquisition,
@@ -255,7 +254,7 @@ def guide(
             began = datetime.now(UTC).replace(microsecond=0)
             begin(folder, replace(terms, camera=acquisition.name, settings=settings, began=began), console)
             _take_steps(folder, Operator(LiveBench(acquisition, log), console, has_gauge=log is not None).take, console)
-    publish(made(folder, days=days), out, as_json=as_json)
+    publish(make_outcome(folder, days=days), out, as_json=as_json)
 
 
 def _take_steps(
@@ -273,7 +272,7 @@ def _take_steps(
             console.print("   left out")
             continue
         try:
-            saved = folder.keep(step, shots)
+            saved = folder.save(step, shots)
         except KeyboardInterrupt:
             reported = f"The steps before are kept in {folder.path}; the same command goes on with {step.name}."
             console.print(reported, markup=False, soft_wrap=True)

@@ -21,15 +21,15 @@ from tsis.report import (
     calibration_notes,
     calibration_report,
     calibration_rows,
+    content_rows,
     envelope,
-    held_rows,
     measured_values,
     specification_notes,
     specification_rows,
 )
 
 
-def made(session: SessionFolder, *, days: float) -> CommandOutcome:
+def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
     """Make the calibration of a session."""
     with progress_bar("reading the frames") as advance:
         given, findings = calibrate(session, days=days, progress=advance)
@@ -60,7 +60,7 @@ def make(
     as_json: AsJson = False,
 ) -> None:
     """Make the calibration file from the frames of a session."""
-    publish(made(SessionFolder(session), days=days), out, as_json=as_json)
+    publish(make_outcome(SessionFolder(session), days=days), out, as_json=as_json)
 
 
 SHEET = ("quantity", "measured", "fingertip", "printed")
@@ -78,7 +78,7 @@ def show(
         refusal = ""
     except CalibrationError as error:
         refusal = str(error)
-    rows, sheet = held_rows(given), specification_rows(given)
+    rows, sheet = content_rows(given), specification_rows(given)
     if as_json:
         print_json(
             envelope(

@@ -6,7 +6,7 @@ import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._groups import DefaultCommand
-from tsis.cli.match._bench import bench
+from tsis.cli.match._bench import benchmark
 from tsis.cli.match._points import points
 
 DEFAULT = "points"
@@ -24,4 +24,4 @@ app.command(DEFAULT, epilog="Example: tsis match before.csv after.ply --out move
 app.command(
     "bench",
     epilog="Example: tsis match bench --families noise,outliers --methods tprl,cpd --trials 5 --out matching",
-)(bench)
+)(benchmark)

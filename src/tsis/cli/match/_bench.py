@@ -93,7 +93,7 @@ def ratio_text(ratio: ErrorRatio | None) -> str:
     return "-" if ratio is None else f"{ratio.value:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]"
 
 
-def bench_figures(levels: Sequence[TrialSummary]) -> dict[str, Figure]:
+def benchmark_figures(levels: Sequence[TrialSummary]) -> dict[str, Figure]:
     """One figure a kind of distortion: error, failures and time over the levels, a column a shape."""
     groups = dict.fromkeys(level.group for level in levels)
     kinds: dict[str, list[str]] = {}
@@ -177,7 +177,7 @@ MEANING = (
 )
 
 
-def bench(
+def benchmark(
     *,
     data: Annotated[
         Path | None,
@@ -285,7 +285,7 @@ def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_jso
         notes=notes,
     )
     if out is not None:
-        write_results(out, document, levels, bench_figures(levels))
+        write_results(out, document, levels, benchmark_figures(levels))
     if as_json:
         print_json(document if out is None else {**document, "folder": str(out.resolve())})
         return

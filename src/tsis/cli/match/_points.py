@@ -63,10 +63,10 @@ def points(
         _write(out, csv_text(transformed, match=matches, trust=result.trust).encode())
     if figure is not None:
         _write(figure, _picture(first, second, result, method))
-    _tell(source, target, first, second, result, method, seed, (out, figure), as_json=as_json)
+    _result(source, target, first, second, result, method, seed, (out, figure), as_json=as_json)
 
 
-def _tell(
+def _result(
     source: Path,
     target: Path,
     first: NDArray[np.float64],
@@ -80,7 +80,7 @@ def _tell(
 ) -> None:
     matches = np.asarray(found.matches)
     paired = matches != UNMATCHED
-    before, after = (_apart(item[paired], second[matches[paired]]) for item in (first, np.asarray(found.moved)))
+    before, after = (_rms_distance(item[paired], second[matches[paired]]) for item in (first, np.asarray(found.moved)))
     if as_json:
         names = {"out": files[0], "figure": files[1]}
         document = envelope(
@@ -118,7 +118,7 @@ def _tell(
     print_notice(console)
 
 
-def _apart(points: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:
+def _rms_distance(points: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:
     return float(np.sqrt(((points - others) ** 2).sum(axis=1).mean())) if len(points) else None
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.table import Table
 
-from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven, given_lit_probe
+from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeOption, chosen_lit_probe
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.optics import acceptance, layer_facing_lamp
 from tsis.report import envelope
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def angles(
     *,
-    probe: ProbeGiven = "tsis-2011",
+    probe: ProbeOption = "tsis-2011",
     half_angle_deg: HalfAngleDeg = None,
     height_mm: LampHeightMm = None,
     aim_deg: AimDeg = None,
@@ -28,7 +28,7 @@ def angles(
     as_json: AsJson = False,
 ) -> None:
     """Critical and acceptance angles of the probe's layers, beside the angles of its lamps."""
-    chosen = given_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
+    chosen = chosen_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
     result = acceptance([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
     faced = [(led, layer_facing_lamp(chosen, led)) for led in chosen.leds if led.power > 0]
     lamps = [
@@ -61,7 +61,7 @@ def _table(probe: Probe, found: Acceptance) -> Table:
             f"{found.critical_deg[layer]:.2f}",
             f"{found.acceptance_deg[layer]:.2f}" + (" (all)" if found.unlimited[layer] else ""),
             f"{blind:.2f}" if blind else "-",
-            f"{found.blind_share[layer]:.0%}" if blind else "-",
+            f"{found.blind_fraction[layer]:.0%}" if blind else "-",
         )
     return table
 
@@ -80,7 +80,7 @@ def _limits(found: Acceptance) -> list[str]:
     notes.extend(
         f"Rays of n_eff between {found.index[:layer].min():g} and {found.index[layer]:g} never sense: light that "
         f"enters {_name(layer, count)} within {found.blind_deg[layer]:.1f} degrees of the wall's normal never reaches "
-        f"the pressed face, {found.blind_share[layer]:.0%} of the angles at which rays stay in it."
+        f"the pressed face, {found.blind_fraction[layer]:.0%} of the angles at which rays stay in it."
         for layer in np.flatnonzero(found.blind_deg).tolist()
     )
     return notes

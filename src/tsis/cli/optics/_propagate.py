@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tsis.optics.propagation import Propagation, ThinGuide
 
 
-SHARES = ("guided", "reflected", "top", "bottom")
+FRACTIONS = ("guided", "reflected", "top", "bottom")
 
 
 class PropagationMethod(StrEnum):
@@ -96,8 +96,8 @@ def _document(preset: str, guide: ThinGuide, results: list[Propagation]) -> dict
             {
                 "depth_um": result.dent.depth_um,
                 "tip_radius_um": result.dent.tip_radius_um,
-                "mean": {fraction: float(getattr(result.powers, fraction).mean()) for fraction in SHARES},
-                "modes": {fraction: getattr(result.powers, fraction) for fraction in SHARES},
+                "mean": {fraction: float(getattr(result.powers, fraction).mean()) for fraction in FRACTIONS},
+                "modes": {fraction: getattr(result.powers, fraction) for fraction in FRACTIONS},
                 "balance_error": result.powers.balance_error,
                 "z_um": result.z_um,
                 "top_per_um": result.top_per_um.mean(axis=1),
@@ -111,10 +111,10 @@ def _table(preset: str, results: list[Propagation]) -> Table:
     first = results[0]
     title = f"{preset} guide, {first.wavelength_um:g} um, mean of {len(first.n_eff)} modes by {first.method}"
     table = Table(title=title)
-    for heading in ("dent / um", *(f"{fraction} / %" for fraction in SHARES), "missing / %"):
+    for heading in ("dent / um", *(f"{fraction} / %" for fraction in FRACTIONS), "missing / %"):
         table.add_column(heading, justify="right")
     for result in results:
-        means = [float(getattr(result.powers, fraction).mean()) for fraction in SHARES]
+        means = [float(getattr(result.powers, fraction).mean()) for fraction in FRACTIONS]
         missing = abs(1 - sum(means))
         cells = (f"{round(100 * mean, 2) + 0.0:.2f}" for mean in means)  # no minus before nothing
         table.add_row(f"{result.dent.depth_um:g}", *cells, f"{100 * missing:.2g}")

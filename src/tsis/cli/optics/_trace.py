@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from scipy.optimize import brentq
 
-from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven, given_lit_probe
+from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeOption, chosen_lit_probe
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar, waiting
 from tsis.errors import InputError, MechanicsError
@@ -47,7 +47,7 @@ WAYS = {
 
 def trace(
     *,
-    probe: ProbeGiven = "tsis-2011",
+    probe: ProbeOption = "tsis-2011",
     rays: Annotated[float, typer.Option(help="Rays to trace.")] = 1e6,
     seed: Annotated[int, typer.Option(help="Seed of their starts.")] = 1,
     tip_radius_mm: Annotated[
@@ -62,7 +62,7 @@ def trace(
     out: Out = None,
 ) -> None:
     """Trace the lamps' light through layers and glass: where it goes, and maps of it on the face."""
-    lit = given_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
+    lit = chosen_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
     pressed = _pressed(lit, tip_radius_mm, force_n, depth_mm)
     with progress_bar("tracing rays") as progress:
         result = trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
@@ -140,7 +140,7 @@ def _table(probe: Probe, pressed: PressField | None, found: TracedLight) -> Tabl
 
 def _notes(probe: Probe, found: TracedLight) -> tuple[str, ...]:
     entered = 1 - found.tally.missed - found.tally.reflected
-    fraction = found.out_of_reach / entered if entered > 0 else 0.0
+    fraction = found.out_of_range / entered if entered > 0 else 0.0
     observed = f"{found.into_camera:.1e} of the light leaves" if found.into_camera > 0 else "No ray left"
     return (
         f"{float(found.arriving.sum()):.2%} of the light meets the face from inside, counted at every meeting.",
@@ -174,7 +174,7 @@ def _document(probe: Probe, pressed: PressField | None, found: TracedLight, seed
         tally=asdict(found.tally),
         standard_error=asdict(found.standard_error),
         into_camera=found.into_camera,
-        out_of_reach=found.out_of_reach,
+        out_of_reach=found.out_of_range,
         meetings=found.meetings,
         x_mm=found.x_mm,
         y_mm=found.y_mm,

@@ -77,9 +77,9 @@ def edit(
     with opened(store, kind, database) as records:
         target = records.target(number)
         if press is None:
-            edited: Target | StoredPress = records.edit_target(_seen(target, version), **changes)
+            edited: Target | StoredPress = records.edit_target(_require_version(target, version), **changes)
         else:
-            edited = records.edit_press(_seen(_press(records, target, press), version), **changes)
+            edited = records.edit_press(_require_version(_press(records, target, press), version), **changes)
     what = f"target {number}" if press is None else f"press {edited.id[:8]} of target {number}"
     if as_json:
         print_json(envelope("records edit", target=number, press=None if press is None else edited.id, **_now(edited)))
@@ -112,7 +112,7 @@ def _truth(given: Sequence[str]) -> dict[str, float]:
     return {} if _is_none("--truth", given) else parse_truth(given, called="--truth")
 
 
-def _seen(record: Any, version: int | None) -> Any:
+def _require_version(record: Any, version: int | None) -> Any:
     """The record as it was seen: an edit of another version is refused by the store."""
     return record if version is None else replace(record, version=version)
 

@@ -61,7 +61,7 @@ def export(
     position = out or Path(stem if len(requested) > 1 else f"{stem}{ENDINGS[requested[0]]}")
     require_absent(position)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
-        record = records.dossier(records.target(number))
+        record = records.record(records.target(number))
         if set(requested) - set(PAGE_FORMS):  # which say what is missing
             record.require_whole()
         if len(requested) == 1:
@@ -118,7 +118,7 @@ def send(
     from tsis.records.dicom import c_store, dicom_files, stow_rs
 
     with opened(store, kind, database) as records, waiting("sending"):
-        record = records.dossier(records.target(number))
+        record = records.record(records.target(number))
         record.require_whole()
         files: Sequence[DicomFile] = dicom_files(record, identified=identified)
         if address is not None:

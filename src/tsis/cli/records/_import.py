@@ -75,7 +75,7 @@ def import_(
             with progress_bar("storing") as advance:
                 entered = enter(records, looked, target=number, difference=target == NEW, tally=tally, progress=advance)
         except KeyboardInterrupt:
-            typer.echo(f"Import: {tally.sentence}.", err=True)
+            typer.echo(f"Import: {tally.message}.", err=True)
             raise
         position = str(records.folder.resolve())
     if as_json:
@@ -96,7 +96,7 @@ class _Calibrations:
     def __init__(self, folder: Path | None, kind: str, database: str | None) -> None:
         self._chosen = folder, kind, database
         self._store: Store | None = None
-        self._found: dict[str, ProbeCalibration | None] = {}
+        self._by_name: dict[str, ProbeCalibration | None] = {}
         self._until = ExitStack()
 
     def __enter__(self) -> Self:
@@ -109,11 +109,11 @@ class _Calibrations:
         """The calibration of that identity; None where it is not there, `RecordsError` when it is damaged."""
         from tsis.records.importing import stored_calibration
 
-        if cited not in self._found:
+        if cited not in self._by_name:
             if self._store is None and is_there(*self._chosen):
                 self._store = self._until.enter_context(opened(*self._chosen))
-            self._found[cited] = None if self._store is None else stored_calibration(self._store, cited)
-        return self._found[cited]
+            self._by_name[cited] = None if self._store is None else stored_calibration(self._store, cited)
+        return self._by_name[cited]
 
 
 def _line(each: Entered) -> str:

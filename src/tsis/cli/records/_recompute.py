@@ -16,10 +16,10 @@ from tsis.errors import InputError, TsisError
 from tsis.report import (
     envelope,
     recomputation_document,
+    recomputation_message,
     recomputation_notes,
     shift_table,
     store_verification_document,
-    stored_sentence,
     verdict,
     verification_notes,
 )
@@ -52,7 +52,7 @@ def recompute(
     if (number is None) != every:
         raise InputError("give the number of a target, or --all for every one")
     with opened(store, kind, database) as records:
-        requested = _wanted(records) if number is None else [records.target(number)]
+        requested = _requested(records) if number is None else [records.target(number)]
         result, failed = _recomputed(records, requested, dry_run=dry_run, alone=not every)
     if as_json:
         documents = [recomputation_document(target, item) for target, item in result]
@@ -71,7 +71,7 @@ def recompute(
         raise typer.Exit(FAILED)
 
 
-def _wanted(records: Store) -> list[Target]:
+def _requested(records: Store) -> list[Target]:
     return [target.target for target in records.targets() if target.estimates]
 
 
@@ -100,7 +100,7 @@ def _recomputed(
 
 
 def _show(console: Console, target: Target, each: Recomputation) -> None:
-    console.print(f"Target {target.number}, {each.before.kind}: {each.sentence}", markup=False, soft_wrap=True)
+    console.print(f"Target {target.number}, {each.before.kind}: {each.message}", markup=False, soft_wrap=True)
     for note in recomputation_notes(each):
         console.print(f"- {note}", markup=False, soft_wrap=True)
     if each.same:
@@ -110,7 +110,7 @@ def _show(console: Console, target: Target, each: Recomputation) -> None:
     for row in shifts.rows:
         table.add_row(*(escape(cell) for cell in row))
     console.print(table)
-    console.print(stored_sentence(each), markup=False)
+    console.print(recomputation_message(each), markup=False)
 
 
 UNSOUND = 1  # exit code of a store that is not as it was stored

@@ -75,7 +75,7 @@ def show(
     with opened(store, kind, database) as records:
         target = records.target(number)
         total = records.press_count(target)
-        record = records.dossier(target, limit=limit, offset=offset)
+        record = records.record(target, limit=limit, offset=offset)
     presses, estimates = record.presses, record.estimates
     if as_json:
         print_json(_target_document(record, total))

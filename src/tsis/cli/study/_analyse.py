@@ -49,7 +49,7 @@ def analyse(
     if study.unblinded is None:
         _require_whole(study, incomplete=incomplete)
         if not yes:
-            _ask(study, as_json=as_json)
+            _confirm(study, as_json=as_json)
     with progress_bar("analysing devices") as advance:
         done = publish_study(study, by=by, out=out, progress=advance)
     result = done.analysis
@@ -80,7 +80,7 @@ def _require_whole(study: Study, *, incomplete: bool) -> None:
             )
 
 
-def _ask(study: Study, *, as_json: bool) -> None:
+def _confirm(study: Study, *, as_json: bool) -> None:
     if as_json or not sys.stdin.isatty():
         raise InputError("--yes must be given to unblind a study where nobody can be asked")
     from tsis.study import verify_study
@@ -97,15 +97,15 @@ def _ask(study: Study, *, as_json: bool) -> None:
 
 
 def _table(one: DeviceAnalysis) -> Table:
-    from tsis.report.study import ends, method_of, share, share_ends
+    from tsis.report.study import ends, fraction_text, interval_text, method_of
 
     table = Table("", "value", "95 % interval", "method", box=SIMPLE_HEAD, show_edge=False, title_justify="left")
-    table.title = escape(one.judged.device)
+    table.title = escape(one.results.device)
     counts = one.counts
     if counts is not None and counts.present:
-        table.add_row("sensitivity", share(counts.sensitivity), share_ends(counts.sensitivity), "Wilson")
+        table.add_row("sensitivity", fraction_text(counts.sensitivity), interval_text(counts.sensitivity), "Wilson")
     if counts is not None and counts.absent:
-        table.add_row("specificity", share(counts.specificity), share_ends(counts.specificity), "Wilson")
+        table.add_row("specificity", fraction_text(counts.specificity), interval_text(counts.specificity), "Wilson")
     if one.curve is not None:
         interval = one.auc_interval
         table.add_row("area under the curve", f"{one.curve.auc:.3f}", ends(interval), method_of(interval))

@@ -19,7 +19,7 @@ from tsis.report import envelope
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tsis.detection.search import ReachTable, ScanPlan
+    from tsis.detection.search import DetectionRangeTable, ScanPlan
 
 
 def plan(
@@ -51,14 +51,20 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """Plan presses over a rectangle, in strips as in palpation, and say what no place between them can hide."""
-    from tsis.detection.search import measured_reach, read_reach, scan_plan, smallest_found_mm, widest_plan
+    from tsis.detection.search import (
+        measured_detection_range,
+        read_detection_range,
+        scan_plan,
+        smallest_found_mm,
+        widest_plan,
+    )
 
     requested = diameter_mm is not None or depth_mm is not None
     if sum((spacing_mm is not None, overlap is not None, reach_mm is not None, requested)) != 1:
         raise InputError(
             "exactly one of --spacing-mm, --overlap, --reach-mm, and --diameter-mm with --depth-mm must be given"
         )
-    table = measured_reach(probe) if reach is None else read_reach(reach)
+    table = measured_detection_range(probe) if reach is None else read_detection_range(reach)
     if requested and (table is None or diameter_mm is None or depth_mm is None):
         raise InputError(
             f"--diameter-mm and --depth-mm must be given together, and with --reach where nothing was measured for the "
@@ -85,7 +91,7 @@ def plan(
     )
 
 
-def _reached(table: ReachTable, diameter_mm: float, depth_mm: float) -> float:
+def _reached(table: DetectionRangeTable, diameter_mm: float, depth_mm: float) -> float:
     extent = table(diameter_mm, depth_mm)
     if extent == 0:
         raise InputError(
@@ -96,7 +102,7 @@ def _reached(table: ReachTable, diameter_mm: float, depth_mm: float) -> float:
 
 
 def _document(
-    found: ScanPlan, seconds: float, smallest: dict[float, float | None], table: ReachTable | None
+    found: ScanPlan, seconds: float, smallest: dict[float, float | None], table: DetectionRangeTable | None
 ) -> dict[str, object]:
     return envelope(
         "study plan",
@@ -142,7 +148,7 @@ def _limits(smallest: dict[float, float | None]) -> tuple[Table, ...]:
     return (table,)
 
 
-def _notes(table: ReachTable | None, *, measured: bool) -> tuple[str, ...]:
+def _notes(table: DetectionRangeTable | None, *, measured: bool) -> tuple[str, ...]:
     if table is None:
         return ("What is found between presses is not said: give --reach, a table of how far each inclusion is found.",)
     whose = (

@@ -62,7 +62,7 @@ def job_result(result: Any, store: Store) -> JobResult | None:
             truths = (target.target.truth for target in store.targets() if target.target.id == result.target)
             return EstimateResult(estimate=estimate_item(result, next(truths, None)))
         case CameraListing():
-            return SearchResult(found=camera_items(result.found), missing=dict(result.missing))
+            return SearchResult(found=camera_items(result.cameras), missing=dict(result.missing))
         case (Recomputation(), *_):
             return RecomputeResult(recomputations=[_recomputation(item) for item in result])
         case {"folder": str(folder), "report": dict(report)}:
@@ -75,7 +75,7 @@ def _recomputation(made: Recomputation) -> RecomputationItem:
     return RecomputationItem(
         kind=made.before.kind,
         same=made.same,
-        sentence=made.sentence,
+        sentence=made.message,
         causes=list(made.causes),
         notes=list(made.notes),
         shifts=[ShiftItem.model_validate(shift) for shift in made.shifts],

@@ -149,7 +149,7 @@ def list_cameras(bench: TheBench) -> CamerasResponse:
     result = bench.search.findings
     if result is None:
         return CamerasResponse(searched=False, found=[], missing={})
-    return CamerasResponse(searched=True, found=camera_items(result.found), missing=dict(result.missing))
+    return CamerasResponse(searched=True, found=camera_items(result.cameras), missing=dict(result.missing))
 
 
 @cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)

@@ -134,7 +134,7 @@ estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
 def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesResponse:
     """List the estimates of a target in the order in which they were made."""
     target = find_target(bench, number)
-    record = bench.store.dossier(target, limit=0)
+    record = bench.store.record(target, limit=0)
     return EstimatesResponse(
         target=number,
         in_force=[item.id for item in record.in_force],
@@ -221,7 +221,7 @@ def get_calibration_file(bench: TheBench) -> Response:
     given = bench.calibration
     if given is None:
         raise AbsentError("a calibration must be in force to be sent; there is none")
-    return Response(calibration_bytes(given.known), media_type="application/json")
+    return Response(calibration_bytes(given.calibration), media_type="application/json")
 
 
 @calibration_router.put(
@@ -261,12 +261,12 @@ async def _uploaded(request: Request) -> bytes:
 def _use(bench: Instrument, content: bytes, by: str) -> None:
     calibration = parse_calibration(content, "the calibration")
     calibration.require_usable(datetime.now(UTC))
-    bench.use_calibration(UsableCalibration(known=calibration, identity=calibration_sha256(calibration)), by=by)
+    bench.use_calibration(UsableCalibration(calibration=calibration, identity=calibration_sha256(calibration)), by=by)
 
 
 def _answer(bench: Instrument) -> CalibrationResponse:
     cited = bench.calibration
-    return CalibrationResponse(calibration=None if cited is None else _told(cited.known, cited.identity))
+    return CalibrationResponse(calibration=None if cited is None else _told(cited.calibration, cited.identity))
 
 
 def _told(known: ProbeCalibration, sha256: str) -> CalibrationItem:

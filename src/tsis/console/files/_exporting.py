@@ -90,7 +90,7 @@ def write_export(
         if reports is not None and form in PAGE_FORMS:
             reports.write(target, form, path)
         else:
-            record = store.dossier(target)
+            record = store.record(target)
             if form not in PAGE_FORMS:
                 record.require_whole()
             write_form(form, record, path, identified=identified)

@@ -85,13 +85,13 @@ class ActiveCalibrationCheck:
         """Judge once by the camera as it is set now."""
         subject, choice = self._desk.stage, self._desk.choice
         given, why = self._judged(self._given or (None if subject is None else subject.calibration))
-        measured = None if given is None else given.known.scale
+        measured = None if given is None else given.calibration.scale
         scale = None if subject is None else subject.mm_per_pixel
         return ActiveCalibration(
             known=given,
             why=why,
             scale=scale if measured is None else measured.mm_per_pixel,
-            probe=choice.probe if choice.is_virtual or given is None else given.known.probe or choice.probe,
+            probe=choice.probe if choice.is_virtual or given is None else given.calibration.probe or choice.probe,
             reference=self._reference(given, subject),
         )
 
@@ -121,7 +121,7 @@ class ActiveCalibrationCheck:
 
 def _require_fit(cited: UsableCalibration, camera_controller: CameraController) -> None:
     """Refuse, with `CalibrationError`, what is expired, or of another probe, camera, setting or size of frames."""
-    given, choice, acquisition = cited.known, camera_controller.choice, camera_controller.acquisition
+    given, choice, acquisition = cited.calibration, camera_controller.choice, camera_controller.acquisition
     if bench_seed(given.camera) is not None:
         raise CalibrationError(
             f"calibration {given.name!r} is of the {given.camera}, an exercise: no page looks through its camera "

@@ -51,7 +51,7 @@ def estimate_target(
     InputError, CalibrationError, NotCalibratedError
         As the estimates themselves.
     """
-    record = store.dossier(store.target(number))
+    record = store.record(store.target(number))
     chosen = newest_presses(record, kind) if presses is None else _named(record, presses)
     probe, calibration = _terms(chosen, number)
     response = estimate_stored(

@@ -157,7 +157,7 @@ def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView 
     if untouched is not None and untouched.shape == small.shape:
         small -= untouched
     patch = segment(TactileImage(grey=small, full_scale=frame.full_scale))
-    if not patch.found:
+    if not patch.is_contact:
         return None
     weight = np.where(patch.mask, np.maximum(small - patch.background_grey, 0.0), 0.0)
     total = float(weight.sum())

@@ -115,7 +115,7 @@ class Instrument:
             role=self.desk.role,
             roles=self.desk.roles,
             force_n=self.desk.force_n,
-            calibration="" if given is None else given.known.name,
+            calibration="" if given is None else given.calibration.name,
             calibration_identity="" if given is None else given.identity,
             sight=self.sight,
             holder=self.control.holder(),

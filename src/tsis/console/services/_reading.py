@@ -58,7 +58,7 @@ class StoreCheck:
         """Where it is gone from; empty while it is there."""
         now, (last_seen_s, gone) = self._clock(), self._seen
         if now - last_seen_s >= STORE_LOOKED_AT_S:
-            gone = self._store.database.moved()
+            gone = self._store.database.replaced()
             self._seen = now, gone
         return printable_path(self._store.folder) if gone else ""
 

@@ -54,5 +54,5 @@ class CameraSearch:
 
 def found_text(findings: CameraListing) -> str:
     """How many there are."""
-    number = len(findings.found)
+    number = len(findings.cameras)
     return {0: "No camera answered.", 1: "1 camera answered."}.get(number, f"{number} cameras answered.")

@@ -128,7 +128,7 @@ def save_press(taken: PressToSave, *, number: int, workspace: Path, store: Store
             role=taken.role,
             taken=taken.when.astimezone(UTC),
             probe=taken.probe,
-            calibration=None if taken.calibration is None else taken.calibration.known,
+            calibration=None if taken.calibration is None else taken.calibration.calibration,
             flags=tuple(flag.name for flag in flags),
         )
     except TsisError as error:

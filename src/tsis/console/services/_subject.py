@@ -245,7 +245,7 @@ class VirtualSubject:
         response, sensor = self._rig.calibration, self._rig.sensor
         settings = {"exposure_ms": USUAL_MS, "gain": 0.0, "brightness": sensor.background_grey}
         calibration = ProbeCalibration(name=response.name, probe=self.probe.name, settings=settings, response=response)
-        return UsableCalibration(known=calibration, identity=calibration_sha256(calibration))
+        return UsableCalibration(calibration=calibration, identity=calibration_sha256(calibration))
 
     def _lying(self, role: str) -> Phantom | SoftSphere:
         return self._objects[TARGET if role == UNTOUCHED else role]

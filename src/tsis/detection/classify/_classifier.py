@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 DRAWS = 64  # samples of a posterior over which a probability is averaged
-LARGEST_TOLD = 15.0  # of the inverse hyperbolic sine of a log likelihood ratio
+LARGEST_LOG_RATIO = 15.0  # of the inverse hyperbolic sine of a log likelihood ratio
 MOST_TARGETS = 5000  # fitting takes the square of it
 LARGEST = 1e6  # mm or kPa
 
@@ -60,19 +60,19 @@ class TargetEvidence:
         object.__setattr__(self, "log_ratio", log_ratio)
 
     @property
-    def told(self) -> float:
+    def log_likelihood_ratio(self) -> float:
         """Inverse hyperbolic sine of the log likelihood ratio: weak evidence as it is, strong by its order."""
         return float(np.arcsinh(self.log_ratio))
 
     @property
     def at_mean(self) -> NDArray[np.float64]:
         """The posterior's mean and what is told of the ratio, shape (4,)."""
-        return np.array([*self.samples.mean(axis=0), self.told])
+        return np.array([*self.samples.mean(axis=0), self.log_likelihood_ratio])
 
     @property
     def rows(self) -> NDArray[np.float64]:
         """Each sample with the same, shape (draws, 4)."""
-        return np.column_stack([self.samples, np.full(len(self.samples), self.told)])
+        return np.column_stack([self.samples, np.full(len(self.samples), self.log_likelihood_ratio)])
 
 
 def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | None = None) -> TargetEvidence:
@@ -130,10 +130,10 @@ class TrainingSet:
                 f"features must hold 4 numbers for each of at most {MOST_TARGETS} labels; got shape {features.shape} "
                 f"and {len(labels)} labels"
             )
-        if features[:, :3].min() <= 0 or features.max() > LARGEST or np.abs(features[:, 3]).max() > LARGEST_TOLD:
+        if features[:, :3].min() <= 0 or features.max() > LARGEST or np.abs(features[:, 3]).max() > LARGEST_LOG_RATIO:
             raise InputError(
                 "features must be positive sizes up to 1e6 and what is told of a ratio within "
-                f"±{LARGEST_TOLD:g}; got a row beyond that"
+                f"±{LARGEST_LOG_RATIO:g}; got a row beyond that"
             )
         if not np.isin(labels, range(CLASSES)).all():
             raise InputError(f"labels must be 0, 1 or 2; got {int(labels[~np.isin(labels, range(CLASSES))][0])}")

@@ -75,7 +75,7 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
         "probabilities": _few(classifier).tolist(),
     }
     try:
-        write_durably(path, _spelled(content | {"sha256": classifier_sha256(content)}))
+        write_durably(path, _serialised(content | {"sha256": classifier_sha256(content)}))
     except OSError as error:
         raise FileInputError(f"{printable_path(path)} must be writable; got: {error.strerror}") from error
     return path
@@ -150,12 +150,12 @@ def _few(classifier: Classifier) -> NDArray[np.float64]:
     return classifier.probabilities(features[positions])
 
 
-def _spelled(content: dict[str, Any]) -> bytes:
+def _serialised(content: dict[str, Any]) -> bytes:
     return (json.dumps(content, indent=None, allow_nan=False, separators=(",", ":")) + "\n").encode()
 
 
 def classifier_sha256(content: dict[str, Any]) -> str:
-    return hashlib.sha256(_spelled(content)).hexdigest()
+    return hashlib.sha256(_serialised(content)).hexdigest()
 
 
 def _check_form(content: dict[str, Any], path: Path) -> None:

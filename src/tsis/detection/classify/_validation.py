@@ -63,7 +63,7 @@ class Validation:
         np.add.at(table, (self.labels, self.decided), 1)
         return table
 
-    def share(self, truth: int, decided: int) -> Proportion:
+    def proportion(self, truth: int, decided: int) -> Proportion:
         """How many targets of class ``truth`` were called ``decided``; its ``interval()`` is Wilson's."""
         row = self.confusion[require_integer("truth", truth, 0, CLASSES - 1)]
         return Proportion(

@@ -1,14 +1,19 @@
 """Where to press to search an area, and what such a plan cannot miss."""
 
 from tsis.detection.search._plan import ScanPlan, scan_plan, smallest_found_mm, widest_plan, widest_spacing_mm
-from tsis.detection.search._range import ReachTable, measured_reach, reach_of_trials, read_reach
+from tsis.detection.search._range import (
+    DetectionRangeTable,
+    detection_range_of_trials,
+    measured_detection_range,
+    read_detection_range,
+)
 
 __all__ = [
-    "ReachTable",
+    "DetectionRangeTable",
     "ScanPlan",
-    "measured_reach",
-    "reach_of_trials",
-    "read_reach",
+    "detection_range_of_trials",
+    "measured_detection_range",
+    "read_detection_range",
     "scan_plan",
     "smallest_found_mm",
     "widest_plan",

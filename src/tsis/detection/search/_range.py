@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 FARTHEST_MM = 500.0
 COLUMNS = ("diameter_mm", "depth_mm", "reach_mm")
 LARGEST_BYTES = 2**20
-REACHES = Path(__file__).parent / "reach"
+RANGE_FOLDER = Path(__file__).parent / "reach"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ReachTable:
+class DetectionRangeTable:
     """Reach over a grid of sizes and depths, linear between; what lies outside is never thought better than it is.
 
     An inclusion smaller than the smallest, or deeper than the deepest, has no reach; one larger or shallower has that
@@ -86,7 +86,7 @@ class ReachTable:
         return float(np.interp(diameter, self.diameter_mm, by_size))
 
 
-def reach_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probability: float = 0.9) -> float:
+def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probability: float = 0.9) -> float:
     """Reach by trials on inclusions of one kind at many distances from the axis.
 
     The share of those found is fitted by a step function that does not rise with the distance (isotonic regression);
@@ -130,7 +130,7 @@ def reach_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probability: flo
     return float(inside[-1]) if len(inside) else 0.0
 
 
-def read_reach(path: str | os.PathLike[str], *, probability: float = 0.9) -> ReachTable:
+def read_detection_range(path: str | os.PathLike[str], *, probability: float = 0.9) -> DetectionRangeTable:
     """Read a table of reaches: CSV with the columns ``diameter_mm``, ``depth_mm`` and ``reach_mm``, a row an inclusion.
 
     Parameters
@@ -157,14 +157,14 @@ def read_reach(path: str | os.PathLike[str], *, probability: float = 0.9) -> Rea
         )
     detection_range = [[cells[float(size), float(depth)] for depth in depths] for size in sizes]
     try:
-        return ReachTable(
+        return DetectionRangeTable(
             diameter_mm=sizes, depth_mm=depths, reach_mm=np.array(detection_range), probability=probability
         )
     except InputError as error:
         raise FileInputError(f"{printable_path(path)}: {error}") from error
 
 
-def measured_reach(probe: str) -> ReachTable | None:
+def measured_detection_range(probe: str) -> DetectionRangeTable | None:
     """The reaches that a large study on the virtual probe found for a probe of the catalog; None where there was none.
 
     Of the inclusions of a row, 90 % were found when 10 % of blank places were called ones with an inclusion, in uneven
@@ -178,8 +178,8 @@ def measured_reach(probe: str) -> ReachTable | None:
     >>> measured_reach("tsis-2011") is None
     True
     """
-    by_name = {path.stem: path for path in REACHES.glob("*.csv")}
-    return read_reach(by_name[probe]) if probe in by_name else None
+    by_name = {path.stem: path for path in RANGE_FOLDER.glob("*.csv")}
+    return read_detection_range(by_name[probe]) if probe in by_name else None
 
 
 def _numbers(content: bytes, name: str) -> list[tuple[float, ...]]:

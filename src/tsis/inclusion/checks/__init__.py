@@ -1,7 +1,7 @@
 """What the frames themselves say against an estimate: no contact, clipping, tilt, no round inclusion, off the axis."""
 
 from tsis.inclusion.checks._images import image_findings
-from tsis.inclusion.checks._place import SEEN, InclusionPlace, inclusion_place
+from tsis.inclusion.checks._place import SEEN, InclusionPosition, inclusion_position
 from tsis.inclusion.checks._roundness import roundness, tilt_evidence
 from tsis.inclusion.checks._sectors import RINGS, SECTORS, sector_means
 
@@ -9,9 +9,9 @@ __all__ = [
     "RINGS",
     "SECTORS",
     "SEEN",
-    "InclusionPlace",
+    "InclusionPosition",
     "image_findings",
-    "inclusion_place",
+    "inclusion_position",
     "roundness",
     "sector_means",
     "tilt_evidence",

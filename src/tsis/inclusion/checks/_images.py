@@ -24,7 +24,7 @@ FAINT = 3.0  # of one pixel's noise without light: a background drifts by as muc
 LIT_RINGS = 4  # a third of the radius that profiles are read from: less shows a spot and no profile
 EVEN = 5.0  # standard deviations of the chi-square of an even picture
 LEAST_LIT = 0.2  # of what the force should light
-LEAST_SEEN = 0.5  # of each ring of the inner half of the disc that profiles are read from
+LEAST_VISIBLE_FRACTION = 0.5  # of each ring of the inner half of the disc that profiles are read from
 MISSING = 1e-3  # share of that disc that may be missing without a word
 
 
@@ -143,7 +143,7 @@ def cropped_findings(frame: TactileImage, probe: Probe) -> list[tuple[str, str]]
     edges = ring_edges(probe)
     observed = ring_visibility(frame, edges)
     inner = observed[: len(observed) // 2]
-    if inner.min() < LEAST_SEEN:
+    if inner.min() < LEAST_VISIBLE_FRACTION:
         ring = int(np.argmin(inner))
         raise InputError(
             f"the picture must hold at least half of every ring of the inner face; it holds {100 * inner[ring]:.0f} % "

@@ -10,7 +10,7 @@ from numpy.polynomial import chebyshev
 
 from tsis.errors import InputError
 from tsis.imaging import require_same_frame
-from tsis.inclusion._frames import DARKEST, OUTER_SHARE, RINGS
+from tsis.inclusion._frames import DARKEST, OUTER_FRACTION, RINGS
 from tsis.inclusion.posterior import FARTHEST
 from tsis.model import Calibration, require_number, require_type
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CELL_MM = 0.25  # pixels are averaged over cells of this size; changes are much wider
 DEGREE = 8  # of the round change, in the squared distance from its centre
-PLAIN_SD = 0.05  # share of the plain press that the two frames may differ by: force, tissue, travel of the glass
+REFERENCE_SD = 0.05  # share of the plain press that the two frames may differ by: force, tissue, travel of the glass
 STEPS = 12
 SEEN, SEEN_SD = 0.93, 0.1  # share of its true offset at which a change is seen: the stiff rim holds on to deep ones
 CLOSE = 0.1  # of the sd; a shift this small ends the search
@@ -31,7 +31,7 @@ DISTINCT = 3.0  # a change is there when its slopes exceed this many times those
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InclusionPlace:
+class InclusionPosition:
     """Where an inclusion lies.
 
     Attributes
@@ -56,9 +56,9 @@ class InclusionPlace:
         return float(np.hypot(self.x_mm, self.y_mm))
 
 
-def inclusion_place(
+def inclusion_position(
     target: TactileImage, reference: TactileImage, calibration: Calibration, *, radius_mm: float
-) -> InclusionPlace:
+) -> InclusionPosition:
     """Find the place of an inclusion from the point around which the change that it makes is round.
 
     At even light the change is fitted by a round function of the distance from a centre, a share of the reference that
@@ -100,14 +100,14 @@ def inclusion_place(
     for _ in range(STEPS):
         shift, sd = _step(cells, centre)
         if not np.isfinite(sd):
-            return InclusionPlace(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
+            return InclusionPosition(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
         centre = centre + shift
         centre *= limit / max(limit, float(np.hypot(*centre)))
         if np.hypot(*shift) < CLOSE * sd:
             break
     x, y = centre / SEEN
     both = np.hypot(sd, SEEN_SD * np.hypot(*centre))
-    return InclusionPlace(x_mm=float(x), y_mm=float(y), sd_mm=float(both / SEEN), noise_mm=sd / SEEN)
+    return InclusionPosition(x_mm=float(x), y_mm=float(y), sd_mm=float(both / SEEN), noise_mm=sd / SEEN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,7 +117,7 @@ class _Cells:
     x_mm: NDArray[np.float64]
     y_mm: NDArray[np.float64]
     change: NDArray[np.float64]
-    plain: NDArray[np.float64]
+    reference: NDArray[np.float64]
     variance: NDArray[np.float64]
 
 
@@ -133,7 +133,7 @@ def _cells(target: TactileImage, reference: TactileImage, calibration: Calibrati
     pressed, plain = (_means(frame.grey, size) - calibration.background_grey for frame in (target, reference))
     brightest = _brightest(target, reference, size)
     light = np.ones_like(plain) if calibration.light is None else calibration.light.at(x, y)
-    inside = (np.hypot(x, y[:, None]) < OUTER_SHARE * radius_mm) & (brightest < target.full_scale)
+    inside = (np.hypot(x, y[:, None]) < OUTER_FRACTION * radius_mm) & (brightest < target.full_scale)
     inside &= light > DARKEST * light.max()
     if inside.sum() < FEWEST_CELLS:
         raise _too_little(int(inside.sum()))
@@ -144,7 +144,7 @@ def _cells(target: TactileImage, reference: TactileImage, calibration: Calibrati
         calibration.repeatability_sd**2 * (pressed**2 + plain**2) + calibration.pattern_sd**2 * (pressed - plain) ** 2
     )
     # What a ring's mean errs by is what its cells err by together, over the root of their number.
-    width, area = OUTER_SHARE * radius_mm / RINGS, size[0] * sy * size[1] * sx
+    width, area = OUTER_FRACTION * radius_mm / RINGS, size[0] * sy * size[1] * sx
     cells_a_ring = np.maximum(2 * np.pi * np.hypot(span, down) * width / area, 1.0)
     variance = (pixel / (size[0] * size[1]) + cells_a_ring * ring) / light**2
     # Its own noise, which is also in the change, would make a share of the plain press out of nothing.
@@ -154,7 +154,7 @@ def _cells(target: TactileImage, reference: TactileImage, calibration: Calibrati
         x_mm=span,
         y_mm=down,
         change=(pressed - plain) / light,
-        plain=basis @ smooth * np.sqrt(variance),
+        reference=basis @ smooth * np.sqrt(variance),
         variance=variance,
     )
 
@@ -194,10 +194,10 @@ def _step(cells: _Cells, centre: NDArray[np.float64]) -> tuple[NDArray[np.float6
     squared = x * x + y * y
     unit, by_unit = _unit(squared), 2 / squared.max()
     basis = chebyshev.chebvander(unit, DEGREE)
-    coarse = np.column_stack([basis, cells.plain])
+    coarse = np.column_stack([basis, cells.reference])
     weight = 1 / cells.variance
     given = np.zeros(coarse.shape[1])
-    given[-1] = PLAIN_SD**-2
+    given[-1] = REFERENCE_SD**-2
     spread = np.linalg.inv(coarse.T @ (weight[:, None] * coarse) + np.diag(given))
     fitted = spread @ (coarse.T @ (weight * cells.change))
     # Derivative by the squared distance; that by x is 2 x times it.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.compiled import compiled
-from tsis.inclusion._frames import DARKEST, OUTER_SHARE
+from tsis.inclusion._frames import DARKEST, OUTER_FRACTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class SectorGrid:
 
     Attributes
     ----------
-    place
+    sector
         Number of each pixel's sector, ring by ring, flat; one beyond the last for pixels outside all rings.
     count
         Pixels in each, shape (rings, sectors).
@@ -48,11 +48,11 @@ class SectorGrid:
         (rings, sectors).
     light_sd
         Relative standard error of the mean light in each ring, by the rays it was counted with, shape (rings,).
-    reach_mm
+    extent_mm
         Outer radius of the last ring.
     """
 
-    place: NDArray[np.uint8]
+    sector: NDArray[np.uint8]
     count: NDArray[np.float64]
     whole: NDArray[np.bool]
     light: NDArray[np.float64]
@@ -60,7 +60,7 @@ class SectorGrid:
     growth_per_mm: NDArray[np.float64]
     flux: NDArray[np.float64]
     light_sd: NDArray[np.float64]
-    reach_mm: float
+    extent_mm: float
 
     @property
     def ring_radius_mm(self) -> NDArray[np.float64]:
@@ -104,9 +104,9 @@ class Sectors:
 
 def sector_means(frame: TactileImage, *, probe: Probe, calibration: Calibration) -> Sectors:
     """Means over rings and sectors of a frame, of the part of the face that profiles are read from."""
-    extent = OUTER_SHARE * probe.radius_mm
+    extent = OUTER_FRACTION * probe.radius_mm
     grid = _grid(_geometry(frame, extent), calibration.light)
-    sums, clipped = _gather(frame.grey.ravel(), grid.place, frame.full_scale)
+    sums, clipped = _gather(frame.grey.ravel(), grid.sector, frame.full_scale)
     total = sums.reshape(RINGS, SECTORS)
     count, light = np.maximum(grid.count, 1), np.where(grid.light > 0, grid.light, 1.0)
     above = total - calibration.background_grey * grid.count
@@ -130,7 +130,7 @@ def _slope(above: NDArray[np.float64], grid: SectorGrid) -> NDArray[np.float64]:
     if not observed.any():
         return np.zeros(RINGS)
     grey = np.interp(ring, ring[observed], above[observed] / light[observed])
-    return np.asarray(np.gradient(grey, grid.reach_mm / RINGS))
+    return np.asarray(np.gradient(grey, grid.extent_mm / RINGS))
 
 
 @compiled
@@ -213,7 +213,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
     observed = _visible(geometry, edges.tobytes()).reshape(RINGS, SECTORS, -1).mean(axis=2)
     whole = (observed >= WHOLE) & (count > 0) & (level > DARKEST * level.max())
     return SectorGrid(
-        place=position,
+        sector=position,
         count=count,
         whole=whole.all(axis=1),
         light=total,
@@ -221,7 +221,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
         growth_per_mm=mean(growth),
         flux=mean(flux),
         light_sd=light_sd,
-        reach_mm=extent,
+        extent_mm=extent,
     )
 
 

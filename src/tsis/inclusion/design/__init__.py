@@ -15,14 +15,20 @@ from tsis.inclusion.design._information import (
     protocol_information,
 )
 from tsis.inclusion.design._limits import DesignLimits
-from tsis.inclusion.design._protocol import MOST_FRAMES_EACH, PlannedPress, Protocol, default_protocols, protocol_of
+from tsis.inclusion.design._protocol import (
+    MOST_FRAMES_PER_PRESS,
+    PlannedPress,
+    Protocol,
+    default_protocols,
+    protocol_of,
+)
 from tsis.inclusion.design._search import MOST_EVALUATIONS, DesignOptimum, optimise_design
 
 __all__ = [
     "ASPECTS",
     "CRITERIA",
     "MOST_EVALUATIONS",
-    "MOST_FRAMES_EACH",
+    "MOST_FRAMES_PER_PRESS",
     "Design",
     "DesignLimits",
     "DesignOptimum",

@@ -26,8 +26,8 @@ from tsis.inclusion.posterior import (
     InclusionLikelihood,
     Profiles,
     least_sd,
-    ring_answers,
     ring_correlation,
+    ring_responses,
 )
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate, contrast_factor
 from tsis.model import Calibration, TactileImage, require_array, require_integer, require_type
@@ -45,7 +45,7 @@ CELLS = 801  # over the modulus's range
 SPREAD = 64  # inclusions over the box
 SOURCE_INCLUSIONS = 9
 # A design needs the derivatives of the press, not its last digits: a third of the solves of an estimate's surrogate.
-COARSE = Degrees(diameter=5, depth=4, contrast=2, tissue=2, thickness=2, plain=3)
+COARSE = Degrees(diameter=5, depth=4, contrast=2, tissue=2, thickness=2, baseline=3)
 MODEL_ERROR = 1.3e-4  # of the press behind an estimate, whose surrogate is finer than the one used here
 
 
@@ -106,7 +106,7 @@ class ProtocolInformation:
         return dict(zip(PARAMETERS, np.sqrt((self.expected_sd**2).mean(axis=0)).tolist(), strict=True))
 
     @property
-    def identified_share(self) -> float:
+    def identified_fraction(self) -> float:
         """Share of the inclusions whose modulus would be known to better than 20 kPa."""
         return float((self.expected_sd[:, -1] < MODULUS_SD_KPA).mean())
 
@@ -262,14 +262,14 @@ def view_of(
     targets = [press.force_n for press in protocol.presses]
     references = [press.force_n for press in protocol.presses if press.with_reference]
     model = ForwardModel(
-        rings=ring_answers(surrogate, edges, light.level),
+        rings=ring_responses(surrogate, edges, light.level),
         level=light.level,
         shading=light.shading,
         calibration=_averaged(observed, protocol.frames_each),
         prior=prior,
         force_n=np.array(targets + references),
         is_reference=np.array([False] * len(targets) + [True] * len(references)),
-        alike=ring_correlation(edges, calibration.grain_mm),
+        correlation=ring_correlation(edges, calibration.grain_mm),
         depletion_per_n=depletion_per_n(calibration, protocol.probe),
         spread_sd=2 * prior.offset_sd_mm**2,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.inclusion._frames import OUTER_SHARE, covering_force_n, largest_force_n, nominal_strains
+from tsis.inclusion._frames import OUTER_FRACTION, covering_force_n, largest_force_n, nominal_strains
 from tsis.mechanics.small_strain import STRAIN_LIMIT
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class DesignLimits:
         Force of the weakest press.
     covering_force_n
         Force in newtons from which the contact covers the face on plain tissue; 0 of a flat one.
-    whole_share
+    whole_fraction
         Share of the inclusions on which the weakest press touches with the whole face. On the others an estimate would
         say that its model does not hold.
     brightest_grey
@@ -46,7 +46,7 @@ class DesignLimits:
     strain: float
     least_force_n: float
     covering_force_n: float
-    whole_share: float
+    whole_fraction: float
     brightest_grey: float
     full_scale: float
     read_mm: float
@@ -87,11 +87,11 @@ def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> DesignLimit
         strain=at_none + max(forces) * per_newton,
         least_force_n=min(forces),
         covering_force_n=_covers(view, None),
-        whole_share=sum(_covers(view, inclusion) <= min(forces) * (1 + ROUNDING) for inclusion in inclusions)
+        whole_fraction=sum(_covers(view, inclusion) <= min(forces) * (1 + ROUNDING) for inclusion in inclusions)
         / len(inclusions),
         brightest_grey=float(max(view.grey(None).max(), view.grey(inclusions).max())),
         full_scale=sensor.full_scale,
-        read_mm=2 * OUTER_SHARE * view.protocol.probe.radius_mm,
+        read_mm=2 * OUTER_FRACTION * view.protocol.probe.radius_mm,
         view_mm=min(sides),
     )
 

@@ -9,7 +9,7 @@ from tsis.errors import InputError
 from tsis.model import Probe, require_integer, require_number, require_type
 
 LEAST_FORCE_N, LARGEST_FORCE_N = 1e-3, 50.0
-MOST_FRAMES_EACH = 1000
+MOST_FRAMES_PER_PRESS = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +75,9 @@ class Protocol:
         if not presses or not all(isinstance(press, PlannedPress) for press in presses):
             raise InputError(f"presses must be a tuple of at least one PlannedPress; got {self.presses!r:.80}")
         object.__setattr__(self, "presses", presses)
-        object.__setattr__(self, "frames_each", require_integer("frames_each", self.frames_each, 1, MOST_FRAMES_EACH))
+        object.__setattr__(
+            self, "frames_each", require_integer("frames_each", self.frames_each, 1, MOST_FRAMES_PER_PRESS)
+        )
 
     @property
     def forces_n(self) -> tuple[float, ...]:

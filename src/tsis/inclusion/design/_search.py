@@ -38,7 +38,7 @@ OCTAVES = 2.0  # the layers' common factor and their gradient lie between 1/4 an
 SEARCHED = 16  # inclusions while searching; the answer is judged on all
 FORCE_EVALUATIONS = 30
 WEAKEST = 0.05  # of the strongest force: a flat face touches at any
-CLIP_SHARE = 0.98  # of full scale: what lies between the searched inclusions may be a little brighter
+CLIP_FRACTION = 0.98  # of full scale: what lies between the searched inclusions may be a little brighter
 AT_END = 0.02  # of a range: nearer to its end a variable is held by it
 HOPELESS = 1e3  # score of layers under which no force keeps to the limits
 
@@ -206,7 +206,7 @@ def _clipping_n(view: PlannedView, inclusions: NDArray[np.float64]) -> float:
     def excess(force_n: float) -> float:
         pressed = at_forces(view, (force_n,) * len(view.protocol.presses))
         brightest = max(float(pressed.grey(None).max()), float(pressed.grey(inclusions).max()))
-        return brightest - CLIP_SHARE * view.sensor.full_scale
+        return brightest - CLIP_FRACTION * view.sensor.full_scale
 
     if excess(LARGEST_FORCE_N) < 0:
         return np.inf

@@ -14,7 +14,7 @@ from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import pixel_noise, require_same_frame, smoothed
 from tsis.inclusion.relative import (
     COMPARED_WITH,
-    ONE_SPHERE,
+    SPHERE_ASSUMPTION,
     change_of_light,
     equal_light_assumption,
     lit_part,
@@ -176,7 +176,7 @@ def mobility(
         noise_path_mm=float(np.count_nonzero(np.isfinite(step)) * noise * np.sqrt(np.pi)),
         against=against,
         assumptions=(
-            ONE_SPHERE,
+            SPHERE_ASSUMPTION,
             COMPARED_WITH[against],
             equal_light_assumption(calibration),
             "Probe and force stay the same: a probe that slides moves the light as an object does.",

@@ -39,13 +39,13 @@ if TYPE_CHECKING:
 
 OUTPUTS = ("greatest", "total", "area")
 FIELDS = ("face_displacement_mm", "pressure_kpa")
-REACH_MM = 8.0  # of radius; further out the rim of a 12 mm face outshines the inclusion
+OUTPUT_RADIUS_MM = 8.0  # of radius; further out the rim of a 12 mm face outshines the inclusion
 RINGS = 20
 MOST_RINGS = 1000
 CHUNK = 4096  # profiles refined at a time: 26 MB with the usual rings
 FINE = 40  # radii in each ring on which the area's outline is found: to 0.3 % of its radius
-CHANGED_SHARE = 0.05  # of plain tissue's mean: a change that counts as deformed; errors of force stay below
-PRESSED_SHARE = 0.5  # of plain tissue's mean: what counts as deformed when nothing is subtracted
+CHANGED_FRACTION = 0.05  # of plain tissue's mean: a change that counts as deformed; errors of force stay below
+PRESSED_FRACTION = 0.5  # of plain tissue's mean: what counts as deformed when nothing is subtracted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,7 +98,9 @@ class OutputReading:
         return np.concatenate([(PchipInterpolator(middles, part, axis=1)(inside) > level) @ area for part in parts])
 
 
-def change_reading(*, extent_mm: float = REACH_MM, threshold_fraction: float = CHANGED_SHARE) -> OutputReading:
+def change_reading(
+    *, extent_mm: float = OUTPUT_RADIUS_MM, threshold_fraction: float = CHANGED_FRACTION
+) -> OutputReading:
     """Read the change against plain tissue, away from the rim.
 
     Parameters
@@ -119,7 +121,7 @@ def change_reading(*, extent_mm: float = REACH_MM, threshold_fraction: float = C
     )
 
 
-def printed_reading(probe: Probe, *, threshold_fraction: float = PRESSED_SHARE) -> OutputReading:
+def printed_reading(probe: Probe, *, threshold_fraction: float = PRESSED_FRACTION) -> OutputReading:
     """Read the whole face and subtract nothing, as section 6.3 says.
 
     Parameters

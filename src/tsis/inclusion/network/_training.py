@@ -154,7 +154,7 @@ class _Watch:
     """Keeps the weights of least error over the validation samples, and says when to stop waiting for better ones."""
 
     error: Callable[[NDArray[np.float64]], float] | None
-    patience: int
+    epochs_without_gain: int
     best: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     least: float = np.inf
     worse: int = 0
@@ -173,7 +173,7 @@ class _Watch:
     @property
     def tired(self) -> bool:
         """Whether the validation error has not fallen for too long."""
-        return self.worse >= self.patience
+        return self.worse >= self.epochs_without_gain
 
 
 def train_network(
@@ -237,7 +237,7 @@ def train_network(
     _check_size(layers, requested, method)
     input_span, output_span = Span.of("inputs", given), Span.of("targets", requested)
     x, y = input_span.inwards(given), output_span.inwards(requested)
-    watch = _Watch(error=_validation_error(layers, validation, input_span, output_span), patience=timeouts)
+    watch = _Watch(error=_validation_error(layers, validation, input_span, output_span), epochs_without_gain=timeouts)
     start = layers.random_weights(rng)
     watch(start)
     ran_out = MINIMISERS[method](layers, x, y, start, iterations, watch)

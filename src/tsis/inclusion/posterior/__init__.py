@@ -4,7 +4,7 @@ from tsis.inclusion.posterior._exploration import InclusionPosterior, explore_in
 from tsis.inclusion.posterior._forward import THICKNESS, TISSUE, ForwardModel
 from tsis.inclusion.posterior._likelihood import InclusionLikelihood, Profiles, least_sd
 from tsis.inclusion.posterior._off_axis import FARTHEST, MOVES, off_axis_profile
-from tsis.inclusion.posterior._rings import RingShading, ring_answers, ring_correlation, ring_means
+from tsis.inclusion.posterior._rings import RingShading, ring_correlation, ring_means, ring_responses
 
 __all__ = [
     "FARTHEST",
@@ -19,7 +19,7 @@ __all__ = [
     "explore_inclusion",
     "least_sd",
     "off_axis_profile",
-    "ring_answers",
     "ring_correlation",
     "ring_means",
+    "ring_responses",
 ]

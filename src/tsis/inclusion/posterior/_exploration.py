@@ -154,7 +154,7 @@ def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) ->
     grid = _corrected(_search(nearby, chart, CELLS, near), likelihood, nearby, chart, nuisance)
     middle = chart.inclusions(grid.mean()[None])[0]
     log_volume = float(np.log(prior.high - prior.low).sum())
-    log_bayes_factor = grid.log_integral - log_volume - _plain_evidence(likelihood)
+    log_bayes_factor = grid.log_integral - log_volume - _blank_evidence(likelihood)
     fit, information = likelihood.with_information(middle, nuisance)
     return InclusionPosterior(
         samples=np.clip(chart.inclusions(grid.samples(SAMPLES)), prior.low, prior.high),
@@ -215,7 +215,7 @@ def _exact(grid: Grid, likelihood: InclusionLikelihood, chart: SignalChart, nuis
     return grid.with_density(log_evidence + chart.log_volume(points))
 
 
-def _plain_evidence(likelihood: InclusionLikelihood) -> float:
+def _blank_evidence(likelihood: InclusionLikelihood) -> float:
     """Log evidence of plain tissue."""
     fit = likelihood(None, likelihood.start)
     for _ in range(LINEARISATIONS):

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging import rough_contact, rough_contact_slope
-from tsis.inclusion.posterior._rings import ANSWERS, TERMS
+from tsis.inclusion.posterior._rings import OUTPUTS_PER_RING, TERMS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion._prior import InclusionPrior
-    from tsis.inclusion.posterior._rings import RingAnswers, RingShading
+    from tsis.inclusion.posterior._rings import RingResponses, RingShading
     from tsis.mechanics.surrogate import TissueSurrogate
     from tsis.model import Calibration
 
@@ -49,7 +49,7 @@ class ForwardModel:
         Force of each frame, shape (frames,).
     is_reference
         Whether each frame shows plain tissue, shape (frames,).
-    alike
+    correlation
         Correlation of the patterns between rings, shape (rings, rings); None when each ring errs on its own.
     depletion_per_n
         Light falls by ``1 / (1 + depletion_per_n * force)``, because contact takes it: the area in contact grows with
@@ -58,14 +58,14 @@ class ForwardModel:
         Standard deviation in mm**2 of the square of the inclusion's distance from the axis.
     """
 
-    rings: RingAnswers
+    rings: RingResponses
     level: NDArray[np.float64]
     shading: RingShading
     calibration: Calibration
     prior: InclusionPrior
     force_n: NDArray[np.float64]
     is_reference: NDArray[np.bool]
-    alike: NDArray[np.float64] | None = None
+    correlation: NDArray[np.float64] | None = None
     depletion_per_n: float = 0.0
     spread_sd: float = 0.0
 
@@ -95,7 +95,7 @@ class ForwardModel:
         grey = np.empty((count, len(self.force_n), self.rings.count))
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
             press = self.rings.under(push, presses[bool(self.is_reference[frame])])
-            pressure, displacement, slope = np.split(press, ANSWERS, axis=-1)
+            pressure, displacement, slope = np.split(press, OUTPUTS_PER_RING, axis=-1)
             shade = self.shading.factor(displacement, slope, nuisance[SHADE])
             light = rough_contact(pressure, self.calibration) * shade
             grey[:, frame] = np.exp(nuisance[GAIN]) * self._remaining(push) * light + offset / self.level
@@ -139,7 +139,7 @@ class ForwardModel:
             slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
         return grey, slopes
 
-    def reach(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Ends of each nuisance between which the model can be linearised.
 
         The surrogate ends somewhere; reference site and probe move the tissue a little beyond, where its polynomials
@@ -147,7 +147,7 @@ class ForwardModel:
         """
         high = np.full(SHARED + 2 * len(self.force_n), np.inf)
         low = -high
-        box = self.rings.answer.box
+        box = self.rings.response.box
         for position, ends, middle in (
             (TISSUE, box.tissue_young_kpa, self.prior.tissue_young_kpa),
             (THICKNESS, box.thickness_mm, self.prior.thickness_mm),
@@ -159,7 +159,7 @@ class ForwardModel:
 
     def table(self, nuisance: NDArray[np.float64]) -> TissueSurrogate:
         """The surrogate's table at these nuisances: inclusions at which to know a profile is to know it everywhere."""
-        return self.rings.answer.at_tissue(
+        return self.rings.response.at_tissue(
             self.prior.tissue_young_kpa * float(np.exp(nuisance[TISSUE])),
             self.prior.thickness_mm * float(np.exp(nuisance[THICKNESS])),
         )
@@ -242,7 +242,7 @@ class ForwardModel:
         self, press: NDArray[np.float64], emphasis: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by each answer and by the emphasis."""
-        pressure, displacement, slope = np.split(press, ANSWERS, axis=-1)
+        pressure, displacement, slope = np.split(press, OUTPUTS_PER_RING, axis=-1)
         contact = rough_contact(pressure, self.calibration)
         shade = self.shading(displacement, slope, emphasis)
         by_pressure = rough_contact_slope(pressure, self.calibration) * shade.factor
@@ -252,4 +252,4 @@ class ForwardModel:
 
 def _along(by_answer: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative of the rings' light along a change of the press: the sum over the three answers."""
-    return np.asarray(sum(np.split(by_answer * direction, ANSWERS, axis=-1)))
+    return np.asarray(sum(np.split(by_answer * direction, OUTPUTS_PER_RING, axis=-1)))

@@ -44,14 +44,14 @@ class GridCells:
         One cell's edge vectors as rows, shape (3, 3).
     points
         Centroids of the parts inside, shape (n, 3).
-    share
+    fraction
         Share of each cell that lies inside, shape (n,), in (0, 1].
     """
 
     centre: NDArray[np.float64]
     edges: NDArray[np.float64]
     points: NDArray[np.float64]
-    share: NDArray[np.float64]
+    fraction: NDArray[np.float64]
 
 
 def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> GridCells:
@@ -59,7 +59,7 @@ def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: i
     centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
     edges = axes / per_axis
     if support(origin + (INNER_AND_ENDS + 0.5) @ axes).all():  # the region bulges little, so that all cells lie inside
-        return GridCells(centre=centre, edges=edges, points=centre, share=np.ones(len(centre)))
+        return GridCells(centre=centre, edges=edges, points=centre, fraction=np.ones(len(centre)))
     corners = _corners_inside(origin, axes, per_axis, support)
     centre, corners = centre[corners > 0], corners[corners > 0]
     points, fraction = centre.copy(), np.ones(len(centre))
@@ -70,7 +70,7 @@ def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: i
     fraction[cut] = count / len(INNER)
     points[cut] += (inside / np.maximum(count, 1.0)[:, None]) @ INNER @ edges
     some = fraction > 0
-    return GridCells(centre=centre[some], edges=edges, points=points[some], share=fraction[some])
+    return GridCells(centre=centre[some], edges=edges, points=points[some], fraction=fraction[some])
 
 
 def _corners_inside(
@@ -93,7 +93,9 @@ if TYPE_CHECKING:
     LogDensity = Callable[[NDArray[np.float64]], NDArray[np.float64]]
     SlantedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # a corner, and its edges as rows
 
-ENOUGH_SHARE = 0.04  # of the cells: effective number that a refinement step leaves; fewer alias thin slanted densities
+ENOUGH_FRACTION = (
+    0.04  # of the cells: effective number that a refinement step leaves; fewer alias thin slanted densities
+)
 NEGLIGIBLE = np.log(1e-7)  # log weight, relative to the best cell, that the next grid may leave out
 FAINT = np.log(1e-2)  # the same after tempering: the density itself is far smaller there
 STEPS = 40
@@ -125,14 +127,14 @@ class Grid:
     @property
     def weight(self) -> NDArray[np.float64]:
         """Share of the density that each cell holds, shape (n,); they sum to one."""
-        weight = self.cells.share * np.exp(self.log_density - self.log_density.max())
+        weight = self.cells.fraction * np.exp(self.log_density - self.log_density.max())
         return np.asarray(weight / weight.sum())
 
     @property
     def log_integral(self) -> float:
         """Log of the integral of the density over all cells."""
         most = float(self.log_density.max())
-        total = float((self.cells.share * np.exp(self.log_density - most)).sum())
+        total = float((self.cells.fraction * np.exp(self.log_density - most)).sum())
         return most + float(np.log(total * abs(np.linalg.det(self.cells.edges))))
 
     def with_density(self, log_density: NDArray[np.float64]) -> Grid:
@@ -194,9 +196,9 @@ def refine(
         def support(points: NDArray[np.float64]) -> NDArray[np.bool_]:
             return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
-    def look(box: SlantedBox, count: int) -> _Look:
+    def look(box: SlantedBox, count: int) -> _CoarseLook:
         cells = cells_of(*box, count, support)
-        return _Look(box=box, per_axis=count, cells=cells, log_density=log_density(cells.points))
+        return _CoarseLook(box=box, per_axis=count, cells=cells, log_density=log_density(cells.points))
 
     start = None if near is None else look(near, finder)
     if start is None or not start.holds:
@@ -206,7 +208,7 @@ def refine(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Look:
+class _CoarseLook:
     """A density in the cells of a box."""
 
     box: SlantedBox
@@ -217,7 +219,7 @@ class _Look:
     @property
     def log_weight(self) -> NDArray[np.float64]:
         """Log of what each cell holds over what the fullest does."""
-        weight = self.log_density + np.log(self.cells.share)
+        weight = self.log_density + np.log(self.cells.fraction)
         return np.asarray(weight - weight.max())
 
     @property
@@ -227,7 +229,7 @@ class _Look:
             return False
         origin, axes = self.box
         position = (self.cells.centre - origin) @ np.linalg.inv(axes)
-        outermost = (np.abs(position - 0.5) > 0.5 - 1 / self.per_axis).any(axis=1) & (self.cells.share == 1.0)
+        outermost = (np.abs(position - 0.5) > 0.5 - 1 / self.per_axis).any(axis=1) & (self.cells.fraction == 1.0)
         return not outermost.any() or float(self.log_weight[outermost].max()) < FAINT
 
 
@@ -248,8 +250,8 @@ def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], ed
 
 
 def _find(
-    view: Callable[[SlantedBox, int], _Look],
-    result: _Look,
+    view: Callable[[SlantedBox, int], _CoarseLook],
+    result: _CoarseLook,
     ends: tuple[NDArray[np.float64], NDArray[np.float64]],
     counts: tuple[int, int],
 ) -> tuple[SlantedBox, int]:
@@ -258,7 +260,7 @@ def _find(
     resolved = False
     for _ in range(STEPS):
         log_weight = result.log_weight
-        power = _temper(log_weight, min(ENOUGH_SHARE * per_axis**3, len(log_weight) / 2))
+        power = _temper(log_weight, min(ENOUGH_FRACTION * per_axis**3, len(log_weight) / 2))
         box = _sheared_box(result.cells, log_weight, power, *ends)
         # One more grid at temperature one: the last that was tempered is too wide for the density itself.
         if resolved and power == 1.0:

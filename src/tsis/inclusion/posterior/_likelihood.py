@@ -75,7 +75,7 @@ class InclusionLikelihood:
         )
         self._sd = model.nuisance_sd(np.maximum(means, 1e-6))
         self._use = np.flatnonzero(data.usable.ravel())
-        correlation = np.eye(data.grey.shape[1]) if model.alike is None else model.alike
+        correlation = np.eye(data.grey.shape[1]) if model.correlation is None else model.correlation
         covariance = noise_covariance(data, model.calibration, correlation)[np.ix_(self._use, self._use)]
         self._whitening = solve_triangular(cholesky(covariance, lower=True), np.eye(len(self._use)), lower=True)
         self.start = np.zeros(len(self._sd))
@@ -129,7 +129,7 @@ class InclusionLikelihood:
 
     def within(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
         """The nearest nuisances at which to linearise: believable, inside the surrogate's box, and 0 where linear."""
-        low, high = self.model.reach()
+        low, high = self.model.bounds()
         limit = BELIEVABLE * self._sd
         return np.clip(nuisance, np.maximum(low, -limit), np.minimum(high, limit))
 

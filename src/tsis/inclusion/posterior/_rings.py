@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tsis.mechanics.surrogate import FullContactParts, FullContactSurrogate, Surrogate
 
 
-ANSWERS = 3  # of a press, a ring: pressure, displacement, slope
+OUTPUTS_PER_RING = 3  # of a press, a ring: pressure, displacement, slope
 POINTS = 6  # of quadrature over a ring
 
 
@@ -32,7 +32,7 @@ class FaceProfiles(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RingAnswers:
+class RingResponses:
     """Mean pressure in kPa of each ring, then mean displacement of the face in mm, then its mean slope.
 
     A press is affine in its force: what one newton does, and under a dome also what its shape does at no force. Answers
@@ -40,7 +40,7 @@ class RingAnswers:
 
     Attributes
     ----------
-    answer
+    response
         Surrogate of the answers.
     by_poisson
         Their derivative by Poisson's ratio of tissue and inclusion.
@@ -50,7 +50,7 @@ class RingAnswers:
         Whether there is a second part.
     """
 
-    answer: Surrogate
+    response: Surrogate
     by_poisson: Surrogate
     by_spread: Surrogate
     is_domed: bool
@@ -58,13 +58,13 @@ class RingAnswers:
     @property
     def count(self) -> int:
         """Number of rings."""
-        return int(self.answer.plain.shape[-1]) // (ANSWERS * (1 + self.is_domed))
+        return int(self.response.baseline.shape[-1]) // (OUTPUTS_PER_RING * (1 + self.is_domed))
 
     def on(
         self, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
     ) -> NDArray[np.float64]:
         """Answers (n, answers) on tissue with inclusions (n, 3), or on plain tissue, n = 1."""
-        return _evaluate(self.answer, tissue_young_kpa, thickness_mm, inclusions)
+        return _evaluate(self.response, tissue_young_kpa, thickness_mm, inclusions)
 
     def linear(
         self, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
@@ -84,29 +84,29 @@ class RingAnswers:
 
     def per_newton(self, responses: NDArray[np.float64]) -> NDArray[np.float64]:
         """What one more newton does, shape (n, 3 rings)."""
-        return responses[..., : ANSWERS * self.count]
+        return responses[..., : OUTPUTS_PER_RING * self.count]
 
     def under(self, force_n: float, responses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pressures, displacements and slopes under a force, shape (n, 3 rings)."""
         pressed = np.asarray(force_n * self.per_newton(responses))
-        return pressed + responses[..., ANSWERS * self.count :] if self.is_domed else pressed
+        return pressed + responses[..., OUTPUTS_PER_RING * self.count :] if self.is_domed else pressed
 
 
 def _evaluate(
     surrogate: Surrogate, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
     if inclusions is None:
-        return surrogate.plain_at(tissue_young_kpa, thickness_mm)[None]
+        return surrogate.baseline_at(tissue_young_kpa, thickness_mm)[None]
     return surrogate.at_tissue(tissue_young_kpa, thickness_mm)(*inclusions.T)
 
 
-def ring_answers(
+def ring_responses(
     surrogate: FullContactSurrogate,
     edges_mm: NDArray[np.float64],
     level: NDArray[np.float64],
     *,
     offset_mm: float = 0.0,
-) -> RingAnswers:
+) -> RingResponses:
     """Answers of the rings, weighted by the light's level in each.
 
     Parameters
@@ -132,7 +132,7 @@ def ring_answers(
         parts: FullContactParts | FullContactSurrogate, reference: NDArray[np.float64], change: NDArray[np.float64]
     ) -> Surrogate:
         first, *others = [
-            _mapped_apart(response, rows @ reference, rows @ change)
+            _mapped_separately(response, rows @ reference, rows @ change)
             for part in (parts.unit, parts.shape)
             if part is not None
             for response, rows in (
@@ -143,17 +143,17 @@ def ring_answers(
         ]
         return first.joined(*others)
 
-    return RingAnswers(
-        answer=mapped(surrogate, centred, around),
+    return RingResponses(
+        response=mapped(surrogate, centred, around),
         by_poisson=mapped(surrogate.by_poisson, centred, around),
         by_spread=mapped(surrogate, np.zeros_like(centred), spread),
         is_domed=surrogate.shape is not None,
     )
 
 
-def _mapped_apart(surrogate: Surrogate, reference: NDArray[np.float64], change: NDArray[np.float64]) -> Surrogate:
+def _mapped_separately(surrogate: Surrogate, reference: NDArray[np.float64], change: NDArray[np.float64]) -> Surrogate:
     """Plain tissue by one linear map and the change by an inclusion by another."""
-    return replace(surrogate.mapped(change), plain=surrogate.plain @ reference.T)
+    return replace(surrogate.mapped(change), baseline=surrogate.baseline @ reference.T)
 
 
 def ring_means(

@@ -4,7 +4,7 @@ from tsis.inclusion.relative._estimates import relative_depth, relative_hardness
 from tsis.inclusion.relative._light import LightChange, LitPart, change_of_light, lit_part
 from tsis.inclusion.relative._reading import (
     COMPARED_WITH,
-    ONE_SPHERE,
+    SPHERE_ASSUMPTION,
     RelativeReading,
     Repeats,
     equal_light_assumption,
@@ -14,7 +14,7 @@ from tsis.inclusion.relative._reading import (
 
 __all__ = [
     "COMPARED_WITH",
-    "ONE_SPHERE",
+    "SPHERE_ASSUMPTION",
     "LightChange",
     "LitPart",
     "RelativeReading",

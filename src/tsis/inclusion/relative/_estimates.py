@@ -10,7 +10,7 @@ from scipy import ndimage
 from tsis.errors import InputError, NotCalibratedError
 from tsis.imaging import require_same_frame
 from tsis.inclusion.relative._light import brightest, change_of_light, lit_part
-from tsis.inclusion.relative._reading import COMPARED_WITH, ONE_SPHERE, RelativeReading, equal_light_assumption
+from tsis.inclusion.relative._reading import COMPARED_WITH, SPHERE_ASSUMPTION, RelativeReading, equal_light_assumption
 from tsis.model import Calibration, TactileImage
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def relative_depth(
         unit="grey levels",
         against=against,
         assumptions=(
-            ONE_SPHERE,
+            SPHERE_ASSUMPTION,
             COMPARED_WITH[against],
             equal_light_assumption(calibration),
             "What is compared is equally large and equally stiff: a grey level that falls with depth is no depth.",
@@ -140,7 +140,7 @@ def relative_size(
         unit="mm",
         against=against,
         assumptions=(
-            ONE_SPHERE,
+            SPHERE_ASSUMPTION,
             COMPARED_WITH[against],
             equal_light_assumption(calibration),
             "What is compared lies equally deep and is equally stiff: the lit part is no outline of the inclusion.",
@@ -236,7 +236,7 @@ def relative_hardness(
         unit="kPa",
         against=against,
         assumptions=(
-            ONE_SPHERE,
+            SPHERE_ASSUMPTION,
             COMPARED_WITH[against],
             equal_light_assumption(calibration),
             "What is compared is equally large and lies equally deep, and was pressed with the same two forces.",

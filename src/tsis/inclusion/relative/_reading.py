@@ -35,14 +35,14 @@ COMPARED_WITH = {
     UNTOUCHED: "Plain tissue lights nothing above the threshold; a face that touches all over is itself measured.",
     PLAIN: "The reference was pressed as hard, on tissue of the same stiffness and thickness.",
 }
-ONE_SPHERE = "There is one inclusion, and it is a sphere."
+SPHERE_ASSUMPTION = "There is one inclusion, and it is a sphere."
 EVEN_LIGHT = "The face is lit evenly, and what is compared was lit and pressed alike."
-KNOWN_LIGHT = "The face is lit as the calibration says, and what is compared was pressed alike."
+LIGHT_ASSUMPTION = "The face is lit as the calibration says, and what is compared was pressed alike."
 
 
 def equal_light_assumption(calibration: Calibration | None) -> str:
     """What must hold for the light."""
-    return EVEN_LIGHT if calibration is None or calibration.light is None else KNOWN_LIGHT
+    return EVEN_LIGHT if calibration is None or calibration.light is None else LIGHT_ASSUMPTION
 
 
 def notes_of(flags: tuple[str, ...]) -> tuple[str, ...]:
@@ -152,7 +152,7 @@ class Repeats:
         return np.array([reading.value for reading in self.readings if reading.value is not None])
 
     @property
-    def seen(self) -> int:
+    def observed(self) -> int:
         """Number of presses that showed anything."""
         return sum("no_contact" not in reading.flags for reading in self.readings)
 

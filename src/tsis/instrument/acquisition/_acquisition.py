@@ -81,7 +81,7 @@ class Acquisition:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.ring = FrameRing(ring_frames, patient=patient)
-        self._connect, self._mode, self._wanted = connect, mode, dict(settings or {})
+        self._connect, self._mode, self._requested = connect, mode, dict(settings or {})
         self._lost_after_s = require_number("lost_after_s", lost_after_s, 0.05, 3600.0, hint="seconds")
         self._retry_s = require_number("retry_s", retry_s, 0.0, 3600.0, hint="seconds")
         self._reconnect, self._clock = reconnect, clock
@@ -193,7 +193,7 @@ class Acquisition:
             What the camera says.
         """
         self._present().adjust(name, value)
-        self._wanted[name] = value
+        self._requested[name] = value
 
     def _present(self) -> Camera:
         if self._camera is None or not self._intake.streaming:
@@ -240,7 +240,7 @@ class Acquisition:
         return False
 
     def _prepare(self, camera: Camera) -> None:
-        for name, value in self._wanted.items():
+        for name, value in self._requested.items():
             camera.adjust(name, value)
         self._modes = camera.modes()
         self._running_mode = self._modes[0] if self._mode is None else named_mode(self._modes, self._mode)
@@ -282,12 +282,12 @@ class Acquisition:
             return
         silent_s, connection = self._intake.silent_s(), self._intake.connection
         heard_nothing_s = min(silent_s, self._clock() - self._awake_s)
-        if connection is None or heard_nothing_s <= self._patience_s():
+        if connection is None or heard_nothing_s <= self._timeout_s():
             return
         if self._intake.interrupt(connection, silence(silent_s)):
             self._let_go()
 
-    def _patience_s(self) -> float:
+    def _timeout_s(self) -> float:
         rate = None if self._running_mode is None else self._running_mode.frames_per_s
         slow = LATE_FRAMES / rate if rate else 0.0
         first = 0.0 if self._intake.any_of_this else FIRST_FRAME_S

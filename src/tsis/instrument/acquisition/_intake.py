@@ -117,7 +117,7 @@ class FrameRate:
             self._times_s.popleft()
 
 
-KEPT_INTERRUPTIONS = 1000  # of a loose plug over a day; the number of connections goes on counting
+MOST_INTERRUPTIONS = 1000  # of a loose plug over a day; the number of connections goes on counting
 
 
 class Intake:
@@ -186,7 +186,7 @@ class Intake:
         with self._lock:
             if connection != self._connection:
                 return False
-            self._require_alike(frame)
+            self._require_same_format(frame)
             if frame.sequence <= self._sequence:
                 self._disordered += 1
                 return True
@@ -210,7 +210,7 @@ class Intake:
                 noticed_after_s=self._clock() - self._heard_s,
                 reason=str(failure),
             )
-            self._interruptions = [*self._interruptions[-KEPT_INTERRUPTIONS + 1 :], gone]
+            self._interruptions = [*self._interruptions[-MOST_INTERRUPTIONS + 1 :], gone]
             return True
 
     def finish(self, connection: int) -> bool:
@@ -233,7 +233,7 @@ class Intake:
                 interruptions=tuple(self._interruptions),
             )
 
-    def _require_alike(self, frame: Frame) -> None:
+    def _require_same_format(self, frame: Frame) -> None:
         result = (frame.pixels.shape, frame.full_scale)
         if self._shape is None:
             self._shape = result

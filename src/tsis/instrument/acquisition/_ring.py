@@ -59,7 +59,7 @@ class FrameRing:
         self.patient = patient
         self.capacity = require_integer("capacity", capacity, 1, LARGEST_RING, hint="frames")
         self._most_bytes = require_integer("most_bytes", most_bytes, 1, 2**40)
-        self._held: deque[ReceivedFrame] = deque()
+        self._stored: deque[ReceivedFrame] = deque()
         self._bytes = 0
         self._put = self._read_to = 0
         self._closed = False
@@ -89,10 +89,10 @@ class FrameRing:
     def put(self, frame: ReceivedFrame) -> None:
         """Add a frame and wake who waits for it."""
         with self._changed:
-            self._held.append(frame)
+            self._stored.append(frame)
             self._bytes += frame.frame.pixels.nbytes
-            while len(self._held) > self.capacity or (len(self._held) > 1 and self._bytes > self._most_bytes):
-                self._bytes -= self._held.popleft().frame.pixels.nbytes
+            while len(self._stored) > self.capacity or (len(self._stored) > 1 and self._bytes > self._most_bytes):
+                self._bytes -= self._stored.popleft().frame.pixels.nbytes
             self._put += 1
             self._changed.notify_all()
 
@@ -105,7 +105,7 @@ class FrameRing:
     def latest(self) -> ReceivedFrame | None:
         """The newest frame; None before the first."""
         with self._changed:
-            return self._held[-1] if self._held else None
+            return self._stored[-1] if self._stored else None
 
     def wait(self, index: int, timeout_s: float) -> bool:
         """Wait until a frame lies at or after ``index``, the ring is closed or the time is over; True for a frame."""
@@ -121,9 +121,9 @@ class FrameRing:
         The frames in order, the place to read from next, and how many frames had given way before they were read.
         """
         with self._changed:
-            oldest = self._put - len(self._held)
+            oldest = self._put - len(self._stored)
             skipped = max(0, oldest - index)
-            fresh = tuple(self._held)[max(0, index - oldest) :]
+            fresh = tuple(self._stored)[max(0, index - oldest) :]
             self._read_to = self._put
             self._changed.notify_all()
             return fresh, self._put, skipped

@@ -137,7 +137,7 @@ class ImageFiles(StoredFrames):
         first = self._opened()
         for sequence, file in enumerate(self._files):
             image = first if sequence == 0 else read_image(file)
-            _require_alike(first, image)
+            _require_same_format(first, image)
             yield Frame(
                 pixels=_compact(image),
                 sequence=sequence,
@@ -175,7 +175,7 @@ def _listed(path: Path) -> tuple[Path, ...]:
     return tuple(sorted(files, key=lambda entry: (natural_key(entry.name), entry.name)))
 
 
-def _require_alike(first: TactileImage, image: TactileImage) -> None:
+def _require_same_format(first: TactileImage, image: TactileImage) -> None:
     if first.grey.shape != image.grey.shape or first.full_scale != image.full_scale:
         raise ImageMismatchError(
             f"frames of one folder must be alike; {first.name!r} has shape {first.grey.shape} and full scale "

@@ -111,7 +111,7 @@ class OpenCVDevice:
         self._index = int(require_number("index", index, 0, 9999))
         self._open_capture, self._clock = capture, clock
         self._capture: Any = None
-        self._one_call = threading.Lock()  # OpenCV's captures belong to one thread at a time
+        self._lock = threading.Lock()  # OpenCV's captures belong to one thread at a time
         self._running = threading.Event()
         self._lost = False
 
@@ -148,7 +148,7 @@ class OpenCVDevice:
 
     def settings(self) -> tuple[Setting, ...]:
         """Brightness, gain and exposure where the driver has them, in the driver's own units."""
-        with self._one_call:
+        with self._lock:
             capture = self._opened()
             values = {name: float(capture.get(number)) for name, number in _PROPERTIES.items()}
         return tuple(Setting(name=name, value=value) for name, value in values.items() if value != _UNSUPPORTED)
@@ -167,7 +167,7 @@ class OpenCVDevice:
         if not present:
             raise CameraError(f"{self.name} has no setting called {name!r}; it has none at all")
         requested = present[require_one_of("setting", name, present)].checked(value)
-        with self._one_call:
+        with self._lock:
             taken = self._opened().set(_PROPERTIES[name], requested)
         if not taken:
             raise CameraError(f"{self.name} does not take {name} = {requested:g}")
@@ -216,13 +216,13 @@ class OpenCVDevice:
     def stop(self) -> None:
         """End the stream and let go of the camera."""
         self._running.clear()
-        with self._one_call:
+        with self._lock:
             if self._capture is not None:
                 self._capture.release()
                 self._capture = None
 
     def _read(self) -> tuple[bool, Any]:
-        with self._one_call:
+        with self._lock:
             return (False, None) if self._capture is None else self._capture.read()
 
     def _opened(self) -> Any:

@@ -17,10 +17,10 @@ from tsis.instrument.drivers.genicam import (
     Grab,
     NumberNode,
     buffer_count,
+    camera_not_found,
     cannot_open,
     first_number,
     maker_library,
-    none_found,
 )
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def find_cameras_here() -> tuple[CameraInfo, ...]:
             identity=device.GetSerialNumber(),
             maker=device.GetVendorName(),
             model=device.GetModelName(),
-            note=_given_name(device),
+            note=_user_name(device),
         )
         for device in _pylon().TlFactory.GetInstance().EnumerateDevices()
     )
@@ -146,10 +146,10 @@ def _opened(identity: str) -> _PylonLink:
     factory, failures = _pylon().TlFactory.GetInstance(), _genicam().GenericException
     devices = factory.EnumerateDevices()
     requested = [
-        device for device in devices if not identity or identity in (device.GetSerialNumber(), _given_name(device))
+        device for device in devices if not identity or identity in (device.GetSerialNumber(), _user_name(device))
     ]
     if not requested:
-        raise none_found("pylon", identity, [device.GetSerialNumber() for device in devices])
+        raise camera_not_found("pylon", identity, [device.GetSerialNumber() for device in devices])
     serial = requested[0].GetSerialNumber()
     camera = None
     try:
@@ -166,7 +166,7 @@ def _opened(identity: str) -> _PylonLink:
         raise cannot_open(f"pylon camera {serial}", error, busy=busy) from error
 
 
-def _given_name(device: Any) -> str:
+def _user_name(device: Any) -> str:
     return str(device.GetUserDefinedName()) if device.IsUserDefinedNameAvailable() else ""
 
 

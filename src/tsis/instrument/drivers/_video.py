@@ -52,7 +52,7 @@ class VideoFile(StoredFrames):
     def __init__(self, path: str | os.PathLike[str]) -> None:
         super().__init__(path)
         self._capture: Any = None
-        self._one_call = threading.Lock()  # OpenCV's captures belong to one thread at a time
+        self._lock = threading.Lock()  # OpenCV's captures belong to one thread at a time
         self._lost = False
 
     @property
@@ -126,7 +126,7 @@ class VideoFile(StoredFrames):
     def stop(self) -> None:
         """End the stream and close the file."""
         self._running.clear()
-        with self._one_call:
+        with self._lock:
             if self._capture is not None:
                 self._capture.release()
                 self._capture = None
@@ -138,7 +138,7 @@ class VideoFile(StoredFrames):
 
     def _next(self, sequence: int) -> Frame | None:
         pixels: NDArray[Any] | None
-        with self._one_call:
+        with self._lock:
             if self._capture is None:  # stopped by another thread
                 return None
             try:

@@ -18,10 +18,10 @@ from tsis.instrument.drivers.genicam import (
     Grab,
     NumberNode,
     buffer_count,
+    camera_not_found,
     cannot_open,
     first_number,
     maker_library,
-    none_found,
     reason,
 )
 
@@ -81,7 +81,7 @@ class _Nodes:
             feature = self._camera.get_feature_by_name(name)
             if not feature.is_readable():
                 return None
-            return self._held(feature)
+            return self._node(feature)
         except _failures():
             return None
 
@@ -91,7 +91,7 @@ class _Nodes:
         cast: Any = {kinds.IntFeature: int, kinds.BoolFeature: bool}.get(type(feature), lambda same: same)
         feature.set(cast(value))
 
-    def _held(self, feature: Any) -> NumberNode | ChoiceNode | None:
+    def _node(self, feature: Any) -> NumberNode | ChoiceNode | None:
         kinds = self._vmbpy
         if isinstance(feature, kinds.EnumFeature):
             options = tuple(str(entry) for entry in feature.get_available_entries())
@@ -154,7 +154,7 @@ class _VimbaLink:
 
 def _opened(identity: str) -> _VimbaLink:
     with contextlib.ExitStack() as holds:
-        camera = _wanted(holds.enter_context(_system()), identity)
+        camera = _find_device(holds.enter_context(_system()), identity)
         try:
             holds.enter_context(camera)
             link = _VimbaLink(camera)
@@ -165,7 +165,7 @@ def _opened(identity: str) -> _VimbaLink:
         return link
 
 
-def _wanted(system: Any, identity: str) -> Any:
+def _find_device(system: Any, identity: str) -> Any:
     cameras = system.get_all_cameras()
     for camera in cameras:
         if not identity or identity in (camera.get_id(), camera.get_serial()):
@@ -173,7 +173,7 @@ def _wanted(system: Any, identity: str) -> Any:
     with contextlib.suppress(*_failures()):
         if identity:
             return system.get_camera_by_id(identity)  # an address that the search does not reach
-    raise none_found("vimba", identity, [camera.get_id() for camera in cameras])
+    raise camera_not_found("vimba", identity, [camera.get_id() for camera in cameras])
 
 
 @contextlib.contextmanager

@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 
 LONGEST_GAP_S = 0.5
 LEVEL = 0.95  # how often the truth must lie within error_n
-_EACH_SIDE = 8  # readings that the noise is read off
+_NEIGHBOURS = 8  # readings that the noise is read off
 _LEAST = 4  # readings: a line, its curvature, and one over for the noise
 # Parabolas smooth the curvature that they measure: for nine readings a period it is up to 1.098 times as large.
 _SMOOTHED = 1.1
@@ -134,8 +134,8 @@ def force_at(
     require_number("time_error_s", time_error_s, 0.0, 1e3)
     require_number("longest_gap_s", longest_gap_s, 1e-6, 1e6)
     right = _right(readings, at_s)
-    around = readings[max(right - _EACH_SIDE, 0) : right + _EACH_SIDE]
-    right -= max(right - _EACH_SIDE, 0)
+    around = readings[max(right - _NEIGHBOURS, 0) : right + _NEIGHBOURS]
+    right -= max(right - _NEIGHBOURS, 0)
     times = np.array([reading.time_s for reading in around]) - at_s
     forces = np.array([reading.force_n for reading in around])
     if not (np.diff(times) > 0).all():

@@ -76,7 +76,7 @@ class ForceLog:
 
     def __init__(self, gauge: Gauge, *, capacity: int = 100_000, latency_s: float = 0.0) -> None:
         self._gauge, self._latency_s = gauge, require_number("latency_s", latency_s, -10.0, 10.0, hint="seconds")
-        self._kept: deque[ForceReading] = deque(maxlen=require_integer("capacity", capacity, 8, 10_000_000))
+        self._readings: deque[ForceReading] = deque(maxlen=require_integer("capacity", capacity, 8, 10_000_000))
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
         self._running, self._received, self._error = False, 0, ""
@@ -98,7 +98,7 @@ class ForceLog:
             raise GaugeError(f"the log of {self._gauge.name} was started already; stop it first")
         self._gauge.open()
         with self._changed:
-            self._kept.clear()
+            self._readings.clear()
             self._running, self._received, self._error = True, 0, ""
         self._thread = threading.Thread(target=self._gather, name=f"log of {self._gauge.name}", daemon=True)
         self._thread.start()
@@ -131,9 +131,9 @@ class ForceLog:
         """What is kept, in the order of time, from ``since_s`` on."""
         with self._changed:
             if since_s is None:
-                return tuple(self._kept)
+                return tuple(self._readings)
             recent = []
-            for reading in reversed(self._kept):
+            for reading in reversed(self._readings):
                 if reading.time_s < since_s:
                     break
                 recent.append(reading)
@@ -164,7 +164,7 @@ class ForceLog:
     def wait_until(self, time_s: float, *, timeout_s: float) -> bool:
         """Wait until the reading after a frame's time has come, so that the force there is no extrapolation."""
         last_s = time_s + self._latency_s
-        return self._wait(lambda: bool(self._kept) and self._kept[-1].time_s > last_s, timeout_s)
+        return self._wait(lambda: bool(self._readings) and self._readings[-1].time_s > last_s, timeout_s)
 
     def state(self) -> LogState:
         """What it has seen since it was started."""
@@ -172,7 +172,7 @@ class ForceLog:
             return LogState(
                 running=self._running,
                 received=self._received,
-                discarded=self._received - len(self._kept),
+                discarded=self._received - len(self._readings),
                 skipped=self._gauge.skipped,
                 lost=self._gauge.lost,
                 error=self._error,
@@ -183,7 +183,7 @@ class ForceLog:
         try:
             for reading in self._gauge.readings():
                 with self._changed:
-                    self._kept.append(reading)
+                    self._readings.append(reading)
                     self._received += 1
                     self._changed.notify_all()
         except TsisError as refusal:

@@ -62,7 +62,7 @@ class LineBuffer:
         self._began: tuple[float, float] | None = None
 
     @property
-    def held(self) -> int:
+    def pending(self) -> int:
         """How many bytes of an unfinished line it holds."""
         return len(self._content)
 
@@ -76,11 +76,11 @@ class LineBuffer:
                 self._cut = False
                 continue
             if self._began is None:
-                self._began = _arrival(index / len(chunk), since_s, now_s)
+                self._began = _arrival_time(index / len(chunk), since_s, now_s)
             if len(self._content) == LONGEST_REPLY_BYTES:
                 lines.append(self._line(whole=False))
                 self._cut = True
-                self._began = _arrival(index / len(chunk), since_s, now_s)
+                self._began = _arrival_time(index / len(chunk), since_s, now_s)
             self._content.append(byte)
         return lines
 
@@ -92,7 +92,7 @@ class LineBuffer:
         return line
 
 
-def _arrival(fraction: float, since_s: float, now_s: float) -> tuple[float, float]:
+def _arrival_time(fraction: float, since_s: float, now_s: float) -> tuple[float, float]:
     time_s = since_s + fraction * (now_s - since_s)
     return time_s, max(time_s - since_s, now_s - time_s)
 
@@ -192,8 +192,8 @@ class SerialLine:
     def __init__(self, port: Any, *, poll: bytes | None, clock: Callable[[], float]) -> None:
         self._port, self._poll, self._clock = port, poll, clock
         self._buffer, self._lines = LineBuffer(), deque[Line]()
-        self._asked_s: float | None = None
-        self._looked_s = clock()
+        self._requested_s: float | None = None
+        self._checked_s = clock()
         self._lock = threading.Lock()  # a port is not closed while a thread reads from it
         self._first, self._closed, self.heard = True, False, False
 
@@ -215,9 +215,9 @@ class SerialLine:
         if not self._lines:
             return None
         line = self._lines.popleft()
-        requested_s, self._asked_s = self._asked_s, None
+        requested_s, self._requested_s = self._requested_s, None
         first, self._first = self._first, False
-        return self.take() if first and not line.whole else _answered(line, requested_s)
+        return self.take() if first and not line.whole else _with_request_time(line, requested_s)
 
     def write(self, command: bytes) -> None:
         """Send bytes."""
@@ -235,19 +235,19 @@ class SerialLine:
     def _exchange(self) -> None:
         waiting = min(self._port.in_waiting, _LARGEST_CHUNK)
         # While something still comes a question would have its answer queue behind that, and be older than it looks.
-        if self._poll is not None and self._asked_s is None and not waiting and not self._buffer.held:
-            self._asked_s = self._clock()
+        if self._poll is not None and self._requested_s is None and not waiting and not self._buffer.pending:
+            self._requested_s = self._clock()
             self._port.write(self._poll)
         chunk = self._port.read(waiting or 1)
         now_s = self._clock()
         # Bytes that already waited came since the last look; a byte that was waited for came now.
-        since_s = self._looked_s if waiting else now_s
-        self._looked_s = now_s
+        since_s = self._checked_s if waiting else now_s
+        self._checked_s = now_s
         self.heard = self.heard or bool(chunk)
         self._lines.extend(self._buffer.feed(chunk, since_s=since_s, now_s=now_s))
 
 
-def _answered(line: Line, requested_s: float | None) -> Line:
+def _with_request_time(line: Line, requested_s: float | None) -> Line:
     latest_s = line.time_s + line.time_error_s
     if requested_s is None or latest_s < requested_s:
         return line

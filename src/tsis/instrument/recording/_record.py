@@ -130,7 +130,7 @@ def record(
             for batch, overrun in _batches(acquisition, lambda: end.reached() or tally.full):
                 tally.overrun += overrun
                 for received in batch[: tally.left]:
-                    where = sink.keep(received.frame, tally.kept)
+                    where = sink.save(received.frame, tally.kept)
                     rows.writerow((*_row(received, tally.kept, where), *beside.of(received)))
                     tally.add(received)
                 index.flush()

@@ -26,7 +26,7 @@ SPARE_BYTES = 64 * 2**20  # the encoder does not say when a disk is full, so it 
 class FrameSink(Protocol):
     """Something that keeps frames."""
 
-    def keep(self, frame: Frame, number: int) -> str:
+    def save(self, frame: Frame, number: int) -> str:
         """Store the frame as the recording's ``number``-th, from 0, and return where; OSError when it cannot."""
 
     def close(self) -> None:
@@ -45,7 +45,7 @@ class FrameFolder:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def keep(self, frame: Frame, number: int) -> str:
+    def save(self, frame: Frame, number: int) -> str:
         """Write ``frame-000000.png`` and so on."""
         name = f"frame-{number:06d}.png"
         content = cv2.imencode(".png", whole_levels(frame.pixels, frame.full_scale), QUICK_PNG)[1]
@@ -77,9 +77,9 @@ class LosslessVideo:
         self._file = folder / VIDEO_NAME
         self._rate = frames_per_s or ASSUMED_RATE
         self._writer: Any = None
-        self._kept = 0
+        self._saved = 0
 
-    def keep(self, frame: Frame, number: int) -> str:
+    def save(self, frame: Frame, number: int) -> str:
         """Append the frame."""
         pixels = whole_levels(frame.pixels, frame.full_scale)
         if frame.full_scale > 255:
@@ -91,7 +91,7 @@ class LosslessVideo:
         if self._writer is None:
             self._writer = self._opened(pixels.shape[1], pixels.shape[0])
         self._writer.write(pixels)
-        self._kept += 1
+        self._saved += 1
         return f"{VIDEO_NAME}#{number}"
 
     def close(self) -> None:
@@ -104,8 +104,8 @@ class LosslessVideo:
             written = cv2.VideoCapture(str(self._file.resolve()), cv2.CAP_FFMPEG)
             result = int(written.get(cv2.CAP_PROP_FRAME_COUNT)) if written.isOpened() else 0
             written.release()
-        if abs(result - self._kept) > 1 + 0.01 * self._kept:  # this container knows only its duration
-            raise OSError(5, f"the video holds {result} of {self._kept} frames")
+        if abs(result - self._saved) > 1 + 0.01 * self._saved:  # this container knows only its duration
+            raise OSError(5, f"the video holds {result} of {self._saved} frames")
 
     def _opened(self, columns: int, rows: int) -> Any:
         codec = cv2.VideoWriter.fourcc(*"FFV1")

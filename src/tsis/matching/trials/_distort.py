@@ -203,7 +203,7 @@ def shuffled(
 def deformed(points: NDArray[np.float64], distortion: Distortion, *, rng: np.random.Generator) -> NDArray[np.float64]:
     """The points after the affine map and the bumps."""
     dimension = points.shape[1]
-    centres = _apart(points, rng=rng)
+    centres = _separated(points, rng=rng)
     bumps = np.exp(-cdist(points, centres, "sqeuclidean") / BUMP_WIDTH**2)
     affine = rng.normal(0.0, distortion.affine, (dimension + 1, dimension))
     bent = bumps @ rng.normal(0.0, distortion.bending, (len(centres), dimension))
@@ -237,7 +237,7 @@ def visible(
     return np.sort(order[gone:])
 
 
-def _apart(points: NDArray[np.float64], *, rng: np.random.Generator) -> NDArray[np.float64]:
+def _separated(points: NDArray[np.float64], *, rng: np.random.Generator) -> NDArray[np.float64]:
     """Points taken at random, none nearer to another than `BUMP_SPACING`."""
     free, centres = rng.permutation(points), []
     while len(free):

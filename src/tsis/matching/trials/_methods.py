@@ -51,7 +51,7 @@ class Peer:
             return f"{self.library} cannot be loaded: {error}"
         return ""
 
-    def moved(self, source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    def transformed(self, source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where the library moves the source, shape (n, d), in the target's unit.
 
         Raises
@@ -145,6 +145,6 @@ class BenchmarkMethod:
         does when the confidence is low: other programs withhold nothing.
         """
         if self.name in PEERS:
-            return MatchOutcome(moved=peer(self.name).moved(source, target), reliable=None)
+            return MatchOutcome(transformed=peer(self.name).transformed(source, target), reliable=None)
         result = match_points(source, target, method=self.name, rng=rng)
-        return MatchOutcome(moved=result.moved, reliable=result.reliable)
+        return MatchOutcome(transformed=result.moved, reliable=result.reliable)

@@ -177,13 +177,13 @@ class MatchOutcome:
 
     Attributes
     ----------
-    moved
+    transformed
         The source's points after they were moved, shape (n, d).
     reliable
         Whether the method trusts its own answer; None where it does not say.
     """
 
-    moved: NDArray[np.float64]
+    transformed: NDArray[np.float64]
     reliable: bool | None
 
 
@@ -247,7 +247,7 @@ def run_trials(
     done = len(requested) - len(todo)
     with ExitStack() as stack:
         add = None if file is None else stack.enter_context(append_rows(file))
-        for rows in _judged(todo, matchers, seed, workers, stack):
+        for rows in _trial_row(todo, matchers, seed, workers, stack):
             results.update({(row.trial, row.method): row for row in rows})
             if add is not None:
                 add(rows)
@@ -279,7 +279,7 @@ def _row(trial: Trial, name: str, matcher: Matcher, seed: int) -> TrialRow:
     try:
         matched = matcher(trial.source, trial.target, rng=rng)
         seconds = time.perf_counter() - start
-        error, reliable = matching_error(trial, matched.moved), matched.reliable
+        error, reliable = matching_error(trial, matched.transformed), matched.reliable
     except Exception as broken:  # hours of other trials must not be lost because a method breaks on this one
         seconds = time.perf_counter() - start
         error = matching_error(trial, trial.source)
@@ -295,7 +295,7 @@ def _row(trial: Trial, name: str, matcher: Matcher, seed: int) -> TrialRow:
     )
 
 
-def _judged(
+def _trial_row(
     todo: Sequence[tuple[Trial, list[str]]],
     matchers: Mapping[str, Matcher],
     seed: int,
@@ -316,7 +316,7 @@ def _judged(
         initargs=(matchers, tasks[0][0].source.shape[1]),
     )
     stack.callback(pool.shutdown, cancel_futures=True)
-    return pool.map(partial(_judge_task, seed=seed), tasks)
+    return pool.map(partial(_run_task, seed=seed), tasks)
 
 
 def _warm(matchers: Mapping[str, Matcher], dimension: int) -> None:
@@ -328,5 +328,5 @@ def _warm(matchers: Mapping[str, Matcher], dimension: int) -> None:
             matcher(trial.source, trial.target, rng=rng)
 
 
-def _judge_task(task: tuple[Trial, dict[str, Matcher]], *, seed: int) -> list[TrialRow]:
+def _run_task(task: tuple[Trial, dict[str, Matcher]], *, seed: int) -> list[TrialRow]:
     return evaluate_trial(*task, seed=seed)

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 DECREMENT = 1e-9  # of the stored energy: what Newton's last step may still gain
 ROUNDS = 25
 TOUCHES = 12
-PATIENCE = 5  # Newton steps in which at least one has to be better than all before
-SMALLEST_SHARE = 1 / 64
+MOST_STALLED_STEPS = 5  # Newton steps in which at least one has to be better than all before
+SMALLEST_FRACTION = 1 / 64
 TOUCHING = 1e-1  # the same at the first touch
 ROUGH = 1e-6  # the same between the loads that were asked for
 SMALLEST_STEP = 1e-3  # of the force it would lead to
@@ -82,7 +82,7 @@ def solve_equilibrium(
         if (
             not np.isfinite(slope)
             or fraction is None
-            or (count > PATIENCE and min(slopes[-PATIENCE:]) > min(slopes[:-PATIENCE]))
+            or (count > MOST_STALLED_STEPS and min(slopes[-MOST_STALLED_STEPS:]) > min(slopes[:-MOST_STALLED_STEPS]))
         ):
             return None
         slopes.append(slope)
@@ -100,7 +100,7 @@ def _upright(potential: Potential, unknowns: NDArray[np.float64], step: NDArray[
     fraction = 1.0
     while not potential.upright(unknowns + fraction * step):
         fraction /= 2
-        if fraction < SMALLEST_SHARE:
+        if fraction < SMALLEST_FRACTION:
             return None
     return fraction
 
@@ -188,7 +188,7 @@ def _ahead(
     potential: Potential, state: State, before: State | None, force_mn: float
 ) -> tuple[NDArray[np.float64], Pressures]:
     """A guess for a larger force: the parabola along the tangent through the state before, or the tangent alone."""
-    tangent = state.model.answer(potential.travel)
+    tangent = state.model.solution(potential.travel)
     ahead = force_mn - potential.reaction(state.unknowns, state.load)
 
     def follow(now: NDArray[np.float64], rate: NDArray[np.float64], then: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -87,7 +87,7 @@ def rounded(probe: Probe, fillet_mm: float) -> RoundedProbe:
 
 
 SLIDING_MM = 2.0  # width of the fine strip of skin inside the rim, which large loads drag around it
-SLIDING_SHARE = 0.3  # of the face's radius at most
+SLIDING_FRACTION = 0.3  # of the face's radius at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,7 +246,7 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     order, thickness = resolution.order, phantom.thickness_mm
     edge = probe.radius_mm
     largest = resolution.largest * probe.radius_mm
-    cells = int(np.ceil(min(SLIDING_MM, SLIDING_SHARE * probe.radius_mm) / resolution.rim_mm))
+    cells = int(np.ceil(min(SLIDING_MM, SLIDING_FRACTION * probe.radius_mm) / resolution.rim_mm))
     fine = edge - resolution.rim_mm * np.arange(cells + 1)[::-1]
     coarse = face_lines(
         float(fine[0]), finest=resolution.rim_mm * resolution.growth, growth=resolution.growth, largest=largest

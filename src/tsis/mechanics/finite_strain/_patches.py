@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tsis.mechanics._mesh import LayeredMesh
 
 
-SAME_PLACE_MM = 1e-7
+SAME_POINT_MM = 1e-7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,7 +73,7 @@ class Solid:
 def weld(patches: Sequence[MeshPatch]) -> Solid:
     """One body from patches that share nodes where they touch; nodes of collapsed edges become one as well."""
     positions = np.concatenate([patch.mesh.nodes.reshape(-1, 2) for patch in patches])
-    pairs = cKDTree(positions).query_pairs(SAME_PLACE_MM, output_type="ndarray")
+    pairs = cKDTree(positions).query_pairs(SAME_POINT_MM, output_type="ndarray")
     links = coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(positions),) * 2)
     count, label = connected_components(links, directed=False)
     nodes = np.zeros((count, 2))

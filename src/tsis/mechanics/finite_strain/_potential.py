@@ -81,7 +81,7 @@ class Quadratic:
         """Derivative of the energy along Newton's ``step``, mN mm."""
         return float(self.gradient @ step[: len(self.gradient)]) + self.elements.relief
 
-    def answer(self, unknown: int) -> NDArray[np.float64]:
+    def solution(self, unknown: int) -> NDArray[np.float64]:
         """What all unknowns do for a unit force on one of the skeleton's, mm/mN."""
         force = np.zeros(len(self.gradient))
         force[unknown] = 1.0
@@ -120,8 +120,8 @@ class Potential:
         rows = np.concatenate([np.repeat(group, group.shape[1], axis=1).ravel() for group in groups])
         columns = np.concatenate([np.tile(group, (1, group.shape[1])).ravel() for group in groups])
         rows, columns = np.append(rows, travel), np.append(columns, travel)
-        self._kept = (rows >= 0) & (columns >= 0)
-        rows, columns = rows[self._kept], columns[self._kept]
+        self._cached = (rows >= 0) & (columns >= 0)
+        rows, columns = rows[self._cached], columns[self._cached]
         self._permutation = _ordering(rows, columns, skeleton)
         position = np.empty(skeleton, dtype=np.int64)
         position[self._permutation] = np.arange(skeleton)
@@ -178,7 +178,7 @@ class Potential:
             contacts.append((contact.stiffness, touching, result))
         gradient = gradient[:-1]
         gradient[self.travel] += load.spring * (unknowns[self.travel] - load.travel_mm) - load.force_mn
-        data = np.append(np.concatenate(values), load.spring)[self._kept]
+        data = np.append(np.concatenate(values), load.spring)[self._cached]
         summed = np.bincount(self._slot, weights=data, minlength=len(self._rows))
         matrix = csc_array((summed, self._rows, self._starts), shape=(skeleton, skeleton))
         factors = splu(

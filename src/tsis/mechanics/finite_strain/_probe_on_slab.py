@@ -102,7 +102,7 @@ def _force_within(
         pieces = (fraction * smooth).reshape(PARTS, -1).sum(axis=1)
         points = contact.points(np.full(PARTS, part.edge), ends[1:], positions)
         foot = face.face.closest(positions[face.nodes], points)
-        radii.append(shape.radius_at(foot.place))
+        radii.append(shape.radius_at(foot.parameter))
         forces.append(forces[-1][-1] + np.cumsum(pieces))
     radius, force = np.concatenate(radii), np.concatenate(forces)
     return np.maximum.accumulate(np.clip(radius, 0.0, shape.radius_mm)), force
@@ -195,12 +195,12 @@ class ProbeOnSlab:
         """States at ascending ``forces_n`` in newtons."""
         forces = [force * MN_PER_N for force in forces_n]
         first = load_path.find_first_contact(
-            self.potential, self._moved, self._touch_mm, SPRING, below_mn=forces[0] / 2
+            self.potential, self._deformed, self._touch_mm, SPRING, below_mn=forces[0] / 2
         )
         states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
-    def _moved(self, travel_mm: float) -> NDArray[np.float64]:
+    def _deformed(self, travel_mm: float) -> NDArray[np.float64]:
         """Unknowns when the whole probe moves by ``travel_mm``."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[: self._probe_nodes, 1]

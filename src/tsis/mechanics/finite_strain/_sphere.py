@@ -256,12 +256,12 @@ class SphereOnProbe:
         """States at ascending ``forces_n`` in newtons."""
         forces = [force * MN_PER_N for force in forces_n]
         first = load_path.find_first_contact(
-            self.potential, self._moved, TOUCH * self._radius, SPRING, below_mn=forces[0] / 2
+            self.potential, self._deformed, TOUCH * self._radius, SPRING, below_mn=forces[0] / 2
         )
         states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
-    def _moved(self, travel_mm: float) -> NDArray[np.float64]:
+    def _deformed(self, travel_mm: float) -> NDArray[np.float64]:
         """Unknowns when the plate moves by ``travel_mm`` and the sphere by half of it."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[self._first : self._plate, 1]

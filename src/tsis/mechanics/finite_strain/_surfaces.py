@@ -35,7 +35,7 @@ class ClosestPoints:
 
     Attributes
     ----------
-    place
+    parameter
         Parameter of each point, shape (k,): the arc length in the reference shape from the axis, mm.
     gap_mm
         Signed distance, positive outside the body, shape (k,).
@@ -45,7 +45,7 @@ class ClosestPoints:
         First and second derivative of the position by the parameter, shape (k, 2).
     """
 
-    place: NDArray[np.float64]
+    parameter: NDArray[np.float64]
     gap_mm: NDArray[np.float64]
     normal: NDArray[np.float64]
     slope: NDArray[np.float64]
@@ -119,7 +119,7 @@ class SmoothFace:
         slope = curve(index, 1)
         normal = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1)[:, None]
         gap = ((points - curve(index, 0)) * normal).sum(axis=1)
-        return ClosestPoints(place=index, gap_mm=gap, normal=normal, slope=slope, bend=curve(index, 2))
+        return ClosestPoints(parameter=index, gap_mm=gap, normal=normal, slope=slope, bend=curve(index, 2))
 
 
 def _projection(
@@ -221,7 +221,7 @@ class SoftFace:
         ``n (dx - dy)``, and twice by ``-(k/m a a + a b + b a + g b b)/D`` with ``a = y' (dx - dy)``, ``b = n dy'``.
         """
         foot = self.face.closest(positions, points)
-        here, there = self.face.weights(foot.place), self.face.weights(foot.place, 1)
+        here, there = self.face.weights(foot.parameter), self.face.weights(foot.parameter, 1)
         count, slaves, own = len(points), shapes.shape[1], len(self.nodes)
         relative = np.zeros((count, slaves + own, 2, 2))  # of the point to its foot: direction, moved coordinate
         turning = np.zeros((count, slaves + own, 2, 2))

@@ -107,7 +107,7 @@ def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArra
     save = np.arange(count)
     swept = condense_layers(
         body, dofs, save=save, young_kpa=np.array(young[::-1]), poisson=np.array(poisson[::-1])
-    ).keep(save)
+    ).restrict(save)
     compliance = np.zeros((count, count))
     compliance[np.ix_(swept.dofs, swept.dofs)] = np.linalg.inv(swept.stiffness)
     compliance.flags.writeable = False  # one array for everybody who asks
@@ -167,7 +167,7 @@ class Slab:
         dofs[:, 0] = side
         dofs[:, -1, 0] = FIXED  # the axis
         faces = np.arange(self._contacts)
-        return _inverse(self._sweep(body, dofs, faces, start=far).keep(faces))
+        return _inverse(self._sweep(body, dofs, faces, start=far).restrict(faces))
 
     def _strip(self, lines: NDArray[np.float64], first: int) -> tuple[LayeredMesh, NDArray[np.int64]]:
         """The whole depth between two radii, swept inwards, its displacements numbered from ``first``."""
@@ -239,7 +239,7 @@ class Slab:
         nothing = np.zeros(0, dtype=np.int64)
         ball = self._sweep(inner, core, nothing, poisson=poisson)
         same = ball if poisson == self.poisson else self._sweep(inner, core, nothing)
-        return SlabWithInclusion(around=around, ball=ball, plain_ball=same, faces=faces)
+        return SlabWithInclusion(around=around, ball=ball, tissue_ball=same, faces=faces)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -248,21 +248,21 @@ class SlabWithInclusion:
 
     around: Condensate
     ball: Condensate
-    plain_ball: Condensate
+    tissue_ball: Condensate
     faces: NDArray[np.int64]
 
     def compliance(self, contrast: float) -> NDArray[np.float64]:
         """Compliance of the face in mm/mN, (n, n), with an inclusion ``contrast`` times as stiff as tissue of 1 kPa."""
-        return _inverse((self.around + self.ball * contrast).keep(self.faces))
+        return _inverse((self.around + self.ball * contrast).restrict(self.faces))
 
     @cached_property
-    def plain_compliance(self) -> NDArray[np.float64]:
+    def tissue_compliance(self) -> NDArray[np.float64]:
         """Compliance of plain tissue on the SAME mesh: the baseline that does not manufacture signal."""
-        return _inverse((self.around + self.plain_ball).keep(self.faces))
+        return _inverse((self.around + self.tissue_ball).restrict(self.faces))
 
     def change(self, contrast: float) -> NDArray[np.float64]:
         """What the inclusion changes about the compliance."""
-        return self.compliance(contrast) - self.plain_compliance
+        return self.compliance(contrast) - self.tissue_compliance
 
 
 def _inverse(body: Condensate) -> NDArray[np.float64]:

@@ -47,7 +47,7 @@ class Condensate:
         """The same body of ``factor`` times the modulus."""
         return Condensate(dofs=self.dofs, stiffness=factor * self.stiffness)
 
-    def keep(self, dofs: NDArray[np.int64]) -> Condensate:
+    def restrict(self, dofs: NDArray[np.int64]) -> Condensate:
         """Eliminate everything but ``dofs``, on which no force acts from elsewhere."""
         selected = np.isin(self.dofs, dofs)
         out, stay = np.flatnonzero(~selected), np.flatnonzero(selected)
@@ -107,7 +107,7 @@ def condense_layers(
     for step, values in zip(steps, rims, strict=True):
         # One slot more than the matrix has, for everything that is fixed.
         flat = np.bincount(step.element_slots, weights=values, minlength=step.size**2 + 1)[:-1].astype(float)
-        flat[step.carried_slots] += transported.ravel()
+        flat[step.transferred_slots] += transported.ravel()
         total = flat.reshape(step.size, step.size)
         transported = _eliminate(total, step.eliminated)
     return Condensate(dofs=steps[-1].dofs, stiffness=transported)
@@ -123,7 +123,7 @@ class CondensationStep:
         Rows of the matrix, and how many of them are eliminated.
     element_slots
         Place of each entry of the layer's elements in the flat matrix; the one behind its end where it is fixed.
-    carried_slots
+    transferred_slots
         Place of each entry of what was carried here.
     dofs
         What is carried on, ascending.
@@ -132,7 +132,7 @@ class CondensationStep:
     size: int
     eliminated: int
     element_slots: NDArray[np.int64]
-    carried_slots: NDArray[np.int64]
+    transferred_slots: NDArray[np.int64]
     dofs: NDArray[np.int64]
 
 
@@ -163,7 +163,7 @@ def _steps(
                 size=size,
                 eliminated=int(np.count_nonzero(~stays)),
                 element_slots=slots.ravel(),
-                carried_slots=(here[:, None] * size + here).ravel(),
+                transferred_slots=(here[:, None] * size + here).ravel(),
                 dofs=transported,
             )
         )

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from tsis.errors import InputError, MechanicsError
-from tsis.mechanics._face import EDGE_SHARE, hats, means, ring_points
+from tsis.mechanics._face import EDGE_FRACTION, hats, means, ring_points
 from tsis.mechanics.small_strain import _disc_contact as disc_contact
 from tsis.model import MN_PER_N, require_array, require_number
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 ROUNDING = 1e-12  # forces and gaps this small, relative to the largest, have no sign
-PATIENCE = 3  # exchanges of all wrong nodes without progress before single ones are exchanged
+MOST_STALLED_EXCHANGES = 3  # exchanges of all wrong nodes without progress before single ones are exchanged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,7 +92,7 @@ def unilateral_contact(
     if matrix.shape != (gap.size, gap.size):
         raise InputError(f"compliance must have shape ({gap.size}, {gap.size}), as gap_mm has; got {matrix.shape}")
     overlap = approach - gap
-    closed, fewest, timeouts = overlap > 0, gap.size + 1, PATIENCE
+    closed, fewest, timeouts = overlap > 0, gap.size + 1, MOST_STALLED_EXCHANGES
     for iteration in range(1, 100 + 10 * gap.size):
         force = np.zeros(gap.size)
         force[closed] = np.linalg.solve(matrix[np.ix_(closed, closed)], overlap[closed])
@@ -102,7 +102,7 @@ def unilateral_contact(
         if count == 0:
             return np.maximum(force, 0.0), ContactDiagnostics(closed=closed, gap_mm=left, iterations=iteration)
         if count < fewest:
-            fewest, timeouts = count, PATIENCE
+            fewest, timeouts = count, MOST_STALLED_EXCHANGES
         else:
             timeouts -= 1
         if timeouts < 0:
@@ -185,7 +185,7 @@ class FaceContact:
     def __init__(self, probe: Probe, face: Face, radius_mm: NDArray[np.float64]) -> None:
         self.probe, self.face, self.radius_mm = probe, face, radius_mm
         self.is_domed = probe.face_curvature_mm is not None
-        self.inner = radius_mm < EDGE_SHARE * probe.radius_mm
+        self.inner = radius_mm < EDGE_FRACTION * probe.radius_mm
         self._closed_pressure = face.averages(radius_mm) @ np.linalg.inv(face.mass())
 
     def touch(

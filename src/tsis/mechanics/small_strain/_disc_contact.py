@@ -134,7 +134,7 @@ def regular_terms(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 def on_disc(contact: Elastic, on: Loads, radius_mm: float) -> DiscContact:
     """The contact that ends at ``radius_mm``, whatever force that takes."""
     response = on.nodal.T @ contact.smooth @ on.nodal[:, :-1]
-    response += contact.half_space * radius_mm**3 * half_space_answer()
+    response += contact.half_space * radius_mm**3 * half_space_response()
     solution = np.asarray(np.linalg.solve(np.column_stack([response, -on.total]), -on.gap), dtype=float)
     return DiscContact(
         radius_mm=radius_mm,
@@ -173,7 +173,7 @@ def under_force(
 
 
 @cache
-def half_space_answer() -> NDArray[np.float64]:
+def half_space_response() -> NDArray[np.float64]:
     """Work of each term's pressure (rows) on what each regular one displaces, for a = 1 and (1 - nu**2) / E = 1.
 
     With the Abel transforms h of both it is 8 times the integral of their product from 0 to a; (terms + 1, terms).

@@ -38,14 +38,14 @@ class Symmetry:
         """How many of the modelled parts make the whole: 1, 2 or 4."""
         return int(2 ** len(self.mirrors))
 
-    def turned(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def rotated(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Points of the phantom in the turned frame."""
         cosine, sine = np.cos(self.angle), np.sin(self.angle)
         return cosine * x_mm + sine * y_mm, cosine * y_mm - sine * x_mm
 
     def folded(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """The points of the modelled part at which the same happens."""
-        x, y = self.turned(x_mm, y_mm)
+        x, y = self.rotated(x_mm, y_mm)
         return np.abs(x) if "x" in self.mirrors else x, np.abs(y) if "y" in self.mirrors else y
 
 
@@ -62,7 +62,7 @@ def symmetry_of(inclusions: tuple[Inclusion, ...]) -> Symmetry:
         angles = [float(np.arctan2(y, x))]
     for angle in angles:
         rotated = Symmetry(angle=angle, mirrors="")
-        positions = np.array([rotated.turned(*np.array(inclusion.offset_mm)) for inclusion in inclusions]).reshape(
+        positions = np.array([rotated.rotated(*np.array(inclusion.offset_mm)) for inclusion in inclusions]).reshape(
             -1, 2
         )
         if np.abs(positions[:, 1:]).max(initial=0.0) <= ROUNDING_MM:
@@ -158,7 +158,7 @@ def _slab(occ: Any, probe: Probe, phantom: Phantom, symmetry: Symmetry, resoluti
 
 
 def _ellipsoid(occ: Any, inclusion: Inclusion, symmetry: Symmetry) -> Any:
-    x, y = (float(value) for value in symmetry.turned(*np.array(inclusion.offset_mm)))
+    x, y = (float(value) for value in symmetry.rotated(*np.array(inclusion.offset_mm)))
     centre = occ.Pnt(x, y, -inclusion.centre_depth_mm)
     half_x, half_y, half_z = inclusion.half_axes_mm
     if half_x == half_y == half_z:

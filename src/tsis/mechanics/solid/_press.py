@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import InputError, MechanicsError, import_extra
-from tsis.mechanics._face import EDGE_SHARE
+from tsis.mechanics._face import EDGE_FRACTION
 from tsis.mechanics.small_strain import small_strain_press, strain_problem
 from tsis.mechanics.solid._mesh import FEATURE, SolidResolution, outer_radius_mm, symmetry_of
 from tsis.mechanics.solid._tie import TiedSolid
@@ -27,8 +27,8 @@ OFF_RIM = 1e-4  # of the face's radius
 THINNEST_GAP = 0.02  # between an inclusion and skin or wall, of its smallest diameter; thinner is not meshed well
 FARTHEST = 0.6  # of the slab's radius: what lies beyond feels where the slab is cut off
 PULLING = 0.05  # of the mean pressure: more tension than rounding and mesh can make
-MOST_KEPT = 8  # answers
-_KEPT: dict[tuple[Probe, Phantom, tuple[bytes, bytes], SolidResolution], FaceChange] = {}
+MOST_CACHED = 8  # answers
+_CACHE: dict[tuple[Probe, Phantom, tuple[bytes, bytes], SolidResolution], FaceChange] = {}
 
 
 def press_solid(
@@ -86,7 +86,7 @@ def press_solid(
         raise InputError(
             f"face_curvature_mm must be None for a press in three dimensions; got {probe.face_curvature_mm:g}"
         )
-    _check_places(probe, phantom)
+    _check_inside(probe, phantom)
     steps = int(np.ceil(probe.radius_mm / spacing_mm))
     axis = np.asarray(spacing_mm * np.arange(-steps, steps + 1), dtype=float)
     bare = small_strain_press(probe, phantom.without_inclusion(), force_n, plain_resolution)
@@ -96,7 +96,7 @@ def press_solid(
     points = _points(axis, probe.radius_mm)
     change = _change(probe, phantom, points.key, resolution or SolidResolution(), threads, progress)
     result = _added(reference, points, change)
-    _check_model(probe, phantom, result, points.radius_mm < EDGE_SHARE * probe.radius_mm)
+    _check_model(probe, phantom, result, points.radius_mm < EDGE_FRACTION * probe.radius_mm)
     return result
 
 
@@ -136,9 +136,9 @@ def _change(
 ) -> FaceChange:
     """What 1 mN changes, kept because the answer is linear: the next force costs nothing."""
     key = (probe, phantom, points, resolution)
-    if key not in _KEPT:
-        while len(_KEPT) >= MOST_KEPT:
-            _KEPT.pop(next(iter(_KEPT)))
+    if key not in _CACHE:
+        while len(_CACHE) >= MOST_CACHED:
+            _CACHE.pop(next(iter(_CACHE)))
         ng = import_extra("ngsolve", feature=FEATURE, extra="fem3d")
         report = progress or (lambda _: None)
         report("meshing")
@@ -146,8 +146,8 @@ def _change(
         with ng.TaskManager():
             solid = TiedSolid(probe, phantom, symmetry_of(phantom.inclusions), resolution)
             x, y = (np.frombuffer(point) for point in points)
-            _KEPT[key] = solid.change(x, y, report)
-    return _KEPT[key]
+            _CACHE[key] = solid.change(x, y, report)
+    return _CACHE[key]
 
 
 def _added(reference: PressMap, points: _Points, change: FaceChange) -> PressMap:
@@ -165,7 +165,7 @@ def _added(reference: PressMap, points: _Points, change: FaceChange) -> PressMap
     )
 
 
-def _check_places(probe: Probe, phantom: Phantom) -> None:
+def _check_inside(probe: Probe, phantom: Phantom) -> None:
     extent = FARTHEST * outer_radius_mm(probe, phantom.thickness_mm)
     for inclusion in phantom.inclusions:
         gap = THINNEST_GAP * 2 * min(inclusion.half_axes_mm)

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 CHECKS = 8  # fresh presses that a surrogate's error is measured on
-CHECKED_SHARE = 0.8  # of the face's radius, as far as profiles are used
+CHECKED_FRACTION = 0.8  # of the face's radius, as far as profiles are used
 SMALLEST_FACTOR = 1e-3  # contrasts below it change nothing that could be divided by it
 PRESS_OUTPUTS = 2 * FACE_POINTS + 1  # of one press: pressures, displacements and the approach
 
@@ -69,7 +69,7 @@ def solve_all(
     ``plain`` and ``change`` of a `Surrogate` whose outputs are the rows of the slabs.
     """
     thicknesses, tissues = _tissue_points(box, degrees.thickness, degrees.tissue)
-    factors = _apart_from_none(chebyshev.points(box.contrast_factor, degrees.contrast))
+    factors = _nonzero(chebyshev.points(box.contrast_factor, degrees.contrast))
     spheres = list(
         itertools.product(
             chebyshev.points(box.diameter_mm, degrees.diameter), chebyshev.points(box.depth_mm, degrees.depth)
@@ -88,8 +88,8 @@ def solve_all(
                 if progress is not None:
                     progress(next(done), total)
             change.append(np.array(rows).reshape(degrees.diameter, degrees.depth, *rows[0].shape))
-        thicknesses, tissues = _tissue_points(box, degrees.plain, degrees.plain)
-        reference = pool.map(lambda thickness: slabs(thickness).plain(tissues), thicknesses)
+        thicknesses, tissues = _tissue_points(box, degrees.baseline, degrees.baseline)
+        reference = pool.map(lambda thickness: slabs(thickness).without_inclusion(tissues), thicknesses)
         return np.stack(list(reference), axis=1), np.stack(change, axis=4)
 
 
@@ -99,7 +99,7 @@ def profiles(
     """Pressure, displacement and approach of the press whose outputs start at ``first``."""
     ends = np.array([0, FACE_POINTS, 2 * FACE_POINTS, PRESS_OUTPUTS]) + first
     pressure, displacement, approach = (
-        Surrogate(box=box, plain=reference[..., start:end], change=change[..., start:end])
+        Surrogate(box=box, baseline=reference[..., start:end], change=change[..., start:end])
         for start, end in itertools.pairwise(ends.tolist())
     )
     return pressure, displacement, approach
@@ -134,7 +134,7 @@ def largest_error(
 
     def measured(thickness: float, correlation: Slabs, point: NDArray[np.float64]) -> float:
         diameter, depth, young, tissue = point.tolist()
-        factor = float(_apart_from_none(contrast_factor(young / tissue)))
+        factor = float(_nonzero(contrast_factor(young / tissue)))
         change = (
             signal_scale(diameter, depth, factor)
             * correlation.changes((diameter, depth), np.array([factor]), [tissue])[0]
@@ -146,7 +146,7 @@ def largest_error(
             tissue_young_kpa=tissue,
             thickness_mm=thickness,
         )
-        return error(spot, (correlation.plain([tissue]) + change)[0])
+        return error(spot, (correlation.without_inclusion([tissue]) + change)[0])
 
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         kernels = itertools.cycle(list(pool.map(slabs, thicknesses)))
@@ -173,7 +173,7 @@ def mechanical_content(probe: Probe) -> dict[str, Any]:
     return asdict(replace(probe.unlit(), name="", assumed=()))
 
 
-def _apart_from_none(factor: Any) -> NDArray[np.float64]:
+def _nonzero(factor: Any) -> NDArray[np.float64]:
     """Contrast factors none of which is too small to divide by what it changes."""
     return np.where(np.abs(factor) < SMALLEST_FACTOR, SMALLEST_FACTOR, factor)
 
@@ -243,7 +243,7 @@ def build_surrogate(
     def solved() -> dict[str, NDArray[np.float64]]:
         reference, change = solve_all(box, slabs, degrees, progress)
         pressure = profiles(box, reference, change, 0)[0]
-        inside = slice(0, int(CHECKED_SHARE * (FACE_POINTS - 1)) + 1)
+        inside = slice(0, int(CHECKED_FRACTION * (FACE_POINTS - 1)) + 1)
 
         def error(spot: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
             return float(np.abs(spot.of(pressure) - fresh[:FACE_POINTS])[inside].max() / fresh[inside].mean())

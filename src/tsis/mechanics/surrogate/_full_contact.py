@@ -16,7 +16,7 @@ from tsis.files import content_key
 from tsis.mechanics._face import hats
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import (
-    CHECKED_SHARE,
+    CHECKED_FRACTION,
     PRESS_OUTPUTS,
     cached_arrays,
     largest_error,
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
 
 
 FORMAT_VERSION = 1
-FULL_CONTACT_DEGREES = Degrees(diameter=7, depth=6, contrast=2, tissue=3, thickness=3, plain=4)
+FULL_CONTACT_DEGREES = Degrees(diameter=7, depth=6, contrast=2, tissue=3, thickness=3, baseline=4)
 # A change by Poisson's ratio is itself small, so a coarser polynomial tells it as closely.
-POISSON_DEGREES = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=1, plain=3)
+POISSON_DEGREES = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=1, baseline=3)
 LARGEST_POISSON = 0.495
 
 
@@ -213,14 +213,14 @@ def _parts(
     box: Box, reference: NDArray[np.float64], change: NDArray[np.float64]
 ) -> tuple[FullContactProfiles, FullContactProfiles | None, Surrogate | None]:
     """Unit, shape and covering force; see `full_contact_rows` for the order of the outputs."""
-    unit = _answers(box, reference, change, 0)
+    unit = _profiles(box, reference, change, 0)
     if reference.shape[-1] == PRESS_OUTPUTS:
         return unit, None, None
-    force = Surrogate(box=box, plain=reference[..., 2 * PRESS_OUTPUTS :], change=change[..., 2 * PRESS_OUTPUTS :])
-    return unit, _answers(box, reference, change, PRESS_OUTPUTS), force
+    force = Surrogate(box=box, baseline=reference[..., 2 * PRESS_OUTPUTS :], change=change[..., 2 * PRESS_OUTPUTS :])
+    return unit, _profiles(box, reference, change, PRESS_OUTPUTS), force
 
 
-def _answers(box: Box, reference: NDArray[np.float64], change: NDArray[np.float64], first: int) -> FullContactProfiles:
+def _profiles(box: Box, reference: NDArray[np.float64], change: NDArray[np.float64], first: int) -> FullContactProfiles:
     pressure, displacement, approach = profiles(box, reference, change, first)
     return FullContactProfiles(pressure_kpa=pressure, face_displacement_mm=displacement, approach_mm=approach)
 
@@ -235,7 +235,7 @@ def _error(
     """Largest error of the pressures, as a share of the mean pressure at 1 N."""
     unit, shape, _ = _parts(box, reference, change)
     parts = [(0, unit)] if shape is None else [(0, unit), (PRESS_OUTPUTS, shape)]
-    inside = int(CHECKED_SHARE * (FACE_POINTS - 1)) + 1
+    inside = int(CHECKED_FRACTION * (FACE_POINTS - 1)) + 1
     mean_kpa = MN_PER_N / (np.pi * probe.radius_mm**2)
 
     def error(spot: SurrogatePoint, fresh: NDArray[np.float64]) -> float:

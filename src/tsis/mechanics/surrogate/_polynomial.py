@@ -73,7 +73,7 @@ class Degrees:
     """Chebyshev points along each axis.
 
     The defaults hold 0.1 % of the peak signal on the default box. Plain tissue costs little, and must be exact
-    even against small signals, so it has points of its own: ``plain`` along tissue and thickness each.
+    even against small signals, so it has points of its own: ``baseline`` along tissue and thickness each.
     """
 
     diameter: int = 11
@@ -81,7 +81,7 @@ class Degrees:
     contrast: int = 3
     tissue: int = 3
     thickness: int = 3
-    plain: int = 6
+    baseline: int = 6
 
     def __post_init__(self) -> None:
         for name in ("diameter", "depth", "contrast", "tissue", "thickness", "plain"):
@@ -117,7 +117,7 @@ class Surrogate:
     ----------
     box
         Where it holds.
-    plain
+    baseline
         Answer of plain tissue at Chebyshev points of its own, shape (tissue, thickness, outputs).
     change
         Change by the inclusion over `signal_scale` at the points, shape (diameter, depth, contrast, tissue, thickness,
@@ -125,19 +125,19 @@ class Surrogate:
     """
 
     box: Box
-    plain: NDArray[np.float64]
+    baseline: NDArray[np.float64]
     change: NDArray[np.float64]
 
     def mapped(self, matrix: NDArray[np.float64]) -> Surrogate:
         """The same surrogate after a linear map of its outputs; ``matrix`` has shape (new, old)."""
-        return replace(self, plain=self.plain @ matrix.T, change=self.change @ matrix.T)
+        return replace(self, baseline=self.baseline @ matrix.T, change=self.change @ matrix.T)
 
     def joined(self, *others: Surrogate) -> Surrogate:
         """One surrogate with the outputs of this one and then those of ``others``, all over one box."""
         every = (self, *others)
         return replace(
             self,
-            plain=np.concatenate([item.plain for item in every], axis=-1),
+            baseline=np.concatenate([item.baseline for item in every], axis=-1),
             change=np.concatenate([item.change for item in every], axis=-1),
         )
 
@@ -148,14 +148,14 @@ class Surrogate:
         return TissueSurrogate(
             box=self.box,
             tissue_young_kpa=tissue_young_kpa,
-            plain=self.plain_at(tissue_young_kpa, thickness_mm),
+            baseline=self.baseline_at(tissue_young_kpa, thickness_mm),
             change=(mix @ self.change.reshape(-1, mix.size, outputs)).reshape(*positions, outputs),
         )
 
-    def plain_at(self, tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
+    def baseline_at(self, tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
         """Answer of plain tissue, shape (outputs,)."""
-        mix = self._mix(self.plain.shape[:2], tissue_young_kpa, thickness_mm)
-        return np.asarray(mix @ self.plain.reshape(mix.size, -1))
+        mix = self._mix(self.baseline.shape[:2], tissue_young_kpa, thickness_mm)
+        return np.asarray(mix @ self.baseline.reshape(mix.size, -1))
 
     def _mix(self, points: tuple[int, ...], tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
         """Weights of the points along tissue and thickness, flat."""
@@ -166,11 +166,11 @@ class Surrogate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TissueSurrogate:
-    """A `Surrogate` at one tissue modulus and thickness: ``plain`` (outputs,), ``change`` (d, h, g, outputs)."""
+    """A `Surrogate` at one tissue modulus and thickness: ``baseline`` (outputs,), ``change`` (d, h, g, outputs)."""
 
     box: Box
     tissue_young_kpa: float
-    plain: NDArray[np.float64]
+    baseline: NDArray[np.float64]
     change: NDArray[np.float64]
 
     def nodes(self) -> NDArray[np.float64]:
@@ -188,7 +188,7 @@ class TissueSurrogate:
         diameter, depth, young = self.nodes().T
         size = signal_scale(diameter, depth, contrast_factor(young / self.tissue_young_kpa))
         change = ((values - reference) / size[:, None]).reshape(*self.change.shape[:3], -1)
-        return replace(self, plain=reference, change=change)
+        return replace(self, baseline=reference, change=change)
 
     def __call__(
         self, diameter_mm: NDArray[np.float64], depth_mm: NDArray[np.float64], young_kpa: NDArray[np.float64]
@@ -207,7 +207,7 @@ class TissueSurrogate:
             basis = (in_d[part, :, None] * in_h[part, None, :]).reshape(-1, nd * nh)
             at_points = (basis @ table).reshape(-1, ng, outputs)
             change[part] = (in_g[part, None, :] @ at_points)[:, 0]
-        return np.asarray(self.plain + signal_scale(diameter_mm, depth_mm, factor)[:, None] * change)
+        return np.asarray(self.baseline + signal_scale(diameter_mm, depth_mm, factor)[:, None] * change)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -32,7 +32,7 @@ FACE_POINTS = 121  # of each profile; between them it is taken as straight
 class Slabs(Protocol):
     """Slabs of one thickness; a row holds what `rows_at_force` or `full_contact_rows` put there."""
 
-    def plain(self, tissues: list[float]) -> NDArray[np.float64]:
+    def without_inclusion(self, tissues: list[float]) -> NDArray[np.float64]:
         """Plain tissue of each modulus in kPa, shape (tissues, outputs)."""
 
     def changes(
@@ -66,7 +66,7 @@ class SmallStrainSlabs:
 
     def __init__(self, probe: Probe, box: Box, resolution: Resolution, response: Answer, thickness_mm: float) -> None:
         diameter, depth = box.diameter_mm[0], box.depth_mm[0]
-        self._answer = response
+        self._response = response
         self._kernel = PressKernel(
             probe,
             thickness_mm=thickness_mm,
@@ -77,9 +77,9 @@ class SmallStrainSlabs:
             points=FACE_POINTS,
         )
 
-    def plain(self, tissues: list[float]) -> NDArray[np.float64]:
+    def without_inclusion(self, tissues: list[float]) -> NDArray[np.float64]:
         """See `Slabs`."""
-        return np.array([self._answer(self._kernel, tissue, None) for tissue in tissues])
+        return np.array([self._response(self._kernel, tissue, None) for tissue in tissues])
 
     def changes(
         self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
@@ -87,10 +87,10 @@ class SmallStrainSlabs:
         """See `Slabs`."""
         diameter, depth = sphere
         slab = self._kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=self._kernel.poisson)
-        reference, rows = self.plain(tissues), []
+        reference, rows = self.without_inclusion(tissues), []
         for factor in factors:
             change = slab.change(float(contrast_from_factor(factor)))
-            pressed = [self._answer(self._kernel, tissue, change) for tissue in tissues]
+            pressed = [self._response(self._kernel, tissue, change) for tissue in tissues]
             rows.append((np.array(pressed) - reference) / signal_scale(diameter, depth, factor))
         return np.array(rows)
 
@@ -125,7 +125,7 @@ class FiniteStrainSlabs:
         self._probe, self._force_n, self._resolution = probe, force_n, resolution
         self._thickness_mm, self._poisson = thickness_mm, box.poisson
 
-    def plain(self, tissues: list[float]) -> NDArray[np.float64]:
+    def without_inclusion(self, tissues: list[float]) -> NDArray[np.float64]:
         """See `Slabs`."""
         return np.array(
             [

@@ -48,7 +48,7 @@ class Powers:
 class Count:
     """Counts power through a border between the absorbers of x, on a grid with these modes at its ends."""
 
-    across: Axis
+    transverse: Axis
     step_um: float
     modes: SectionModes
     outside_squared: float
@@ -97,16 +97,16 @@ class Count:
 
     @property
     def _rows(self) -> slice:
-        return self.across.inner
+        return self.transverse.inner
 
     @property
     def _sides(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        first, last = self.across.inner.start, self.across.inner.stop - 1
+        first, last = self.transverse.inner.start, self.transverse.inner.stop - 1
         return (first, first - 1), (last, last + 1)
 
     @property
     def _links(self) -> tuple[float, float]:
-        return links(self.across.step_um, self.step_um, self.outside_squared)
+        return links(self.transverse.step_um, self.step_um, self.outside_squared)
 
 
 def outward(

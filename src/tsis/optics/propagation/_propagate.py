@@ -31,7 +31,7 @@ LONGEST_UM = 1e4
 MOST_SECTION_NODES = 2000  # all modes of a section are found at once, in time as the cube of its nodes
 GIB = 2.0**30
 FINE_STEP_UM = 1e-3
-LEAST_SHARE = 1e-6  # below it nothing leaves but rounding
+LEAST_FRACTION = 1e-6  # below it nothing leaves but rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -241,7 +241,7 @@ def _account(
     both_ways = along.absorber_cells > 0
     # A wave marched one way runs at the speed of the continuous z, so its powers are those of a very fine step.
     step = along.step_um if both_ways else FINE_STEP_UM
-    ends = Count(across=layer, step_um=step, modes=flat, outside_squared=outside_squared)
+    ends = Count(transverse=layer, step_um=step, modes=flat, outside_squared=outside_squared)
     launched = ends.launched(count)
     if both_ways:
         ahead = outward(flat, step, field[last], field[last + 1])
@@ -271,4 +271,4 @@ def _as_marched(guided: NDArray[np.complex128], leaving: NDArray[np.float64]) ->
     little. Of that sum what is not guided has left: the flow then tells through which side.
     """
     left = 1 - np.sum(np.abs(guided) ** 2, axis=0)
-    return np.where(leaving > LEAST_SHARE, left / np.maximum(leaving, LEAST_SHARE), 1.0)
+    return np.where(leaving > LEAST_FRACTION, left / np.maximum(leaving, LEAST_FRACTION), 1.0)

@@ -22,11 +22,11 @@ STRIDES = tuple(int((_GOLDEN**-power % 1.0) * 2**53) << 11 for power in (1, 2, 3
 class Lamps(NamedTuple):
     """Lamps that shine, one a row: place (x, y, z), axis (x, y, z), radius, exponent and share of the light."""
 
-    place: NDArray[np.float64]
+    position: NDArray[np.float64]
     axis: NDArray[np.float64]
     radius: NDArray[np.float64]
     exponent: NDArray[np.float64]
-    share: NDArray[np.float64]
+    power_fraction: NDArray[np.float64]
 
 
 def lamps(probe: Probe) -> Lamps:
@@ -37,11 +37,11 @@ def lamps(probe: Probe) -> Lamps:
     power = np.array([led.power for led in lit])
     out_x, out_y = np.cos(azimuth), np.sin(azimuth)
     return Lamps(
-        place=np.column_stack([probe.radius_mm * out_x, probe.radius_mm * out_y, height]),
+        position=np.column_stack([probe.radius_mm * out_x, probe.radius_mm * out_y, height]),
         axis=np.column_stack([-out_x * np.cos(aim), -out_y * np.cos(aim), np.sin(aim)]),
         radius=np.array([led.diameter_mm / 2 for led in lit]),
         exponent=np.array([led.exponent for led in lit]),
-        share=power / power.sum(),
+        power_fraction=power / power.sum(),
     )
 
 
@@ -66,7 +66,7 @@ def emitted(
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Place and direction of a ray of a lamp from four numbers in [0, 1)."""
     out, turn = lamps.radius[lamp] * np.sqrt(u), 2 * np.pi * v
-    px, py, pz = lamps.place[lamp, 0], lamps.place[lamp, 1], lamps.place[lamp, 2]
+    px, py, pz = lamps.position[lamp, 0], lamps.position[lamp, 1], lamps.position[lamp, 2]
     from_axis = np.hypot(px, py)
     # The emitting face is the plane that touches the wall: it spans z and the horizontal tangent.
     along, up = out * np.cos(turn), out * np.sin(turn)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tsis.compiled import fused, inlined
 from tsis.optics.rays._emission import STRIDES, emitted, scrambled, unit
-from tsis.optics.rays._surface import contact_share, height_and_slopes, way_to_surface
+from tsis.optics.rays._surface import contact_fraction, height_and_slopes, way_to_surface
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -123,9 +123,9 @@ class Record(NamedTuple):
 def trace_batch(scene: Scene, lamps: Lamps, seed: int, batch: int, rays: int, record: Record) -> None:
     """Trace ``rays`` rays of every lamp, which start at the points of an even sequence that ``seed`` shifts."""
     key = scrambled(np.uint64(scrambled(np.uint64(seed)) + np.uint64(batch)))
-    for lamp in range(len(lamps.share)):
+    for lamp in range(len(lamps.power_fraction)):
         lamp_key = scrambled(np.uint64(key + np.uint64(lamp)))
-        weight = lamps.share[lamp] / rays
+        weight = lamps.power_fraction[lamp] / rays
         shift = [scrambled(np.uint64(lamp_key + np.uint64(part))) for part in range(1, 5)]
         for ray in range(rays):
             u = unit(np.uint64(np.uint64(ray) * _STRIDES[0] + shift[0]))
@@ -250,7 +250,7 @@ def _arrive(
         caught = into + dx * record.slopes[k, 0] + dy * record.slopes[k, 1]
         if caught > 0.0:
             record.tilted[k, row, column] += weight * caught / into
-    coupled = weight * contact_share(scene.face, position[0], position[1]) if scene.face.touched else 0.0
+    coupled = weight * contact_fraction(scene.face, position[0], position[1]) if scene.face.touched else 0.0
     lost = (weight - coupled) * (1.0 - back)
     record.totals[CONTACT] += coupled
     record.totals[FACE] += lost

@@ -86,7 +86,7 @@ class ReferenceProbe:
     outside: float
     absorption: float
     surfaces: list[ReferenceSurface]
-    share: RectBivariateSpline
+    contact_fraction: RectBivariateSpline
     paths: list[list[Vector]] = field(default_factory=list)
 
     def fate(self, photon: Photon, rng: np.random.Generator) -> str:
@@ -132,7 +132,7 @@ class ReferenceProbe:
             towards, behind, end = -self.surfaces[photon.medium].upward_normal(position), photon.medium - 1, "face"
         else:
             towards, behind, end = self.surfaces[photon.medium + 1].upward_normal(position), photon.medium + 1, "glass"
-        if end == "face" and behind < 0 and rng.random() < self.share(position[0], position[1], grid=False):
+        if end == "face" and behind < 0 and rng.random() < self.contact_fraction(position[0], position[1], grid=False):
             return "contact"
         if behind == len(self.indices):
             behind = -1
@@ -184,7 +184,7 @@ def reference_probe(
             ReferenceSurface(level=level, pull=pull, face=face)
             for level, pull in zip(levels.tolist(), pulls.tolist(), strict=True)
         ],
-        share=RectBivariateSpline(side, side, fraction.T, kx=1, ky=1),
+        contact_fraction=RectBivariateSpline(side, side, fraction.T, kx=1, ky=1),
     )
 
 

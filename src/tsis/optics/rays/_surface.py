@@ -25,7 +25,7 @@ class Heights(NamedTuple):
     start: float
     spacing: float
     coefficients: NDArray[np.float64]  # of the quadratic spline through the heights
-    share: NDArray[np.float64]
+    contact_fraction: NDArray[np.float64]
     lowest: float
     highest: float
     steepest: float
@@ -42,7 +42,7 @@ def heights(side_mm: NDArray[np.float64], height_mm: NDArray[np.float64], fracti
         start=float(side_mm[0]),
         spacing=spacing,
         coefficients=coefficients,
-        share=np.ascontiguousarray(fraction),
+        contact_fraction=np.ascontiguousarray(fraction),
         lowest=float(coefficients.min()),
         highest=float(coefficients.max()),
         steepest=float(np.hypot(along, layer)),
@@ -82,13 +82,13 @@ def _spline(part: int, s: float) -> tuple[float, float]:
 
 
 @inlined
-def contact_share(face: Heights, x: float, y: float) -> float:
+def contact_fraction(face: Heights, x: float, y: float) -> float:
     """Share of real contact, linear between grid points."""
     u, v = (x - face.start) / face.spacing, (y - face.start) / face.spacing
     column, row = int(u), int(v)
     s, t = u - column, v - row
-    lower = (1 - s) * face.share[row, column] + s * face.share[row, column + 1]
-    upper = (1 - s) * face.share[row + 1, column] + s * face.share[row + 1, column + 1]
+    lower = (1 - s) * face.contact_fraction[row, column] + s * face.contact_fraction[row, column + 1]
+    upper = (1 - s) * face.contact_fraction[row + 1, column] + s * face.contact_fraction[row + 1, column + 1]
     return float((1 - t) * lower + t * upper)
 
 

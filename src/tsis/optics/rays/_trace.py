@@ -72,7 +72,7 @@ class TracedLight:
         Where the light went, and the standard errors of those shares.
     into_camera
         Share of what the lamps send out that leaves the glass within the camera's numerical aperture.
-    out_of_reach
+    out_of_range
         Share that enters above a layer whose index is below ``n sin(angle from the axis)``: without a dent it never
         reaches the face.
     meetings
@@ -97,7 +97,7 @@ class TracedLight:
     tally: Tally
     standard_error: Tally
     into_camera: float
-    out_of_reach: float
+    out_of_range: float
     meetings: float
     rays: int
     x_mm: NDArray[np.float64]
@@ -214,7 +214,7 @@ def trace_batches(
     workers = require_integer("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256)
     tilts = np.asarray(slopes, dtype=float).reshape(-1, 2)
     shining = lamps(probe)
-    item = int(np.ceil(rays / (BATCHES * len(shining.share))))
+    item = int(np.ceil(rays / (BATCHES * len(shining.power_fraction))))
     maps = np.zeros((BATCHES, rays_kernel.MAPS, bins, bins))
     tilted = np.zeros((BATCHES, len(tilts), bins, bins))
     totals = np.zeros((BATCHES, rays_kernel.TALLIES))
@@ -232,7 +232,7 @@ def trace_batches(
         for done, _ in enumerate(pool.map(trace, range(BATCHES)), start=1):
             if progress is not None:
                 progress(done, BATCHES)
-    return Batches(totals=totals, maps=maps, tilted=tilted, rays=item * BATCHES * len(shining.share))
+    return Batches(totals=totals, maps=maps, tilted=tilted, rays=item * BATCHES * len(shining.power_fraction))
 
 
 def _light(probe: Probe, view: Scene, batches: Batches) -> TracedLight:
@@ -244,7 +244,7 @@ def _light(probe: Probe, view: Scene, batches: Batches) -> TracedLight:
         tally=_tally(totals),
         standard_error=_tally(error),
         into_camera=float(totals[rays_kernel.CAMERA]),
-        out_of_reach=float(totals[rays_kernel.BEYOND]),
+        out_of_range=float(totals[rays_kernel.BEYOND]),
         meetings=float(batches.totals[:, rays_kernel.MEETINGS].sum() / batches.rays),
         rays=batches.rays,
         x_mm=middles,
@@ -311,7 +311,7 @@ def trace_paths(
     view = scene(probe, pressed)
     count = require_integer("rays", rays, 1, MOST_PATHS)
     shining = lamps(probe)
-    chosen = require_integer("lamp", lamp, 0, len(shining.share) - 1)
+    chosen = require_integer("lamp", lamp, 0, len(shining.power_fraction) - 1)
     rng = np.random.default_rng(require_integer("seed", seed, 0, LARGEST_SEED))
 
     def path() -> NDArray[np.float64]:

@@ -215,7 +215,7 @@ def _distance(anchor: NDArray[np.float64], offset: NDArray[np.float64], mode: in
 
 def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves, float]]:
     """Solutions joined in one layer each, first where the mode is largest; and how badly they join."""
-    (lower_below, upper_below), (upper_above, lower_above) = (_carried(layers, q, side) for side in (1, -1))
+    (lower_below, upper_below), (upper_above, lower_above) = (_propagated(layers, q, side) for side in (1, -1))
     # A solution driven from x is as large there as the product of the two that decay on its sides.
     size = {
         region: _log_size(layers, q, region, upper_below[region]) + _log_size(layers, q, region, upper_above[region])
@@ -223,7 +223,7 @@ def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves,
     }
     for region in sorted(size, key=lambda item: -size[item]):
         below, above = upper_below[region], upper_above[region]
-        metric = np.array([1.0, _reach(layers, q, region) ** 2])
+        metric = np.array([1.0, _decay_length_um(layers, q, region) ** 2])
         ratio = (below[:2] * metric) @ above[:2] / ((above[:2] * metric) @ above[:2])
         lower = np.concatenate([lower_below[: region + 1], lower_above[region + 1 :]])
         upper = np.concatenate([upper_below[: region + 1], upper_above[region + 1 :]])
@@ -237,7 +237,9 @@ def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves,
         yield Waves.between(layers, q, lower, upper), float(jump)
 
 
-def _carried(layers: SlabLayers, q: NDArray[np.float64], side: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _propagated(
+    layers: SlabLayers, q: NDArray[np.float64], side: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(u, v, log of a factor) of the solution that decays outside, where it enters and where it leaves each region."""
     outside, end = (0, len(q) - 1) if side > 0 else (len(q) - 1, 0)
     length, weight = layers.thickness_um * layers.per_um, layers.weight
@@ -256,7 +258,7 @@ def _carried(layers: SlabLayers, q: NDArray[np.float64], side: int) -> tuple[NDA
     return enters, leaves
 
 
-def _reach(layers: SlabLayers, q: NDArray[np.float64], region: int) -> float:
+def _decay_length_um(layers: SlabLayers, q: NDArray[np.float64], region: int) -> float:
     """By how much a slope u' can raise u within an oscillating region, in terms of v = u' / p."""
     length = layers.thickness_um[region] * layers.per_um
     return float(layers.weight[region] * min(1 / np.sqrt(q[region]), length))
@@ -264,4 +266,4 @@ def _reach(layers: SlabLayers, q: NDArray[np.float64], region: int) -> float:
 
 def _log_size(layers: SlabLayers, q: NDArray[np.float64], region: int, end: NDArray[np.float64]) -> float:
     u, v, log = end
-    return float(log + np.log(np.hypot(u, v * _reach(layers, q, region))))
+    return float(log + np.log(np.hypot(u, v * _decay_length_um(layers, q, region))))

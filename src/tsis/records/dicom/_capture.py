@@ -12,7 +12,7 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError
 from tsis.records._deidentify import from_camera
-from tsis.records._values import ROLE_WORDS, ROLES
+from tsis.records._values import ROLE_NAMES, ROLES
 from tsis.records.dicom._files import pydicom
 from tsis.records.dicom._identity import dicom_line
 from tsis.records.dicom._modules import Series, describe
@@ -138,7 +138,7 @@ def capture(stack: Stack, cover: ExportIdentity) -> Dataset:
     series = Series(
         number=stack.series,
         what=f"{stack.role}, {stack.probe}",
-        description=f"{'Frames' if stack.role == 'untouched' else 'Presses'} {ROLE_WORDS[stack.role]}"
+        description=f"{'Frames' if stack.role == 'untouched' else 'Presses'} {ROLE_NAMES[stack.role]}"
         + (f", probe {probe}" if probe else ""),
         modality="OT",
         started=stack.started,

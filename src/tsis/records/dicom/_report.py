@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.model import INTERVAL_LEVEL
-from tsis.records._values import ROLE_WORDS
+from tsis.records._values import ROLE_NAMES
 from tsis.records.dicom import _modules as codes
 from tsis.records.dicom._files import deterministic_uid, highdicom
 from tsis.records.dicom._identity import dicom_line
@@ -45,7 +45,7 @@ def estimate_group(stored: StoredEstimate, cover: ExportIdentity, sources: Seque
             sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID) for source in sources
         ],
     )
-    for name, message in _sentences(estimate):
+    for name, message in _statements(estimate):
         group[0].ContentSequence.append(text(name, message))
     return group
 
@@ -75,7 +75,7 @@ def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[s
     )
 
 
-def _sentences(estimate: Estimate) -> list[tuple[str, str]]:
+def _statements(estimate: Estimate) -> list[tuple[str, str]]:
     """Texts by our code; the sentence on what is identified holds numbers, so an untrusted one is not told."""
     reported = {name for name in codes.PARAMETERS if estimate.trusted and estimate.identified(name)}
     loose = [name for name in estimate.samples if name not in reported]
@@ -94,7 +94,7 @@ def press_group(press: StoredPress, cover: ExportIdentity, source: Dataset, fram
     sr = highdicom("sr")
     frames = [frame] if "NumberOfFrames" in source else None
     group = sr.MeasurementsAndQualitativeEvaluations(
-        tracking_identifier=_tracking(f"press {ROLE_WORDS[press.role]}", cover, press.id or press.frame),
+        tracking_identifier=_tracking(f"press {ROLE_NAMES[press.role]}", cover, press.id or press.frame),
         method=codes.own("imaging"),
         measurements=[
             sr.Measurement(

@@ -60,7 +60,7 @@ def stow_rs(
     requests = import_extra("requests", feature="STOW-RS", extra="dicom")
     web = import_extra("dicomweb_client.api", feature="STOW-RS", extra="dicom")
     with requests.Session() as session:
-        session.hooks["response"].append(_check_answer)
+        session.hooks["response"].append(_check_response)
         session.trust_env = not here  # no proxy stands between a machine and itself
         session.headers.update(headers or {})
         if token is not None:
@@ -113,7 +113,7 @@ def _bearer(token: str) -> Any:
     return sign
 
 
-def _check_answer(response: Any, **_: Any) -> None:
+def _check_response(response: Any, **_: Any) -> None:
     if response.is_redirect:
         response.close()  # nobody else does, once this has raised
         raise RecordsError(

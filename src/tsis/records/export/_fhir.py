@@ -71,7 +71,7 @@ def hashed(sha256: str, what: str) -> Resource:
     return {"type": "DocumentReference", "identifier": name, "display": f"{what}, SHA-256 {sha256}"}
 
 
-def words(name: str) -> str:
+def unit_text(name: str) -> str:
     """What people read of a quantity."""
     return label_of(name).capitalize()
 
@@ -113,7 +113,7 @@ def estimate_observations(
         common["issued"] = stored.made.isoformat(timespec="seconds")
     results = []
     for name in stored.estimate.samples:
-        frame = _frame_of(name, words(name), subject, device, when, identified=identified)
+        frame = _frame_of(name, unit_text(name), subject, device, when, identified=identified)
         results.append(frame | common | _value(stored, name))
     if stored.estimate.presence is not None:
         frame = _frame_of("presence", "Probability of presence", subject, device, when, identified=identified)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError, TsisError
-from tsis.records.importing._present import holding, matched, numbered, stored_frames
+from tsis.records.importing._present import matched, numbered, stored_frames, target_with
 from tsis.records.importing._results import enter_estimate, new_target, used
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class Entering:
     ----------
     total, done, stored
         Presses: of all batches, looked at so far, and stored of them.
-    apart
+    separate
         Whether every batch gets a target of its own.
     targets
         Numbers of those that were begun.
@@ -117,14 +117,14 @@ class Entering:
     total: int = 0
     done: int = 0
     stored: int = 0
-    apart: bool = False
+    separate: bool = False
     targets: list[int] = field(default_factory=list)
 
     @property
-    def sentence(self) -> str:
+    def message(self) -> str:
         """What is stored by now."""
         reported = f"{self.stored} of {self.total} presses are stored and stay"
-        if not self.apart or not self.targets:
+        if not self.separate or not self.targets:
             return f"{reported} (the same import goes on from there)"
         return (
             f"{reported}, the last in target {self.targets[-1]} (go on with --target {self.targets[-1]} for its files)"
@@ -134,10 +134,10 @@ class Entering:
 def require_enterable(batches: Iterable[ImportBatch], kind: str, target: int | None = None) -> None:
     """Refuse, with `InputError`, batches that do not belong into a store of that kind, or under that number."""
     for batch in batches:
-        if batch.dossier is not None and target is not None:
+        if batch.record is not None and target is not None:
             raise InputError("--target is not used with a bundle, whose target keeps its identity; leave it out")
         own = "phantom" if batch.simulated else kind
-        own = own if batch.dossier is None else batch.dossier.target.kind
+        own = own if batch.record is None else batch.record.target.kind
         if own != kind:
             raise InputError(f"{batch.kind} must go into a store of {own}s; this one is of {kind}s (--kind {own})")
 
@@ -180,7 +180,7 @@ def enter(
         When a batch does not belong into this store; nothing was stored then.
     """
     tally = tally or Entering()
-    tally.apart = difference
+    tally.separate = difference
     tally.total = sum(_size(batch) for batch in batches)
     require_enterable(batches, store.kind, target)
     try:
@@ -189,7 +189,7 @@ def enter(
             for batch in batches
         )
     except TsisError as error:
-        raise RecordsError(f"{error}; {tally.sentence}") from error
+        raise RecordsError(f"{error}; {tally.message}") from error
 
 
 def _entered(
@@ -199,10 +199,10 @@ def _entered(
     tally: Entering,
     progress: Callable[[int, int], None] | None,
 ) -> Entered:
-    if batch.dossier is not None:
-        return _taken_in(store, batch, batch.dossier, tally, progress)
-    stored = () if tally.apart else stored_frames(store, batch.presses)
-    target = _target(store, batch, number, stored, difference=tally.apart)
+    if batch.record is not None:
+        return _taken_in(store, batch, batch.record, tally, progress)
+    stored = () if tally.separate else stored_frames(store, batch.presses)
+    target = _target(store, batch, number, stored, difference=tally.separate)
     new = target is None
     if target is None:
         first = [press.image() for press in batch.presses[:1]]
@@ -238,11 +238,11 @@ def _target(
     """Where a batch goes; None for a target that is yet to be entered."""
     if difference:
         return None
-    return holding(store, batch.presses, stored) if number is None else numbered(store, number)
+    return target_with(store, batch.presses, stored) if number is None else numbered(store, number)
 
 
 def _size(batch: ImportBatch) -> int:
-    return len(batch.presses) if batch.dossier is None else len(batch.dossier.presses)
+    return len(batch.presses) if batch.record is None else len(batch.record.presses)
 
 
 def _taken_in(
@@ -295,7 +295,7 @@ def _estimated(store: Store, target: Target, batch: ImportBatch, presses: Sequen
         return 0
     from tsis.records._estimation import EstimationRequest, estimate_stored  # heavy, and most imports estimate nothing
 
-    record = store.dossier(target)
+    record = store.record(target)
     rests_on = used(presses)
     identities = {press.id for press in rests_on}
     if any(set(estimate.presses) == identities and estimate.kind == requested.kind for estimate in record.estimates):

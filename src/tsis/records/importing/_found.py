@@ -169,7 +169,7 @@ class ImportBatch:
         Whether it is a virtual phantom that was pressed, of which a store of subjects holds none.
     estimate
         What to estimate from them; None for nothing.
-    dossier
+    record
         Of a bundle all that is in it, in place of presses.
     notes
         One sentence for each thing to know.
@@ -183,7 +183,7 @@ class ImportBatch:
     truth: Mapping[str, float] = field(default_factory=dict)
     simulated: bool = False
     estimate: RequestedEstimate | None = None
-    dossier: TargetRecord | None = None
+    record: TargetRecord | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -213,7 +213,7 @@ def read_frame(path: Path, *, full_scale: float | None = None) -> TactileImage:
     return image
 
 
-def looked_through(path: Path, *, full_scale: float | None = None) -> dict[str, Any]:
+def inspect_folder(path: Path, *, full_scale: float | None = None) -> dict[str, Any]:
     """What `IncomingPress` says of the file itself, after it was read and found whole; errors as `read_frame`."""
     image = read_frame(path, full_scale=full_scale)
     return {
@@ -233,14 +233,14 @@ def own_file(folder: Path, name: str) -> Path:
         When the name is none of a file of the folder itself.
     """
     path = folder / name
-    if not _plain(name) or name in ("", ".", ".."):
+    if not _is_safe_name(name) or name in ("", ".", ".."):
         raise FileInputError(f"{printable_path(folder)} must name files of its own; it names {name!r:.80}")
     if path.is_symlink():
         raise FileInputError(f"{printable_path(path)} must be a file of its own; it is a link that leads elsewhere")
     return path
 
 
-def _plain(name: str) -> bool:
+def _is_safe_name(name: str) -> bool:
     return name.isprintable() and len(name.encode()) <= LONGEST_FILE_NAME and not any(mark in name for mark in "/\\")
 
 

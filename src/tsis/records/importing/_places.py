@@ -16,7 +16,7 @@ from tsis.records.importing._found import (
     ImportBatch,
     ImportOptions,
     IncomingPress,
-    looked_through,
+    inspect_folder,
     written,
 )
 from tsis.records.importing._recording import recording
@@ -48,7 +48,7 @@ def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[
     for path, force in zip(paths, forces, strict=True):
         presses.append(
             IncomingPress(
-                **looked_through(path),
+                **inspect_folder(path),
                 role=given.role,
                 taken=given.taken or written(path),
                 name=printable_name(path)[:200],
@@ -136,4 +136,4 @@ def _folder(folder: Path, given: ImportOptions, count: Callable[[], None]) -> tu
 
 def _bundle(path: Path) -> tuple[ImportBatch, ...]:
     record = read_bundle(path)
-    return (ImportBatch(source=path, kind="bundle", presses=(), dossier=record),)
+    return (ImportBatch(source=path, kind="bundle", presses=(), record=record),)

@@ -56,7 +56,7 @@ def matched(frames: Sequence[IncomingPress], presses: Iterable[StoredPress]) -> 
     return result
 
 
-def holding(store: Store, frames: Sequence[IncomingPress], presses: Sequence[StoredPress]) -> Target | None:
+def target_with(store: Store, frames: Sequence[IncomingPress], presses: Sequence[StoredPress]) -> Target | None:
     """The target that these frames belong to; None where they make a new one.
 
     It is the one that holds all presses on the target among them. Frames of the untouched probe or of plain tissue may

@@ -24,7 +24,7 @@ from tsis.records.importing._found import (
     ImportOptions,
     IncomingPress,
     cited_calibration,
-    looked_through,
+    inspect_folder,
     own_file,
     written,
 )
@@ -68,7 +68,7 @@ def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) 
         path = own_file(folder, row["kept_in"])
         presses.append(
             IncomingPress(
-                **looked_through(path, full_scale=_full_scale(summary)),
+                **inspect_folder(path, full_scale=_full_scale(summary)),
                 role=given.role,
                 taken=_moment(moment_then, float(row["arrived_s"]) - then_s),
                 name=path.name,

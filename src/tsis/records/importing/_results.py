@@ -16,7 +16,7 @@ from tsis.records.importing._found import (
     ImportBatch,
     IncomingPress,
     RequestedEstimate,
-    looked_through,
+    inspect_folder,
     own_file,
     read_frame,
     written,
@@ -158,7 +158,7 @@ def _presses(
                 f"{printable_path(path)} must be the frame that was estimated; its grey levels are others"
             )
         yield IncomingPress(
-            **looked_through(path),
+            **inspect_folder(path),
             role=role,
             taken=taken + timedelta(microseconds=at),  # which nobody wrote down; so their order is kept
             name=path.name,
@@ -172,7 +172,7 @@ def _presses(
     untouched = own_file(folder, UNTOUCHED)
     if untouched.exists():
         yield IncomingPress(
-            **looked_through(untouched),
+            **inspect_folder(untouched),
             role="untouched",
             taken=taken + timedelta(microseconds=len(entries)),
             name=UNTOUCHED,

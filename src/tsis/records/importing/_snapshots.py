@@ -17,7 +17,7 @@ from tsis.records.importing._found import (
     ImportOptions,
     IncomingPress,
     cited_calibration,
-    looked_through,
+    inspect_folder,
     own_file,
 )
 
@@ -129,7 +129,7 @@ def _snapshot(
     if ending is None:
         raise InputError(f"sha256 must tell of a raw frame; got {sorted(hashes)!r:.80}")
     raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
-    read = looked_through(raw, full_scale=number(document, "full_scale", "snapshot"))
+    read = inspect_folder(raw, full_scale=number(document, "full_scale", "snapshot"))
     if read["sha256"] != hashes[ending]:
         raise FileInputError(f"{printable_path(raw)} must be as it was saved; its content does not match its sidecar")
     known, notes = cited_calibration(sidecar, document.get("calibration"), given)
@@ -200,7 +200,7 @@ def save_snapshot_to_store(
     TsisError
         When it could not be stored.
     """
-    given = None if calibration is None else calibration.known
+    given = None if calibration is None else calibration.calibration
     named = probe if given is None or not given.probe else given.probe
     result = snapshots([sidecar], ImportOptions(role=role, probe=named, calibration=given), lambda: None)
     (entered,) = enter(store, result)

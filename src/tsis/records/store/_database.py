@@ -19,7 +19,7 @@ from tsis.records.store._engines import (
     reading_engine,
     sqlite_engine,
 )
-from tsis.records.store._upgrade import copied, revision, upgraded, wanted_revision
+from tsis.records.store._upgrade import copied, newest_revision, revision, upgraded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,13 +41,13 @@ class SameFile:
         self.file = file
         self._opened = _identity(file)
 
-    def moved(self) -> bool:
+    def replaced(self) -> bool:
         """Whether it is gone from its place, or another one lies there; one look at the disk."""
         return _identity(self.file) != self._opened
 
     def require(self) -> None:
         """Refuse, with `RecordsError`, to write into a file that is gone: nobody would ever find it again."""
-        if self.moved():
+        if self.replaced():
             raise RecordsError(
                 f"the store in {printable_path(self.file.parent)} was moved or replaced since it was "
                 f"opened; nothing was "
@@ -66,7 +66,7 @@ def _identity(file: Path) -> tuple[int, int] | None:
 
 DATABASE_FILE = "records.sqlite3"
 CURE = "copy the whole folder of the store to where it can be written, and name that"
-_ALONE = 0x74736973  # the advisory lock of those who begin or migrate a store
+_LOCK_KEY = 0x74736973  # the advisory lock of those who begin or migrate a store
 
 
 class Database:
@@ -143,23 +143,23 @@ class Database:
         """As `writing`, and of those who begin or migrate a store one at a time in PostgreSQL too."""
         with self.writing() as connection:
             if self.file is None:
-                connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _ALONE})
+                connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK_KEY})
             yield connection
 
     def migrate(self) -> None:
         """Bring the schema up to date; of an old SQLite file a copy is kept beside it first."""
         with self.reading() as connection:
             present = revision(connection, self.name)
-        if present == wanted_revision():
+        if present == newest_revision():
             return
         if self.read_only:
             raise RecordsError(
-                f"{self.name} must have schema {wanted_revision()} where nothing can be written; it has "
+                f"{self.name} must have schema {newest_revision()} where nothing can be written; it has "
                 f"{present or 'none'}: {CURE}"
             )
         with self.beginning() as connection:
             present = revision(connection, self.name)  # another program may have been faster
-            if present is not None and present != wanted_revision() and self.file is not None:
+            if present is not None and present != newest_revision() and self.file is not None:
                 with self.reading() as other:  # sees what was committed: the old schema
                     copied(other, self.file, present)
             upgraded(connection)
@@ -169,9 +169,9 @@ class Database:
         with self.reading() as connection:
             return revision(connection, self.name) is None
 
-    def moved(self) -> bool:
+    def replaced(self) -> bool:
         """Whether SQLite's file is gone from where it was opened, or another one lies there; one look at the disk."""
-        return self._opened is not None and self._opened.moved()
+        return self._opened is not None and self._opened.replaced()
 
     def require_there(self) -> None:
         """Refuse, with `RecordsError`, to write to a store whose folder was moved, deleted or replaced."""

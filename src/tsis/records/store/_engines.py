@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 BUSY_S = 30  # how long one waits for another that writes
 CONNECT_S = 10  # how long one waits for a server to answer at all
 IMMEDIATE = "tsis_immediate"
-_LOOK_ALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4, "tcp_user_timeout": 30_000}
+_PING = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4, "tcp_user_timeout": 30_000}
 _PRAGMAS = (
     "synchronous=FULL",
     "fullfsync=ON",  # these two: macOS leaves what was synced plainly in the drive's cache
@@ -101,7 +101,7 @@ def postgresql_engine(url: URL) -> Engine:
         When the driver does not understand the URL.
     """
     import_extra("psycopg", feature="a store of records in PostgreSQL", extra="postgres")
-    settings = {"connect_timeout": CONNECT_S, "client_encoding": "utf8", **_LOOK_ALIVE}
+    settings = {"connect_timeout": CONNECT_S, "client_encoding": "utf8", **_PING}
     try:
         engine = create_engine(url, pool_pre_ping=True, connect_args=settings)
     except (NoSuchModuleError, ArgumentError) as error:

@@ -113,7 +113,7 @@ def open_store(
         rows_of.migrate()
         result = _terms(rows_of) or _begun(rows_of, position, kind, actor, disk)
         _require_kind(position, kind, result["kind"])
-        _require_own_place(rows_of, position, result["identity"])
+        _require_own_folder(rows_of, position, result["identity"])
         if not read_only:
             _warn_of_open_modes(position)
         return Store(position, rows_of, identity=result["identity"], kind=kind, actor=actor, disk=disk)
@@ -179,7 +179,7 @@ def _require_kind(path: Path, requested: str, kind: str) -> None:
         )
 
 
-def _require_own_place(database: Database, path: Path, identity: str) -> None:
+def _require_own_folder(database: Database, path: Path, identity: str) -> None:
     """Refuse a folder whose files are those of another store, or that never held any."""
     if (path / ANCHOR).exists():
         try:

@@ -125,7 +125,7 @@ class StoreReader:
         file = str(result)
         return parse_calibration(self.blobs.get(file, "json"), f"calibration {cited:.12}")
 
-    def dossier(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
+    def record(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
         """All that is stored of a target, what is damaged left out and said; frames are read when asked for.
 
         Of its presses only ``limit`` after the first ``offset``, where one is given.

@@ -44,7 +44,7 @@ def target_row(target: Target) -> Row:
 
 def target_of_row(row: Mapping[str, Any]) -> Target:
     """The target of a row; `RecordsError` when it holds what is none."""
-    return _believed(lambda: target_of_plain(dict(row) | {"truth": parsed(row["truth"], "truth")}), "target", row)
+    return _validated(lambda: target_of_plain(dict(row) | {"truth": parsed(row["truth"], "truth")}), "target", row)
 
 
 def press_row(press: StoredPress) -> Row:
@@ -80,7 +80,7 @@ def press_of_row(row: Mapping[str, Any]) -> StoredPress:
         document["note"] = row["note"] or ""
         return press_of_plain(document)
 
-    return _believed(press, "press", row)
+    return _validated(press, "press", row)
 
 
 def estimate_row(stored: StoredEstimate, samples: str) -> Row:
@@ -99,7 +99,7 @@ def estimate_of_row(row: Mapping[str, Any], samples: Mapping[str, NDArray[np.flo
         nested = {name: parsed(row[name], name) for name in ("presses", "options", "environment")}
         return estimate_of_plain(document | nested | {"estimate": parsed(row["document"], "document")}, samples)
 
-    return _believed(estimate, "estimate", row)
+    return _validated(estimate, "estimate", row)
 
 
 def calibration_row(calibration: ProbeCalibration, file: str) -> Row:
@@ -114,7 +114,7 @@ def calibration_row(calibration: ProbeCalibration, file: str) -> Row:
     }
 
 
-def _believed(build: Callable[[], Believed], what: str, row: Mapping[str, Any]) -> Believed:
+def _validated(build: Callable[[], Believed], what: str, row: Mapping[str, Any]) -> Believed:
     try:
         return build()
     except InputError as error:

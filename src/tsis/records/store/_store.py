@@ -34,7 +34,14 @@ from tsis.records.store._editing import insert_row, insert_row_once, press_edit,
 from tsis.records.store._files import Blobs, frame_bytes, samples_bytes
 from tsis.records.store._reader import StoreReader
 from tsis.records.store._secret import derived, entered_secret, read_secret
-from tsis.records.store._transfer import ImportedTarget, TargetImport, held_frames, is_taken, next_number, require_kind
+from tsis.records.store._transfer import (
+    ImportedTarget,
+    TargetImport,
+    is_taken,
+    next_number,
+    require_kind,
+    stored_frames,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -74,7 +81,7 @@ class Store(StoreReader):
         require_label("actor", actor)
         self.actor = actor
         self._disk = disk
-        self._one_at_a_time = threading.Lock()
+        self._write_lock = threading.Lock()
 
     def __enter__(self) -> Self:
         return self
@@ -88,13 +95,13 @@ class Store(StoreReader):
 
     # What is stored
 
-    def dossier(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
+    def record(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
         """All that is stored of a target; a store that was begun without a secret gets it here, once."""
         with self.database.reading() as connection:
             secret = read_secret(connection)
         if secret is None:
             secret = self._write(entered_secret)
-        return replace(super().dossier(target, limit=limit, offset=offset), secret=derived(secret, "target", target.id))
+        return replace(super().record(target, limit=limit, offset=offset), secret=derived(secret, "target", target.id))
 
     def add_target(
         self, *, number: int | None = None, name: str = "", note: str = "", truth: Mapping[str, float] | None = None
@@ -262,7 +269,7 @@ class Store(StoreReader):
         """
         require_kind(record.target, self.kind)
         with self.database.reading() as connection:
-            stored = held_frames(connection, record.presses)
+            stored = stored_frames(connection, record.presses)
         return self._write(TargetImport(record, self.blobs, stored, progress).enter)
 
     def _calibration_row(self, calibration: ProbeCalibration) -> rows.Row:
@@ -290,7 +297,7 @@ class Store(StoreReader):
 
     def _write(self, enter: Callable[[Connection], tuple[Kept, list[AuditChange]]]) -> Kept:
         """Run one transaction that enters rows and their audit; when this returns, it lasts."""
-        with self._one_at_a_time:
+        with self._write_lock:
             with self.database.writing() as connection:
                 head = locked_head(connection)
                 lost = not require_anchored(connection, self.folder) and head != BEFORE

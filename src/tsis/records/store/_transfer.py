@@ -115,7 +115,7 @@ class TargetImport:
     blobs
         Where its files go.
     held
-        Frame of each of its presses that is here already, by the press, as `held_frames` gives them.
+        Frame of each of its presses that is here already, by the press, as `stored_frames` gives them.
     progress
         Told (done, all) of the frames.
 
@@ -172,7 +172,7 @@ class TargetImport:
                 changes += insert_row_once(connection, table, row, action=ACTION)
         added, differing = {tables.press_table.name: 0, tables.estimate_table.name: 0}, 0
         for table, row in self._own():
-            there = _held(connection, table, row)
+            there = _stored_row(connection, table, row)
             if there is None:
                 changes.append(insert_row(connection, table, row, action=ACTION))
                 added[table.name] += 1
@@ -205,7 +205,7 @@ def require_kind(target: Target, kind: str) -> None:
         )
 
 
-def held_frames(connection: Connection, presses: Sequence[StoredPress]) -> dict[str, str]:
+def stored_frames(connection: Connection, presses: Sequence[StoredPress]) -> dict[str, str]:
     """Frames of those of the presses that are stored already, by the identity of the press."""
     table, requested = tables.press_table.c, [press.id for press in presses]
     document: dict[str, str] = {}
@@ -226,6 +226,6 @@ def _content(record: TargetRecord, press: StoredPress, blobs: Blobs, stored: Map
     return None
 
 
-def _held(connection: Connection, table: Table, row: rows.Row) -> dict[str, Any] | None:
+def _stored_row(connection: Connection, table: Table, row: rows.Row) -> dict[str, Any] | None:
     result = connection.execute(select(table).where(table.c.id == row["id"])).first()
     return None if result is None else result._asdict()

@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 
 
 VERSIONS = "alembic_version"
-_one_at_a_time = threading.Lock()  # Alembic's context belongs to the whole process
+_lock = threading.Lock()  # Alembic's context belongs to the whole process
 
 
 @cache
-def known_revisions() -> tuple[str, ...]:
+def given_revisions() -> tuple[str, ...]:
     """Every schema that this release can read, the present one first."""
     return tuple(step.revision for step in ScriptDirectory.from_config(_alembic()).walk_revisions())
 
 
-def wanted_revision() -> str:
+def newest_revision() -> str:
     """The present schema."""
-    return known_revisions()[0]
+    return given_revisions()[0]
 
 
 def revision(connection: Connection, name: str) -> str | None:
@@ -52,9 +52,9 @@ def revision(connection: Connection, name: str) -> str | None:
     if not inspect(connection).has_table(VERSIONS):
         return None
     result = list(connection.execute(text(f"SELECT version_num FROM {VERSIONS}")).scalars())
-    if len(result) != 1 or result[0] not in known_revisions():
+    if len(result) != 1 or result[0] not in given_revisions():
         raise RecordsError(
-            f"{name} must have a schema up to {wanted_revision()}; it has {', '.join(map(repr, result)) or 'none':.60} "
+            f"{name} must have a schema up to {newest_revision()}; it has {', '.join(map(repr, result)) or 'none':.60} "
             "(was it written by a newer release of tsis? then update tsis)"
         )
     return str(result[0])
@@ -62,7 +62,7 @@ def revision(connection: Connection, name: str) -> str | None:
 
 def upgraded(connection: Connection) -> None:
     """Run the steps that are missing, within the transaction of ``connection``."""
-    with _one_at_a_time:
+    with _lock:
         command.upgrade(_alembic(connection), "head")
 
 
@@ -115,7 +115,7 @@ def _in_sqlite(connection: Connection) -> Iterator[str]:
     for (message,) in connection.execute(text("PRAGMA integrity_check(10)")):  # an index that lacks a row hides it
         if message != "ok":
             yield f"the database file is damaged: {one_line(message)}"
-    requested, result = _made_by_migrations(), _sqlite_schema(connection)
+    requested, result = _created_by_migrations(), _sqlite_schema(connection)
     for kind, name in sorted(requested.keys() | result.keys()):
         what = f"{kind} {one_line(name, 80)} of the database"
         if (kind, name) not in result:
@@ -127,7 +127,7 @@ def _in_sqlite(connection: Connection) -> Iterator[str]:
 
 
 @cache
-def _made_by_migrations() -> dict[tuple[str, str], str]:
+def _created_by_migrations() -> dict[tuple[str, str], str]:
     engine = create_engine("sqlite://")
     try:
         with engine.connect() as connection, connection.begin():

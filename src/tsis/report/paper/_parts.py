@@ -78,15 +78,15 @@ def _card_row(given: Sequence[Card], count: int) -> Table:
 
 
 def _card(card: Card, wide: float) -> list[Paragraph]:
-    drawn = drawable_text(_one_line(card.value), BOLD)
+    drawn = drawable_text(_single_line(card.value), BOLD)
     size = next((size for size in VALUE_SIZES if width(drawn, BOLD, size) <= wide), VALUE_SIZES[-1])
     value = style(size, BOLD, textColor=WARM if card.doubtful else BLUE, spaceBefore=1, spaceAfter=2)
-    detail = _one_line(card.detail)
-    parts = [line(_one_line(card.title), style(8, SANS, textColor=INK)), line(_one_line(card.value), value)]
+    detail = _single_line(card.detail)
+    parts = [line(_single_line(card.title), style(8, SANS, textColor=INK)), line(_single_line(card.value), value)]
     return [*parts, *([line(detail, style(7, SANS, textColor=SOFT))] if detail else [])]
 
 
-def _one_line(text: str) -> str:
+def _single_line(text: str) -> str:
     return " ".join(text.split())
 
 
@@ -121,14 +121,14 @@ def _image(picture: Picture, wide: float) -> Image:
     return Image(io.BytesIO(content), width=position * drawn[0], height=position * drawn[1], hAlign="LEFT")
 
 
-def _words(picture: Picture) -> str:
+def _alternative_text(picture: Picture) -> str:
     """Caption and alternative text: on paper both are read."""
-    parts = {_sentence(part): None for part in (picture.caption, picture.alt) if part.strip()}
-    return " ".join(part for part in parts if part != _sentence(picture.title))
+    parts = {_with_full_stop(part): None for part in (picture.caption, picture.alt) if part.strip()}
+    return " ".join(part for part in parts if part != _with_full_stop(picture.title))
 
 
-def _sentence(text: str) -> str:
-    message = _one_line(text)
+def _with_full_stop(text: str) -> str:
+    message = _single_line(text)
     return message if message.endswith((".", "!", "?")) else f"{message}."
 
 
@@ -137,14 +137,14 @@ def _long(text: str) -> bool:
 
 
 def _caption(picture: Picture) -> list[Paragraph]:
-    title, text = _sentence(picture.title), _words(picture)
+    title, text = _with_full_stop(picture.title), _alternative_text(picture)
     heading = "Named below." if _long(title) else title
     message = "Described below." if _long(text) else text
     return [Paragraph(f'<font name="{BOLD}" color="#1b1f24">{markup(heading, BOLD)}</font> {markup(message)}', SMALL)]
 
 
 def _long_caption(picture: Picture) -> list[Paragraph]:
-    messages = [text for text in (_sentence(picture.title), _words(picture)) if _long(text)]
+    messages = [text for text in (_with_full_stop(picture.title), _alternative_text(picture)) if _long(text)]
     return [part for text in messages for part in paragraphs(text, SMALL)]
 
 
@@ -164,16 +164,16 @@ def leaves(value: Any, path: str = "") -> list[tuple[str, str]]:
     if isinstance(value, Mapping):
         reference = {name: inner for name, inner in value.items() if path and not _nested(inner)}
         below = [(f"{path}.{name}" if path else str(name), value[name]) for name in value if name not in reference]
-        own = [(path, _told(reference))] if reference or not below else []
+        own = [(path, _value_text(reference))] if reference or not below else []
         return [*own, *(leaf for name, inner in below for leaf in leaves(inner, name))]
     if _listed(value) and any(_nested(inner) or _listed(inner) for inner in value):
         return [leaf for index, inner in enumerate(value) for leaf in leaves(inner, f"{path}[{index}]")]
-    return [(path, _told(value))]
+    return [(path, _value_text(value))]
 
 
-def _told(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "; ".join(f"{name}: {_told(inner)}" for name, inner in value.items()) or "none"
+        return "; ".join(f"{name}: {_value_text(inner)}" for name, inner in value.items()) or "none"
     return (", ".join(str(inner) for inner in value) or "none") if _listed(value) else str(value)
 
 

@@ -44,7 +44,7 @@ TOTAL = "total"  # name of the form that holds the number of sheets
 FOOT, FOOT_SIZE = 12.0 * 72 / 25.4, 7.0
 LONGEST_NAME = 200  # letters of a heading in bookmarks and of the title in a reader's title bar
 AFTER_HEADING = 60.0  # points that must be left below a heading
-_ONE_AT_A_TIME = threading.Lock()  # fonts are one for the process, and reportlab reads their files while it writes
+_LAYOUT_LOCK = threading.Lock()  # fonts are one for the process, and reportlab reads their files while it writes
 
 
 def pdf(page: Page) -> bytes:
@@ -64,9 +64,9 @@ def pdf(page: Page) -> bytes:
         The file.
     """
     buffer = io.BytesIO()
-    with _ONE_AT_A_TIME:
+    with _LAYOUT_LOCK:
         register_fonts()
-        _Sheets(buffer, title=_one_line(page.title), subject=_one_line(page.subtitle)).build(
+        _Sheets(buffer, title=_single_line(page.title), subject=_single_line(page.subtitle)).build(
             _story(page), canvasmaker=_CountedCanvas
         )
     return buffer.getvalue()
@@ -98,11 +98,11 @@ def _section(title: str, content: Sequence[Any], *, room: float = AFTER_HEADING)
 
 def _headings(title: str) -> list[Any]:
     parts = paragraphs(title, HEADING)
-    parts[0].bookmark = _one_line(title)
+    parts[0].bookmark = _single_line(title)
     return parts
 
 
-def _one_line(text: str) -> str:
+def _single_line(text: str) -> str:
     return drawable_text(" ".join(text[: 2 * LONGEST_NAME].split()))[:LONGEST_NAME]
 
 

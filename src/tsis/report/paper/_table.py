@@ -134,7 +134,7 @@ def _widths(names: tuple[str, ...], texts: Rows, cell: ParagraphStyle) -> list[f
     requested, least = [], []
     for name, column in zip(titles, columns, strict=True):
         requested.append(max(_wide(name, CELL_HEADING), *(_wide(text, cell) for text in column)) + around)
-        least.append(max(_widest_word(name, CELL_HEADING), *(_widest_word(text, cell) for text in column)) + around)
+        least.append(max(_word_width(name, CELL_HEADING), *(_word_width(text, cell) for text in column)) + around)
     return column_widths(least, requested)
 
 
@@ -142,5 +142,5 @@ def _wide(text: str, kind: ParagraphStyle) -> float:
     return min(width(text, kind.fontName, kind.fontSize), float(WIDTH))
 
 
-def _widest_word(text: str, kind: ParagraphStyle) -> float:
+def _word_width(text: str, kind: ParagraphStyle) -> float:
     return min(max((width(part, kind.fontName, kind.fontSize) for part in text.split()), default=0.0), float(WIDTH))

@@ -99,7 +99,7 @@ def in_drawn_order(line: str) -> str:
     drawn, start = "", 0
     while start < len(line):
         end = _end_of_run(kinds, start)
-        drawn += line[start] if end == start else _turned(line[start:end])
+        drawn += line[start] if end == start else _visual_order(line[start:end])
         start = max(end, start + 1)
     return drawn
 
@@ -117,7 +117,7 @@ def _end_of_run(kinds: list[str], start: int) -> int:
     return end
 
 
-def _turned(run: str) -> str:
+def _visual_order(run: str) -> str:
     clusters: list[str] = []
     position = 0
     while position < len(run):

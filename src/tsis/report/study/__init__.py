@@ -3,18 +3,26 @@
 from tsis.report.study._document import study_document, study_verification_document
 from tsis.report.study._page import PAGE, PAPER, publish_study, study_page
 from tsis.report.study._tables import targets_table
-from tsis.report.study._text import ends, few_notes, method_of, record_notes, share, share_ends, undecided_notes
+from tsis.report.study._text import (
+    ends,
+    few_notes,
+    fraction_text,
+    interval_text,
+    method_of,
+    record_notes,
+    undecided_notes,
+)
 
 __all__ = [
     "PAGE",
     "PAPER",
     "ends",
     "few_notes",
+    "fraction_text",
+    "interval_text",
     "method_of",
     "publish_study",
     "record_notes",
-    "share",
-    "share_ends",
     "study_document",
     "study_page",
     "study_verification_document",

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         AgreementValue,
         DeviceAnalysis,
         DeviceComparison,
-        FoundErrors,
+        SizeErrors,
         StudyAnalysis,
     )
 
@@ -33,7 +33,7 @@ def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
     """All of it, as plain values with the names of Python; null where something could not be told."""
     plan = analysis.study.plan
     scores = {
-        device.judged.device: {target.code: target.score for target in device.judged.targets}
+        device.results.device: {target.code: target.score for target in device.results.targets}
         for device in analysis.devices
     }
     return envelope(
@@ -76,7 +76,7 @@ def study_verification_document(study_verification: StudyVerification) -> dict[s
 
 
 def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
-    results = device_analysis.judged
+    results = device_analysis.results
     return {
         "device": results.device,
         "threshold": results.threshold,
@@ -113,7 +113,7 @@ def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
                 "quantity": item.quantity,
                 "low": item.low,
                 "high": None if math.isinf(item.high) else item.high,
-                "found": proportion_document(item.found),
+                "found": proportion_document(item.detected),
                 "undecided": item.undecided,
             }
             for item in device_analysis.strata
@@ -190,7 +190,7 @@ def _recalibration(recalibration: Recalibration) -> dict[str, Any]:
     }
 
 
-def _errors(errors: FoundErrors) -> dict[str, Any]:
+def _errors(errors: SizeErrors) -> dict[str, Any]:
     return {
         "quantity": errors.quantity,
         "targets": len(errors.codes),

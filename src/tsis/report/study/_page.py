@@ -14,8 +14,8 @@ from tsis.report._page import Card, Page, Table, html
 from tsis.report.study._document import study_document
 from tsis.report.study._pictures import study_pictures
 from tsis.report.study._tables import comparison_table, device_tables, targets_table
-from tsis.report.study._text import ends, few_notes, method_of, record_notes, share_ends, small, undecided_notes
-from tsis.study import ANALYSED, JUDGED_BY, QUANTITIES, enter_analysis, unblind
+from tsis.report.study._text import ends, few_notes, interval_text, method_of, record_notes, small, undecided_notes
+from tsis.study import ANALYSED, ANALYSED_READING, QUANTITIES, enter_analysis, unblind
 from tsis.study.analysis import analyse
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 ANALYSIS, READINGS, PAGE, PAPER = "analysis.json", "readings.csv", "report.html", "report.pdf"
-NOT_TOLD = (
+NOT_REPORTED = (
     (
         "The virtual probe",
         "Its presses, its light and its camera follow the same laws as the estimator, on a finer mesh and with errors "
@@ -59,7 +59,7 @@ def study_page(analysis: StudyAnalysis) -> Page:
     return Page(
         title=f"Study {plan.name}",
         subtitle=f"{present} targets with an inclusion and {len(plan.codes) - present} without, read blind, in "
-        f"an order by chance; {', '.join(device.judged.device for device in devices)}",
+        f"an order by chance; {', '.join(device.results.device for device in devices)}",
         cards=(
             _record_card(analysis),
             *(card for device in devices for card in _cards(device, several=len(devices) > 1)),
@@ -67,7 +67,8 @@ def study_page(analysis: StudyAnalysis) -> Page:
         notes=(
             *record_notes(analysis),
             *(note for device in devices for note in (*few_notes(device), *undecided_notes(device))),
-            f"What counts is {JUDGED_BY}; repeats serve to tell how well readings agree. Intervals hold 95 %, unless "
+            f"What counts is {ANALYSED_READING}; repeats serve to tell how well readings agree. Intervals "
+            f"hold 95 %, unless "
             "said otherwise, for each number by itself.",
         ),
         pictures=tuple(study_pictures(analysis)),
@@ -75,7 +76,7 @@ def study_page(analysis: StudyAnalysis) -> Page:
             *(table for device in devices for table in device_tables(device)),
             *(comparison_table(comparison) for comparison in analysis.comparisons),
             targets_table(analysis),
-            Table(title="What this study does not tell", headings=("of", "why"), rows=NOT_TOLD),
+            Table(title="What this study does not tell", headings=("of", "why"), rows=NOT_REPORTED),
         ),
         provenance=_provenance(analysis, pressed),
     )
@@ -108,7 +109,7 @@ def _record_card(analysis: StudyAnalysis) -> Card:
 
 
 def _cards(device_analysis: DeviceAnalysis, *, several: bool) -> tuple[Card, ...]:
-    of = f", {device_analysis.judged.device}" if several else ""
+    of = f", {device_analysis.results.device}" if several else ""
     counts, cards = device_analysis.counts, []
     rates = {}
     if counts is not None and counts.present:
@@ -116,7 +117,7 @@ def _cards(device_analysis: DeviceAnalysis, *, several: bool) -> tuple[Card, ...
     if counts is not None and counts.absent:
         rates["Specificity"] = counts.specificity
     for name, rate in rates.items():
-        reported = f"{rate.successes} of {rate.trials}; {share_ends(rate)}, Wilson"
+        reported = f"{rate.successes} of {rate.trials}; {interval_text(rate)}, Wilson"
         cards.append(
             Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=reported, doubtful=device_analysis.few)
         )
@@ -228,7 +229,7 @@ def publish_study(
     RecordsError
         When there is no reading, or the truth cannot be read.
     """
-    position = _own_place(study) if out is None else free_folder(out)
+    position = _study_path(study) if out is None else free_folder(out)
     require_room(position)  # before what cannot be taken back
     for device in study.devices:
         study.threshold_of(device)
@@ -242,7 +243,7 @@ def publish_study(
     )
 
 
-def _own_place(study: Study) -> Path:
+def _study_path(study: Study) -> Path:
     """A new folder in the study: a name that its log knows is not given again, though that report may be gone."""
     existing = [entry.content.get("folder") for entry in study.chain.entries if entry.action == ANALYSED]
     names = itertools.chain([FOLDER], (f"{FOLDER}-{number}" for number in itertools.count(2)))

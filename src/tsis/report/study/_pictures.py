@@ -10,7 +10,7 @@ import numpy as np
 from tsis.plots import (
     TRIAL_COLOURS,
     agreement_limits,
-    found_by_place,
+    detected_by_size_and_depth,
     read_over_true,
     reliability_diagram,
     roc_curve,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.study.analysis import DeviceAnalysis, DeviceComparison, FoundErrors, StudyAnalysis
+    from tsis.study.analysis import DeviceAnalysis, DeviceComparison, SizeErrors, StudyAnalysis
 
 
 SQUARE = (4.6, 4.2)
@@ -44,7 +44,7 @@ def study_pictures(analysis: StudyAnalysis) -> Iterator[Picture]:
 def _curves(analysis: StudyAnalysis) -> Picture:
     shown = [device for device in analysis.devices if device.curve is not None]
     text = "; ".join(
-        f"{item.judged.device}: area {item.curve.auc:.3f}, 95 % interval {ends(item.auc_interval)} "
+        f"{item.results.device}: area {item.curve.auc:.3f}, 95 % interval {ends(item.auc_interval)} "
         f"({method_of(item.auc_interval)})"
         for item in shown
         if item.curve is not None
@@ -56,7 +56,7 @@ def _curves(analysis: StudyAnalysis) -> Picture:
             if item.curve is not None:
                 whole = item.counts is not None and item.counts.present and item.counts.absent
                 counts = item.counts if whole else None
-                roc_curve(item.curve, ax, label=item.judged.device, counts=counts, colour=colour)
+                roc_curve(item.curve, ax, label=item.results.device, counts=counts, colour=colour)
         ax.legend(frameon=False, fontsize=8, loc="lower right")
 
     return Picture(
@@ -69,7 +69,7 @@ def _curves(analysis: StudyAnalysis) -> Picture:
 
 
 def _of_device(device_analysis: DeviceAnalysis) -> Iterator[Picture]:
-    device, results = device_analysis.judged.device, device_analysis.judged
+    device, results = device_analysis.results.device, device_analysis.results
     scores, present = results.scores()
     if len(scores):
         yield Picture(
@@ -91,9 +91,9 @@ def _of_device(device_analysis: DeviceAnalysis) -> Iterator[Picture]:
     if any(target.truth.has_inclusion for target in results.targets):
         yield Picture(
             title=f"{device}: found and missed",
-            draw=partial(_draw_found, device_analysis),
+            draw=partial(_draw_detected, device_analysis),
             size=SQUARE,
-            alt=f"Inclusions over size and depth; {len(results.found)} were found. See the table of targets.",
+            alt=f"Inclusions over size and depth; {len(results.detected)} were found. See the table of targets.",
             caption="Each mark is an inclusion, deep ones below.",
         )
     if device_analysis.errors:
@@ -111,7 +111,7 @@ def _of_device(device_analysis: DeviceAnalysis) -> Iterator[Picture]:
 
 
 def _draw_scores(figure: Figure, device_analysis: DeviceAnalysis) -> None:
-    scores_by_truth(*device_analysis.judged.scores(), figure.subplots(), threshold=device_analysis.judged.threshold)
+    scores_by_truth(*device_analysis.results.scores(), figure.subplots(), threshold=device_analysis.results.threshold)
 
 
 def _draw_reliability(device_analysis: DeviceAnalysis, figure: Figure) -> None:
@@ -119,20 +119,22 @@ def _draw_reliability(device_analysis: DeviceAnalysis, figure: Figure) -> None:
     reliability_diagram(device_analysis.reliability, figure.subplots())
 
 
-def _draw_found(device_analysis: DeviceAnalysis, figure: Figure) -> None:
+def _draw_detected(device_analysis: DeviceAnalysis, figure: Figure) -> None:
     inside = [
-        target for target in device_analysis.judged.targets if target.truth.has_inclusion and target.reading is not None
+        target
+        for target in device_analysis.results.targets
+        if target.truth.has_inclusion and target.reading is not None
     ]
-    found_by_place(
+    detected_by_size_and_depth(
         [target.truth.values["diameter_mm"] for target in inside],
         [target.truth.values["depth_mm"] for target in inside],
-        [None if target.score is None else device_analysis.judged.calls(target) for target in inside],
+        [None if target.score is None else device_analysis.results.calls(target) for target in inside],
         figure.subplots(),
     )
 
 
-def _draw_errors(errors: tuple[FoundErrors, ...], device_analysis: DeviceAnalysis, figure: Figure) -> None:
-    readings = {target.code: target.reading for target in device_analysis.judged.found}
+def _draw_errors(errors: tuple[SizeErrors, ...], device_analysis: DeviceAnalysis, figure: Figure) -> None:
+    readings = {target.code: target.reading for target in device_analysis.results.detected}
     for error, ax in zip(errors, figure.subplots(1, len(errors), squeeze=False)[0], strict=True):
         both = [readings[code] for code in error.codes]
         intervals = [None if reading is None else reading.interval_90.get(error.quantity) for reading in both]

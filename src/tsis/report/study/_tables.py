@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING
 
 from tsis.report._page import Table
 from tsis.report.study._document import limit_intervals
-from tsis.report.study._text import NAMES, counted, ends, labelled, method_of, score_words, share, share_ends, small
+from tsis.report.study._text import (
+    NAMES,
+    counted,
+    ends,
+    fraction_text,
+    interval_text,
+    labelled,
+    method_of,
+    score_text,
+    small,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,8 +38,8 @@ NUMBERS = ("", "value", "95 % interval", "method")
 
 def device_tables(device_analysis: DeviceAnalysis) -> Iterator[Table]:
     """Everything of one device, the most wanted first."""
-    device = device_analysis.judged.device
-    title = f"{device}: at the threshold {device_analysis.judged.threshold:g}, which was fixed beforehand"
+    device = device_analysis.results.device
+    title = f"{device}: at the threshold {device_analysis.results.threshold:g}, which was fixed beforehand"
     yield Table(title=title, headings=NUMBERS, rows=tuple(_at_threshold(device_analysis)))
     if device_analysis.points:
         yield Table(
@@ -72,7 +82,7 @@ def device_tables(device_analysis: DeviceAnalysis) -> Iterator[Table]:
 def _at_threshold(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
     counts = device_analysis.counts
     if counts is not None:
-        yield from _shares(counts)
+        yield from _fractions(counts)
         if counts.present and counts.absent:
             youden = counts.youden
             yield ("Youden's index", f"{youden.value:.3f}", ends(youden.interval()), method_of(youden.interval()))
@@ -87,16 +97,16 @@ def _at_threshold(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
         yield ("area under the curve", "none", device_analysis.missing.get("curve", ""), "")
     yield ("readings", f"{device_analysis.readings}", f"{device_analysis.undecided_readings} of them undecided", "")
     wrong = device_analysis.counts_if_wrong
-    if device_analysis.judged.undecided and wrong is not None:
-        for name, value, interval, method in _shares(wrong):
+    if device_analysis.results.undecided and wrong is not None:
+        for name, value, interval, method in _fractions(wrong):
             yield (f"{name}, undecided as wrong", value, interval, method)
 
 
-def _shares(counts: Counts) -> Iterator[tuple[str, str, str, str]]:
+def _fractions(counts: Counts) -> Iterator[tuple[str, str, str, str]]:
     inside, outside = (counts.sensitivity if counts.present else None), (counts.specificity if counts.absent else None)
-    yield ("sensitivity", share(inside), share_ends(inside), "Wilson" if inside else "")
-    yield ("specificity", share(outside), share_ends(outside), "Wilson" if outside else "")
-    yield ("accuracy", share(counts.accuracy), share_ends(counts.accuracy), "Wilson")
+    yield ("sensitivity", fraction_text(inside), interval_text(inside), "Wilson" if inside else "")
+    yield ("specificity", fraction_text(outside), interval_text(outside), "Wilson" if outside else "")
+    yield ("accuracy", fraction_text(counts.accuracy), interval_text(counts.accuracy), "Wilson")
 
 
 def _points(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
@@ -109,15 +119,15 @@ def _points(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
             if point.threshold == -math.inf
             else f"{point.threshold:.4g}"
         )
-        yield (point.rule, at, _of(inside), share_ends(inside), _of(outside), share_ends(outside))
+        yield (point.rule, at, _of(inside), interval_text(inside), _of(outside), interval_text(outside))
     if device_analysis.held_out is not None:
         inside, outside = device_analysis.held_out.sensitivity, device_analysis.held_out.specificity
         rule = "the first, each chosen without the target that it decides on"
-        yield (rule, "varies", _of(inside), share_ends(inside), _of(outside), share_ends(outside))
+        yield (rule, "varies", _of(inside), interval_text(inside), _of(outside), interval_text(outside))
 
 
 def _unit_of_threshold(device_analysis: DeviceAnalysis) -> str:
-    return "threshold of the logarithm of the Bayes factor" if device_analysis.judged.is_ranked else "threshold"
+    return "threshold of the logarithm of the Bayes factor" if device_analysis.results.is_ranked else "threshold"
 
 
 def _of(rate: Proportion) -> str:
@@ -145,7 +155,9 @@ def _probable(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
 def _errors(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
     for error in device_analysis.errors:
         stored = (
-            "no intervals given" if error.covered is None else f"{share(error.covered)}, {share_ends(error.covered)}"
+            "no intervals given"
+            if error.covered is None
+            else f"{fraction_text(error.covered)}, {interval_text(error.covered)}"
         )
         numbers = (f"{error.bias:+.2f}", ends(error.bias_interval, 2), f"{error.rmse:.2f}", f"{error.largest:.2f}")
         yield (labelled(error.quantity), str(len(error.codes)), *numbers, stored, str(error.not_identified))
@@ -161,7 +173,7 @@ def _strata(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
             where = f"of {low} {unit} and more" if sizes else f"more than {low} {unit}"
         else:
             where = f"{low} to below {high} {unit}" if sizes else f"more than {low}, up to {high} {unit}"
-        yield (f"{name} {where}", share(item.found), share_ends(item.found), str(item.undecided))
+        yield (f"{name} {where}", fraction_text(item.detected), interval_text(item.detected), str(item.undecided))
 
 
 def _agreements(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
@@ -173,20 +185,20 @@ def _agreements(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
             NAMES[agreement.quantity][0],
             agreement.between,
             rests,
-            _told(agreement.correlation, form, ""),
-            _interval_told(agreement.correlation),
-            _told(agreement.coefficient, "", unit),
-            _interval_told(agreement.coefficient),
+            _value_text(agreement.correlation, form, ""),
+            _interval_text(agreement.correlation),
+            _value_text(agreement.coefficient, "", unit),
+            _interval_text(agreement.coefficient),
         )
 
 
-def _told(number: AgreementValue, form: str, unit: str) -> str:
+def _value_text(number: AgreementValue, form: str, unit: str) -> str:
     if number.value is None:
         return "none"
     return " ".join(part for part in (form, f"{number.value:.3g}", unit) if part)
 
 
-def _interval_told(number: AgreementValue) -> str:
+def _interval_text(number: AgreementValue) -> str:
     interval: Interval | None = number.interval
     return number.remark or "-" if interval is None else f"{ends(interval)} ({method_of(interval)})"
 
@@ -226,7 +238,7 @@ def _limits(name: str, bland_altman: BlandAltman) -> list[tuple[str, str, str, s
 
 def targets_table(analysis: StudyAnalysis) -> Table:
     """Every target with what is true and what each device said first."""
-    devices = [device.judged for device in analysis.devices]
+    devices = [device.results for device in analysis.devices]
     rows = []
     for index, (code, truth) in enumerate(analysis.truths.items()):
         lump = truth.phantom.inclusion
@@ -235,16 +247,16 @@ def targets_table(analysis: StudyAnalysis) -> Table:
             if lump is None
             else (f"{lump.diameter_mm:.3g}", f"{lump.depth_mm:.3g}", f"{lump.young_kpa:.3g}")
         )
-        messages = [_said(device, device.targets[index]) for device in devices]
+        messages = [_decision_text(device, device.targets[index]) for device in devices]
         rows.append((code, truth.label, "inclusion" if lump else "blank", *sizes, *messages))
     headings = ("code", "label", "truth", "d / mm", "h / mm", "E / kPa", *(device.device for device in devices))
     return Table(title="Every target", headings=headings, rows=tuple(rows))
 
 
-def _said(device: DeviceResults, target: TargetResult) -> str:
+def _decision_text(device: DeviceResults, target: TargetResult) -> str:
     if target.reading is None:
         return "not read"
     if target.score is None:
         return f"undecided: {target.reading.reason}"
     right = device.calls(target) == target.truth.has_inclusion
-    return f"{score_words(target.score, probability=device.are_probabilities)} {'right' if right else 'WRONG'}"
+    return f"{score_text(target.score, probability=device.are_probabilities)} {'right' if right else 'WRONG'}"

@@ -58,7 +58,7 @@ def method_of(interval: Interval | None) -> str:
     return "" if interval is None else METHODS.get(interval.method, interval.method)
 
 
-def share(proportion: Proportion | None) -> str:
+def fraction_text(proportion: Proportion | None) -> str:
     """So many of so many, in per cent.
 
     Examples
@@ -73,7 +73,7 @@ def share(proportion: Proportion | None) -> str:
     return f"{value:.3g} % ({proportion.successes} of {proportion.trials})"
 
 
-def share_ends(proportion: Proportion | None) -> str:
+def interval_text(proportion: Proportion | None) -> str:
     """Its Wilson interval in per cent."""
     if proportion is None:
         return "-"
@@ -104,7 +104,7 @@ def counted(count: int, what: str) -> str:
     return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
-def score_words(score: float, *, probability: bool) -> str:
+def score_text(score: float, *, probability: bool) -> str:
     """A score; a probability without a claim of certainty.
 
     Examples
@@ -137,10 +137,10 @@ def few_notes(device_analysis: DeviceAnalysis) -> tuple[str, ...]:
     """What to say of a study so small that it says little."""
     if not device_analysis.few:
         return ()
-    inside = sum(target.truth.has_inclusion for target in device_analysis.judged.decided)
-    outside = len(device_analysis.judged.decided) - inside
+    inside = sum(target.truth.has_inclusion for target in device_analysis.results.decided)
+    outside = len(device_analysis.results.decided) - inside
     return (
-        f"{device_analysis.judged.device}: judged on {counted(inside, 'target')} with an inclusion and "
+        f"{device_analysis.results.device}: judged on {counted(inside, 'target')} with an inclusion and "
         f"{outside} without. With "
         f"fewer than {FEW} of a class a study says little: read the intervals, not the values.",
     )
@@ -149,10 +149,10 @@ def few_notes(device_analysis: DeviceAnalysis) -> tuple[str, ...]:
 def undecided_notes(device_analysis: DeviceAnalysis) -> tuple[str, ...]:
     """What was not read or not decided, and what it would change."""
     notes = []
-    results, wrong = device_analysis.judged, device_analysis.counts_if_wrong
+    results, wrong = device_analysis.results, device_analysis.counts_if_wrong
     if results.undecided and wrong is not None:
-        sensitivity = share(wrong.sensitivity) if wrong.present else "none"
-        specificity = share(wrong.specificity) if wrong.absent else "none"
+        sensitivity = fraction_text(wrong.sensitivity) if wrong.present else "none"
+        specificity = fraction_text(wrong.specificity) if wrong.absent else "none"
         area = "" if device_analysis.auc_if_wrong is None else f", area {device_analysis.auc_if_wrong:.3f}"
         notes.append(
             f"{results.device}: {counted(len(results.undecided), 'target')} undecided, left out of the "

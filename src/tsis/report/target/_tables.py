@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
-from tsis.report._calibration import held_rows
+from tsis.report._calibration import content_rows
 from tsis.report._document import sd_text, withheld_reason
 from tsis.report._hardness import hardness_rows
 from tsis.report._inclusion import TITLES
@@ -30,7 +30,7 @@ def target_tables(record: TargetRecord) -> tuple[Table, ...]:
             Table(
                 title=f"Calibration {calibration.name} ({identity[:SHORT]})",
                 headings=("quantity", "value", "95 % interval"),
-                rows=held_rows(calibration, cited=identity),
+                rows=content_rows(calibration, cited=identity),
             )
             for identity, calibration in sorted(record.calibrations.items())
         ),
@@ -105,7 +105,8 @@ def _presses(record: TargetRecord) -> tuple[Table, ...]:
     noted = any(press.name or press.note for press in record.presses)
     headings = ("no.", "taken (UTC)", "role", "force", "mm per pixel", "flags", "frame, SHA-256")
     rows = tuple(
-        _press_row(number, press) + ((_said(press),) if noted else ()) for number, press in enumerate(record.presses, 1)
+        _press_row(number, press) + ((_force_text(press),) if noted else ())
+        for number, press in enumerate(record.presses, 1)
     )
     return (Table(title="Presses", headings=(*headings, "name and note") if noted else headings, rows=rows),)
 
@@ -122,7 +123,7 @@ def _press_row(number: int, press: StoredPress) -> tuple[str, ...]:
     )
 
 
-def _said(press: StoredPress) -> str:
+def _force_text(press: StoredPress) -> str:
     return ": ".join(part for part in (press.name, press.note) if part)
 
 
@@ -137,7 +138,7 @@ def history_tables(record: TargetRecord) -> tuple[Table, ...]:
 
 def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
     estimate = stored.estimate
-    reported = "; ".join(_told(estimate, name) for name in estimate.samples)
+    reported = "; ".join(_value_text(estimate, name) for name in estimate.samples)
     return (
         time_text(stored.made),
         stored.id[:SHORT],
@@ -153,7 +154,7 @@ def _version(environment: Mapping[str, Any]) -> str:
     return str(environment.get("tsis", "not known"))
 
 
-def _told(estimate: Estimate, name: str) -> str:
+def _value_text(estimate: Estimate, name: str) -> str:
     text, unit = parameter_label(name)
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
     mean = withheld_reason(estimate, name) or f"{estimate.mean[name]:.3g} {unit}".strip()

@@ -8,7 +8,7 @@ from datetime import UTC
 from typing import TYPE_CHECKING
 
 from tsis.calibration.guard import GUARD_FLAGS
-from tsis.report._hardness import estimate_sentences
+from tsis.report._hardness import estimate_messages_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,10 +66,10 @@ def count_of(number: int, what: str) -> str:
 
 def roles(presses: Sequence[StoredPress]) -> str:
     """How many presses there are of each role."""
-    from tsis.records import ROLE_WORDS  # loads the libraries of records, which have loaded for a press
+    from tsis.records import ROLE_NAMES  # loads the libraries of records, which have loaded for a press
 
     counts = Counter(press.role for press in presses)
-    return ", ".join(f"{counts[role]} {text}" for role, text in ROLE_WORDS.items() if counts[role])
+    return ", ".join(f"{counts[role]} {text}" for role, text in ROLE_NAMES.items() if counts[role])
 
 
 def newest_first(record: TargetRecord) -> tuple[StoredEstimate, ...]:
@@ -100,7 +100,7 @@ def _estimate_notes(record: TargetRecord) -> tuple[str, ...]:
         return ("Nothing was estimated from these presses yet.",) if record.presses else ("Nothing was recorded yet.",)
     messages = []
     for stored in result:
-        reported = (*estimate_sentences(stored), origin(stored), *_coverage(record, stored))
+        reported = (*estimate_messages_of(stored), origin(stored), *_coverage(record, stored))
         messages += [f"Of the {stored.kind}: {message}" if len(result) > 1 else message for message in reported]
     return tuple(messages)
 

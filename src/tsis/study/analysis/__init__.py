@@ -2,7 +2,7 @@
 
 from tsis.study.analysis._agreement import Agreement, AgreementValue
 from tsis.study.analysis._analysis import DeviceComparison, StudyAnalysis, analyse
-from tsis.study.analysis._device import FEW, DeviceAnalysis, FoundErrors
+from tsis.study.analysis._device import FEW, DeviceAnalysis, SizeErrors
 from tsis.study.analysis._results import DeviceResults, TargetResult
 
 __all__ = [
@@ -12,7 +12,7 @@ __all__ = [
     "DeviceAnalysis",
     "DeviceComparison",
     "DeviceResults",
-    "FoundErrors",
+    "SizeErrors",
     "StudyAnalysis",
     "TargetResult",
     "analyse",

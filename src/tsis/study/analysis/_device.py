@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FoundErrors:
+class SizeErrors:
     """Readings of one quantity and what is true.
 
     Attributes
@@ -84,13 +84,15 @@ class FoundErrors:
         return float(np.abs(self.read - self.true).max())
 
 
-def found_errors(device_results: DeviceResults) -> tuple[FoundErrors, ...]:
+def size_errors(device_results: DeviceResults) -> tuple[SizeErrors, ...]:
     """Errors of every quantity that the device read of inclusions which it found."""
     return tuple(errors for quantity in QUANTITIES if (errors := _of(device_results, quantity)) is not None)
 
 
-def _of(device_results: DeviceResults, quantity: str) -> FoundErrors | None:
-    stored = [(item, item.reading) for item in device_results.found if item.reading and quantity in item.reading.values]
+def _of(device_results: DeviceResults, quantity: str) -> SizeErrors | None:
+    stored = [
+        (item, item.reading) for item in device_results.detected if item.reading and quantity in item.reading.values
+    ]
     if not stored:
         return None
     inside = [
@@ -98,7 +100,7 @@ def _of(device_results: DeviceResults, quantity: str) -> FoundErrors | None:
         for target, reading in stored
         if quantity in reading.interval_90
     ]
-    return FoundErrors(
+    return SizeErrors(
         quantity=quantity,
         codes=tuple(target.code for target, _ in stored),
         read=np.array([reading.values[quantity] for _, reading in stored]),
@@ -109,7 +111,7 @@ def _of(device_results: DeviceResults, quantity: str) -> FoundErrors | None:
 
 
 FEW = 5  # of a class: below, a study says little
-WANTED = 0.9  # sensitivity, and specificity, at which operating points are told
+TARGET_RATE = 0.9  # sensitivity, and specificity, at which operating points are told
 BINS, MANY = 5, 100  # bins of the reliability curve, twice as many from so many targets on
 
 Value = TypeVar("Value")
@@ -121,7 +123,7 @@ class DeviceAnalysis:
 
     Attributes
     ----------
-    judged
+    results
         Its targets.
     readings
         How many it made, and how many of them are undecided.
@@ -151,7 +153,7 @@ class DeviceAnalysis:
         Why something is None, by its name.
     """
 
-    judged: DeviceResults
+    results: DeviceResults
     readings: int
     undecided_readings: int
     counts: Counts | None
@@ -164,7 +166,7 @@ class DeviceAnalysis:
     reliability: ReliabilityCurve | None
     brier_interval: Interval | None
     recalibration: Recalibration | None
-    errors: tuple[FoundErrors, ...]
+    errors: tuple[SizeErrors, ...]
     strata: tuple[Stratum, ...]
     agreements: tuple[Agreement, ...]
     missing: Mapping[str, str] = field(default_factory=dict)
@@ -172,8 +174,8 @@ class DeviceAnalysis:
     @property
     def few(self) -> bool:
         """Whether a class has so few decided targets that the study says little."""
-        present = sum(target.truth.has_inclusion for target in self.judged.decided)
-        return min(present, len(self.judged.decided) - present) < FEW
+        present = sum(target.truth.has_inclusion for target in self.results.decided)
+        return min(present, len(self.results.decided) - present) < FEW
 
 
 def device_analysis(
@@ -196,7 +198,7 @@ def device_analysis(
     inside, outside = int(present.sum()), int((~present).sum())
     curve = None
     if inside and outside:
-        curve = _told("curve", missing, lambda: roc(ranks, present))
+        curve = _or_missing("curve", missing, lambda: roc(ranks, present))
     else:
         missing["curve"] = (
             f"it needs targets of both kinds; {inside} with an inclusion and {outside} without were decided"
@@ -209,33 +211,35 @@ def device_analysis(
         )
     own = [reading for reading in readings if reading.device == device_results.device]
     return DeviceAnalysis(
-        judged=device_results,
+        results=device_results,
         readings=len(own),
         undecided_readings=sum(reading.undecided for reading in own),
         counts=device_results.counts(),
         counts_if_wrong=device_results.counts(undecided_wrong=True),
         curve=curve,
-        auc_interval=None if curve is None else _told("auc_interval", missing, curve.auc_interval),
-        auc_if_wrong=_told("auc_if_wrong", missing, lambda: roc(*device_results.ranks_if_wrong()).auc),
+        auc_interval=None if curve is None else _or_missing("auc_interval", missing, curve.auc_interval),
+        auc_if_wrong=_or_missing("auc_if_wrong", missing, lambda: roc(*device_results.ranks_if_wrong()).auc),
         points=()
         if curve is None
-        else (youden_point(curve), at_sensitivity(curve, WANTED), at_specificity(curve, WANTED)),
-        held_out=_told("held_out", missing, lambda: held_out_counts(ranks, present, youden_point)),
-        reliability=_told("reliability", missing, lambda: reliability_curve(scores, present, bins=bins))
+        else (youden_point(curve), at_sensitivity(curve, TARGET_RATE), at_specificity(curve, TARGET_RATE)),
+        held_out=_or_missing("held_out", missing, lambda: held_out_counts(ranks, present, youden_point)),
+        reliability=_or_missing("reliability", missing, lambda: reliability_curve(scores, present, bins=bins))
         if probable
         else None,
-        brier_interval=_told("brier_interval", missing, lambda: brier_interval(scores, present, rng=rng))
+        brier_interval=_or_missing("brier_interval", missing, lambda: brier_interval(scores, present, rng=rng))
         if probable
         else None,
-        recalibration=_told("recalibration", missing, lambda: recalibration(scores, present)) if probable else None,
-        errors=found_errors(device_results),
+        recalibration=_or_missing("recalibration", missing, lambda: recalibration(scores, present))
+        if probable
+        else None,
+        errors=size_errors(device_results),
         strata=strata(device_results),
         agreements=agreements(device_results, readings),
         missing=missing,
     )
 
 
-def _told(name: str, missing: dict[str, str], of: Callable[[], Value]) -> Value | None:
+def _or_missing(name: str, missing: dict[str, str], of: Callable[[], Value]) -> Value | None:
     try:
         return of()
     except InputError as error:

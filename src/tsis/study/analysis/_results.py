@@ -76,7 +76,7 @@ class DeviceResults:
         return tuple(target for target in self.targets if target.reading is None)
 
     @property
-    def found(self) -> tuple[TargetResult, ...]:
+    def detected(self) -> tuple[TargetResult, ...]:
         """Targets with an inclusion that was found."""
         return tuple(item for item in self.decided if item.truth.has_inclusion and self.calls(item))
 
@@ -165,7 +165,7 @@ class Stratum:
         ``"diameter_mm"`` or ``"depth_mm"``.
     low, high
         Ends, mm; infinite where there is none.
-    found
+    detected
         Found among those that were decided; None where there was none.
     undecided
         How many more were read without an answer.
@@ -174,7 +174,7 @@ class Stratum:
     quantity: str
     low: float
     high: float
-    found: Proportion | None
+    detected: Proportion | None
     undecided: int
 
 
@@ -202,6 +202,6 @@ def _of(device_results: DeviceResults, quantity: str, low: float, high: float) -
         quantity=quantity,
         low=low,
         high=high,
-        found=Proportion(successes=result, trials=len(decided)) if decided else None,
+        detected=Proportion(successes=result, trials=len(decided)) if decided else None,
         undecided=sum(item.reading is not None and item.score is None for item in stored),
     )

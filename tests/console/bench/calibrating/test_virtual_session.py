@@ -52,7 +52,7 @@ def test_the_same_frames_as_the_guide_of_the_terminal(bench: Instrument, tmp_pat
         )
     )
     for step in guided.plan()[:3]:
-        guided.keep(step, virtual.shots(step))
+        guided.save(step, virtual.shots(step))
     assert files(session.folder.path) == files(guided.path)
     assert [name for name, status in statuses(session).items() if status == "done"] == ["dark", "untouched", "flat-1"]
 
@@ -169,5 +169,5 @@ def test_a_calibration_of_the_virtual_bench_is_an_exercise(tmp_path: Path) -> No
     )
     with virtual_bench(tmp_path) as bench:
         with pytest.raises(CalibrationError, match="'exercise' is of the virtual bench, seed 3, an exercise"):
-            bench.use_calibration(UsableCalibration(known=known, identity=calibration_sha256(known)), by=ANN)
+            bench.use_calibration(UsableCalibration(calibration=known, identity=calibration_sha256(known)), by=ANN)
         assert bench.state().calibration == ""

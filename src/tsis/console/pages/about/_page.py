@@ -65,7 +65,7 @@ def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -
         return (("In force", "the virtual probe's own, once it runs"),)
     if cited is None:
         return (("In force", "none; lengths are in pixels, and nothing can be estimated"),)
-    given = cited.known
+    given = cited.calibration
     dates = (
         (("Made", "with the virtual probe; it does not age"),)
         if given.made is None or given.expires is None

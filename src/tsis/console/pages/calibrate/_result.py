@@ -22,7 +22,7 @@ from tsis.console.pages.components import (
     unit_field,
 )
 from tsis.console.services import ENDED, FAILED
-from tsis.report import Table, calibration_page, held_rows
+from tsis.report import Table, calibration_page, content_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,7 +74,7 @@ class CalibrationResultPanel:
             if given is not None:
                 self.identity = given.identity
                 with self._place:
-                    calibration_content(given.known)
+                    calibration_content(given.calibration)
         self._place.set_visibility(bool(self.identity))
 
     async def _show_made(self, made: CalibrationResult) -> None:
@@ -105,7 +105,7 @@ def calibration_content(known: ProbeCalibration) -> None:
     ui.label("It was made before. Make it once more, from the same frames, to see what its fits leave.").classes(
         "muted"
     )
-    table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=held_rows(known)))
+    table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(known)))
 
 
 EXERCISE = (
@@ -199,7 +199,7 @@ class Making:
         assert file is not None  # the button is there with it
         usable_calibration = read_usable_calibration(file)
         self._bench.use_calibration(usable_calibration, by=self._viewer.identity)
-        return usable_calibration.known.name
+        return usable_calibration.calibration.name
 
     async def _download(self) -> None:
         content = await self._viewer.attempt(self._content)

@@ -124,9 +124,9 @@ class FoundPanel:
         await self._viewer.attempt(self._bench.search.begin)
 
     def _show_found(self, findings: CameraListing) -> None:
-        if findings.found:
+        if findings.cameras:
             with ui.element("div").classes("scroll"), rows_under(("Camera", "Source", "About it", "")):
-                for camera in findings.found:
+                for camera in findings.cameras:
                     self._line(camera)
         if findings.missing:
             with ui.expansion(f"{len(findings.missing)} sources could not look").props("dense").classes("missing"):

@@ -93,7 +93,7 @@ class CalibrationPanel:
     def _used(self, content: bytes, name: str) -> str:
         usable_calibration = parse_usable_calibration(content, name)
         self._bench.use_calibration(usable_calibration, by=self._viewer.identity)
-        return usable_calibration.known.name
+        return usable_calibration.calibration.name
 
     async def _forgotten(self) -> None:
         await self._viewer.attempt(self._bench.use_calibration, None, by=self._viewer.identity)
@@ -103,7 +103,7 @@ def calibration_text(known: UsableCalibration | None) -> str:
     """Its identity and dates."""
     if known is None:
         return "Without one presses are kept, but nothing can be estimated from them."
-    created, expires = known.known.made, known.known.expires
+    created, expires = known.calibration.made, known.calibration.expires
     when = "" if created is None else f", made {time_label(created)}"
     until = "" if expires is None else f", expires {time_label(expires)}"
     left = "" if expires is None else f" ({max(0, (expires - datetime.now(UTC)).days)} days left)"

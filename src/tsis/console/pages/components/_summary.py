@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from nicegui import run
 
-from tsis.records import ROLE_WORDS
+from tsis.records import ROLE_NAMES
 from tsis.report.target import time_text
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def time_label(when: datetime) -> str:
 
 def press_label(press: StoredPress) -> str:
     """A press: what was pressed, how hard, when."""
-    return f"{ROLE_WORDS[press.role]}, {force_text(press.force_n)}, {time_label(press.taken)}"
+    return f"{ROLE_NAMES[press.role]}, {force_text(press.force_n)}, {time_label(press.taken)}"
 
 
 FRESH_S = 0.2  # for which a look at the state serves every page

@@ -11,7 +11,7 @@ from nicegui import ui
 from tsis.catalog import load_probe
 from tsis.console.pages.components import FORCE, field_messages, number_text_of_field, typed_number, with_field_labels
 from tsis.errors import InputError
-from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES_EACH
+from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES_PER_PRESS
 from tsis.model import Layer, Led, Probe, require_integer
 from tsis.report import QUICK_DEGREES, DesignQuestion
 
@@ -238,7 +238,9 @@ class QuestionDraft:
                 probe=probe,
                 forces_n=self.forces_n(),
                 with_reference=self.with_reference,
-                frames_each=require_integer("frames", typed_number("frames", self.frames), 1, MOST_FRAMES_EACH),
+                frames_per_press=require_integer(
+                    "frames", typed_number("frames", self.frames), 1, MOST_FRAMES_PER_PRESS
+                ),
                 compared=tuple(aspect for aspect in COMPARED if aspect in self.compared),
                 criterion=self.criterion,
                 traced=self.traced,

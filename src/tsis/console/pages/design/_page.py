@@ -15,14 +15,14 @@ from tsis.console.pages.design._forms import ProbeForm, QuestionForm
 from tsis.console.pages.design._section import Section
 from tsis.console.services import DONE, JobCancelled
 from tsis.errors import InputError
-from tsis.report import answered, compared_designs, design_document, design_page, json_bytes, searched_design
+from tsis.report import answer_question, compared_designs, design_document, design_page, json_bytes, searched_design
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, Job
-    from tsis.report import DesignAnswer, DesignQuestion, Page
+    from tsis.report import DesignAnalysis, DesignQuestion, Page
 
 
 EVERY_S = 0.4  # between two looks at the job
@@ -33,7 +33,7 @@ SCROLL = 'getHtmlElement({}).scrollIntoView({{behavior: "smooth", block: "start"
 class DesignResult:
     """An answer, and its page with its pictures drawn."""
 
-    answer: DesignAnswer
+    answer: DesignAnalysis
     page: Page
     pictures: tuple[str, ...]
 
@@ -49,7 +49,7 @@ def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
         except JobCancelled:
             optimum = None
             job.say("The search was ended; this is what was compared before it.")
-        response = answered(question, result, optimum)
+        response = answer_question(question, result, optimum)
         page = design_page(response)
         return DesignResult(answer=response, page=page, pictures=drawings(page))
 
@@ -137,7 +137,7 @@ class DesignResultPanel:
                 ui.button("Save the answer", on_click=lambda: self._save(told.answer)).props("no-caps flat dense")
             report_parts(told.page, told.pictures)
 
-    def _save(self, answer: DesignAnswer) -> None:
+    def _save(self, answer: DesignAnalysis) -> None:
         ui.download.content(json_bytes(design_document(answer)), "design.json", "application/json")
 
     def _save_probe(self) -> None:

@@ -20,8 +20,8 @@ from tsis.console.pages.components import (
 from tsis.console.pages.examine._press import SavedTarget, saved_target
 from tsis.console.services import FAILED
 from tsis.errors import TsisError
-from tsis.records import ROLE_WORDS
-from tsis.report import estimate_cards, estimate_sentences
+from tsis.records import ROLE_NAMES
+from tsis.report import estimate_cards, estimate_messages_of
 from tsis.report.target import count_of, time_text
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ class EstimatePanel:
 def estimate_parts(stored: StoredEstimate, truth: Mapping[str, float]) -> None:
     """Cards and sentences of an estimate."""
     cards(estimate_cards(stored, truth))
-    message_list(estimate_sentences(stored))
+    message_list(estimate_messages_of(stored))
 
 
 def presses(found: SavedTarget) -> None:
@@ -138,7 +138,7 @@ def presses(found: SavedTarget) -> None:
 def press_cells(press: StoredPress) -> tuple[str, ...]:
     """What the list of presses says of one."""
     return (
-        ROLE_WORDS[press.role],
+        ROLE_NAMES[press.role],
         force_text(press.force_n),
         time_text(press.taken),
         ", ".join(press.flags),

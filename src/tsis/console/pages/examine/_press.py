@@ -22,7 +22,7 @@ from tsis.console.pages.components import (
 from tsis.console.services import MOST_SEQUENCE_FRAMES
 from tsis.files import LARGEST_TARGET
 from tsis.model import require_integer
-from tsis.records import ROLE_WORDS
+from tsis.records import ROLE_NAMES
 from tsis.records.importing import numbered
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def saved_target(store: Store, number: int) -> SavedTarget:
     if target is None:
         return SavedTarget(number=number)
     count = store.press_count(target)
-    record = store.dossier(target, limit=SHOWN, offset=max(0, count - SHOWN))
+    record = store.record(target, limit=SHOWN, offset=max(0, count - SHOWN))
     return SavedTarget(
         number=number,
         target=target,
@@ -117,7 +117,7 @@ class PressPanel:
         """Show the bench's press."""
         self._run.show(state.camera)
         self._target.show(state.target)
-        self._role.show(state.role, {role: ROLE_WORDS[role] for role in state.roles})
+        self._role.show(state.role, {role: ROLE_NAMES[role] for role in state.roles})
         self._force.show(state.force_n)
 
     async def snapshot(self) -> None:
@@ -156,7 +156,7 @@ def snapshot_text(kept: SavedPress) -> str:
     against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
     notes = "".join(f" {note}." for note in kept.notes)
     return (
-        f"Kept for target {kept.target.number}: {ROLE_WORDS[press.role]}, {force_text(press.force_n)}{against}.{notes}"
+        f"Kept for target {kept.target.number}: {ROLE_NAMES[press.role]}, {force_text(press.force_n)}{against}.{notes}"
     )
 
 

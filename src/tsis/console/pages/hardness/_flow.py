@@ -60,7 +60,7 @@ def saved_presses(store: Store, number: int) -> SavedPresses:
     target = numbered(store, number)
     if target is None:
         return SavedPresses(number=number)
-    record = store.dossier(target)
+    record = store.record(target)
     estimate = next((stored for stored in record.in_force if stored.kind == HARDNESS), None)
     return SavedPresses(number=number, dossier=record, presses=newest_presses(record, HARDNESS), estimate=estimate)
 

@@ -179,8 +179,8 @@ class _Measurement:
         given = self._calibration.of(state)
         missing = missing_text(
             state,
-            scaled=given is not None and given.known.scale is not None,
-            responds=given is not None and given.known.response is not None,
+            scaled=given is not None and given.calibration.scale is not None,
+            responds=given is not None and given.calibration.response is not None,
         )
         job = estimate_job(state)
         running = job is not None and job.running

@@ -108,7 +108,9 @@ class ObjectPart:
             return TypedRadius()
         radius = typed_number("radius of the object", radius_text)
         given = self._bench.calibration
-        name = self._bench.desk.choice.probe if given is None or not given.known.probe else given.known.probe
+        name = (
+            self._bench.desk.choice.probe if given is None or not given.calibration.probe else given.calibration.probe
+        )
         with field_messages({"radius_mm": "radius of the object"}):
             require_radius("radius of the object", load_probe(name), radius)
         if not sd_text:

@@ -81,7 +81,7 @@ def read_target(store: Store, number: str, offset: int) -> TargetView:
     offset = min(offset, max(0, (total - 1) // AT_ONCE * AT_ONCE))
     return TargetView(
         target=target,
-        dossier=without_identity(store.dossier(target, limit=0)),
+        dossier=without_identity(store.record(target, limit=0)),
         presses=store.presses(target, limit=AT_ONCE, offset=offset),
         offset=offset,
         total=total,

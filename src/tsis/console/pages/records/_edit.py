@@ -12,7 +12,7 @@ from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.pages.components import FORCE, FactList, field_messages, panel_title, press_label, time_label
 from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
-from tsis.records import DAMAGED, ROLE_WORDS, parse_force, parse_truth
+from tsis.records import DAMAGED, ROLE_NAMES, parse_force, parse_truth
 from tsis.records.store import EDITABLE
 from tsis.report.target import SHORT, measure, parameter_label
 
@@ -229,7 +229,7 @@ class _PressEditing(Editing["StoredPress"]):
         super().__init__(page, press, dialog, leave="Close")
 
     def _lay_out(self) -> None:
-        self._role = ui.select(ROLE_WORDS, label="What was pressed").props("outlined dense")
+        self._role = ui.select(ROLE_NAMES, label="What was pressed").props("outlined dense")
         self._force = ui.input("Force in newtons; empty where nobody knows it").props("outlined dense")
         names = list(dict.fromkeys([*GUARD_FLAGS, *self._record.flags]))
         self._flags = ui.select(

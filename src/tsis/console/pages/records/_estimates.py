@@ -9,7 +9,7 @@ from nicegui import ui
 from tsis.console.pages.components import cards, list_message, message_list, panel_title, table
 from tsis.console.pages.records._context import follow_job
 from tsis.records import ESTIMATES, recompute
-from tsis.report import estimate_sentences, recomputation_notes, shift_table, stored_sentence
+from tsis.report import estimate_messages_of, recomputation_message, recomputation_notes, shift_table
 from tsis.report.target import IDENTITY_NOTE, count_of, history_tables, newest_first, origin, target_cards
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def estimates(seen: TargetView) -> None:
         ui.label(NONE_YET).classes("muted")
     with message_list():
         for stored in result:
-            for message in (*estimate_sentences(stored), origin(stored)):
+            for message in (*estimate_messages_of(stored), origin(stored)):
                 list_message(f"Of the {stored.kind}: {message}" if len(result) > 1 else message)
             if stored.estimate.flags:
                 list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
@@ -134,10 +134,10 @@ def _show_recomputation(page: TargetContext, job: Job) -> None:
     recomputations: tuple[Recomputation, ...] = job.result
     with ui.element("div").classes("told").props('role="status"'):
         for item in recomputations:
-            ui.label(f"{item.before.kind.capitalize()}: {item.sentence}").classes("good" if item.same else "doubtful")
+            ui.label(f"{item.before.kind.capitalize()}: {item.message}").classes("good" if item.same else "doubtful")
             for note in recomputation_notes(item):
                 ui.label(note).classes("muted")
             if not item.same:
                 table(shift_table(item))
-                ui.label(stored_sentence(item))
+                ui.label(recomputation_message(item))
         ui.button("Close", on_click=page.below.clear).props("dense no-caps flat")

@@ -10,7 +10,7 @@ from nicegui import ui
 from tsis.console.pages.components import drawings, figure, force_text, panel_title, press_label, table, time_label
 from tsis.console.pages.records._context import AT_ONCE, TargetView, flags_of
 from tsis.console.pages.records._edit import open_press
-from tsis.records import ROLE_WORDS
+from tsis.records import ROLE_NAMES
 from tsis.report import comparison
 from tsis.report.target import count_of
 
@@ -105,7 +105,7 @@ class Presses:
                 picture.on("error", lambda: _leave_out(frame), args=[])
             with ui.element("figcaption"):
                 with ui.element("div").classes("press-line"):
-                    ui.label(ROLE_WORDS[press.role]).classes("press-role")
+                    ui.label(ROLE_NAMES[press.role]).classes("press-role")
                     ui.label(force_text(press.force_n))
                 ui.label(time_label(press.taken)).classes("muted")
                 for flag in flags:
@@ -179,7 +179,7 @@ async def compare(page: TargetContext, seen: TargetView, *, same_light: bool = F
 def _compared(store: Store, target: Target, chosen: Sequence[str], *, same_light: bool) -> tuple[Page, tuple[str, ...]]:
     """The comparison, and its pictures drawn."""
     presses = [store.press(target, item) for item in chosen]
-    record = replace(store.dossier(target, limit=0), presses=tuple(presses))
+    record = replace(store.record(target, limit=0), presses=tuple(presses))
     names = [press_label(press) for press in presses]
     names = names if len(set(names)) == len(names) else [f"{name} ({at})" for at, name in enumerate(names, 1)]
     item, other = (replace(record.image(press), name=name) for press, name in zip(presses, names, strict=True))

@@ -137,7 +137,7 @@ class CameraRig:
     def one(self, force_n: float) -> CalibrationFrame:
         """The next frame with a typed force, in [-100, 100] N."""
         require_number("force", force_n, -LARGEST_TYPED_N, LARGEST_TYPED_N, hint="newtons")
-        return LiveBench(self._acquisition()).one(force_n)
+        return LiveBench(self._acquisition()).take_frame(force_n)
 
     def _acquisition(self) -> Acquisition:
         return acquisition_of(self._desk, self._terms)

@@ -325,7 +325,7 @@ class CalibrationSession:
             yield shot
 
     def _keep(self, step: CalibrationStep, shots: Iterable[CalibrationFrame]) -> int:
-        saved = self.folder.keep(step, self._then_set_aside(shots))
+        saved = self.folder.save(step, self._then_set_aside(shots))
         self._typed.forget(step.name)
         return saved
 

@@ -143,7 +143,7 @@ class AravisCamera:
             When no camera of this identity answers, or another program holds it.
         """
         self.stop()
-        self._connection = Connection.made(self._library(), self._identity)
+        self._connection = Connection.open(self._library(), self._identity)
         self._identity = self._connection.identity  # opened again, it shall be the same camera
         self._lost = False
 

@@ -103,7 +103,7 @@ class Stream:
         return np.ctypeslib.as_array(lent).view(self._dtype).reshape(self._shape)
 
 
-HOLDER_ADDRESS = 0x0A14  # GigE Vision's register of the network address that controls the camera; 0 where not kept
+CONTROLLER_ADDRESS = 0x0A14  # GigE Vision's register of the network address that controls the camera; 0 where not kept
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -116,7 +116,7 @@ class Connection:
     stream: Stream | None = field(default=None)
 
     @classmethod
-    def made(cls, aravis: Aravis, identity: str | None) -> Self:
+    def open(cls, aravis: Aravis, identity: str | None) -> Self:
         """Hold the camera of that identity or address, or the first that answers.
 
         Raises
@@ -130,7 +130,7 @@ class Connection:
         except CameraError as error:
             raise CameraError(f"{chosen} could not be opened: {error}; check its cable and power") from error
         connection = cls(aravis=aravis, camera=camera, identity=chosen)
-        owner = connection._holder()
+        owner = connection._controller()
         if owner is not None:
             connection.close(wait_s=0.0)
             raise CameraError(f"{connection.identity} is held by {owner}; close it there, then open the camera again")
@@ -149,7 +149,7 @@ class Connection:
             self.aravis.unref(self.stream.handle)  # and its buffers
         self.aravis.unref(self.camera)
 
-    def _holder(self) -> str | None:
+    def _controller(self) -> str | None:
         """Who else controls the camera; of USB cameras the driver has said so before."""
         if not self.aravis.call("camera_is_gv_device", self.camera):
             return None
@@ -158,7 +158,7 @@ class Connection:
             return None
         address = ctypes.c_uint32()
         try:
-            self.aravis.call("device_read_register", device, HOLDER_ADDRESS, ctypes.byref(address))
+            self.aravis.call("device_read_register", device, CONTROLLER_ADDRESS, ctypes.byref(address))
         except CameraError:
             address.value = 0
         given = f" at {ipaddress.ip_address(address.value)}" if address.value else ""

@@ -19,7 +19,7 @@ INT, UINT, U32, U64 = ctypes.c_int, ctypes.c_uint, ctypes.c_uint32, ctypes.c_uin
 SIZE, REAL = ctypes.c_size_t, ctypes.c_double
 
 # By name without "arv_": what is returned, then what is taken.
-PLAIN: dict[str, tuple[Any, ...]] = {
+SIGNATURES: dict[str, tuple[Any, ...]] = {
     "update_device_list": (None,),
     "get_n_devices": (UINT,),
     "get_device_id": (TEXT, UINT),
@@ -132,7 +132,7 @@ class Aravis:
     """
 
     def __init__(self, *parts: ctypes.CDLL) -> None:
-        self._plain = {name: _bound(parts, f"arv_{name}", kinds) for name, kinds in PLAIN.items()}
+        self._plain = {name: _bound(parts, f"arv_{name}", kinds) for name, kinds in SIGNATURES.items()}
         self._fallible = {
             name: _bound(parts, f"arv_{name}", (*kinds, ctypes.POINTER(ctypes.POINTER(_Error))))
             for name, kinds in FALLIBLE.items()

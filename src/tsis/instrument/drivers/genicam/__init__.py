@@ -1,7 +1,14 @@
 """Cameras of any maker through the GenICam standard."""
 
 from tsis.instrument.drivers.genicam._camera import GenICamCamera
-from tsis.instrument.drivers.genicam._link import Grab, buffer_count, cannot_open, maker_library, none_found, reason
+from tsis.instrument.drivers.genicam._link import (
+    Grab,
+    buffer_count,
+    camera_not_found,
+    cannot_open,
+    maker_library,
+    reason,
+)
 from tsis.instrument.drivers.genicam._settings import ChoiceNode, NumberNode, first_number
 
 __all__ = [
@@ -10,9 +17,9 @@ __all__ = [
     "Grab",
     "NumberNode",
     "buffer_count",
+    "camera_not_found",
     "cannot_open",
     "first_number",
     "maker_library",
-    "none_found",
     "reason",
 ]

@@ -119,11 +119,11 @@ def _resize(nodes: Nodes, mode: Mode) -> None:
             nodes.write(offset, position.nearest((position.low + position.high) / 2))
 
 
-_LOOK_S = 0.1  # how long one look for a frame takes at most, so how late a stop or a removal is noticed
+_POLL_S = 0.1  # how long one look for a frame takes at most, so how late a stop or a removal is noticed
 
 # some libraries open a camera twice in one process and let the two holds disturb each other
-_held_here: set[str] = set()
-_holding = threading.Lock()
+_open_identities: set[str] = set()
+_open_identities_lock = threading.Lock()
 
 
 class GenICamCamera:
@@ -151,7 +151,7 @@ class GenICamCamera:
         self._name = f"{source} camera {identity}".rstrip()
         self._source, self._connect, self._clock = source, link, clock
         self._link: Link | None = None
-        self._held = ""
+        self._buffers = ""
         self._running = threading.Event()
         self._lost = False
         self._values: dict[str, float] = {}
@@ -181,15 +181,15 @@ class GenICamCamera:
         self.stop()
         link = self._connect()
         name = f"{self._source} camera {link.identity}"
-        with _holding:
-            free = name not in _held_here
+        with _open_identities_lock:
+            free = name not in _open_identities
             if free:
-                _held_here.add(name)
+                _open_identities.add(name)
         if not free:
             with contextlib.suppress(*link.errors):
                 link.close()
             raise CameraError(f"{name} is busy: this program holds it already; stop() that camera first")
-        self._link, self._name, self._held, self._lost = link, name, name, False
+        self._link, self._name, self._buffers, self._lost = link, name, name, False
 
     def modes(self) -> tuple[Mode, ...]:
         """Each grey format at the present size and at the full one, the present one first."""
@@ -236,7 +236,7 @@ class GenICamCamera:
         count, first_s, own_clock = BlockCount(), None, True
         silent_since_s = self._clock()
         while (link := self._link) is not None and self._running.is_set():
-            grab = self._look(link, silent_since_s)
+            grab = self._check_connection(link, silent_since_s)
             now_s = self._clock()
             if grab is None:
                 continue
@@ -265,7 +265,7 @@ class GenICamCamera:
         self._running.clear()
         with self._looking, self._features:  # nobody is speaking to the camera while it is taken away
             link, self._link = self._link, None
-            stored, self._held = self._held, ""
+            stored, self._buffers = self._buffers, ""
         if link is None:
             return
         try:
@@ -273,17 +273,17 @@ class GenICamCamera:
                 with contextlib.suppress(*link.errors):  # a lost camera cannot be told to stop
                     step()
         finally:
-            with _holding:
-                _held_here.discard(stored)
+            with _open_identities_lock:
+                _open_identities.discard(stored)
 
-    def _look(self, link: Link, silent_since_s: float) -> Grab | None:
+    def _check_connection(self, link: Link, silent_since_s: float) -> Grab | None:
         """One look for a frame; the camera counts as lost when it was removed or silent too long."""
         try:
             with self._looking:
                 if self._link is not link:
                     return None
                 present = link.present
-                grab = link.grab(_LOOK_S) if present else None
+                grab = link.grab(_POLL_S) if present else None
         except link.errors as error:
             if not self._running.is_set():
                 return None
@@ -292,7 +292,7 @@ class GenICamCamera:
             if not present:
                 raise self._loss("it was removed")
             silent_s = self._clock() - silent_since_s
-            if silent_s >= genicam_settings.patience_s(self._values):
+            if silent_s >= genicam_settings.timeout_s(self._values):
                 raise self._loss(f"no frame came for {silent_s:.1f} s")
         return grab
 

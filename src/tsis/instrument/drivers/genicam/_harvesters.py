@@ -14,7 +14,7 @@ from tsis.instrument._discovery import CameraInfo
 from tsis.instrument.drivers._frame_numbers import FULL_SCALE
 from tsis.instrument.drivers.genicam import _producers as genicam_producers
 from tsis.instrument.drivers.genicam._camera import GenICamCamera
-from tsis.instrument.drivers.genicam._link import Grab, buffer_count, cannot_open, none_found
+from tsis.instrument.drivers.genicam._link import Grab, buffer_count, camera_not_found, cannot_open
 from tsis.instrument.drivers.genicam._producers import PATH_VARIABLE, PRODUCERS
 from tsis.instrument.drivers.genicam._settings import ChoiceNode, NumberNode, first_number
 
@@ -187,8 +187,8 @@ def find_cameras_here(producers: Sequence[Path] | None = None) -> tuple[CameraIn
         CameraInfo(
             source="genicam",
             identity=device.id_,
-            maker=_told(device, "vendor"),
-            model=_told(device, "model"),
+            maker=_device_text(device, "vendor"),
+            model=_device_text(device, "model"),
             note=file.name,
         )
         for device, file in _listed(_chosen(producers))
@@ -199,7 +199,7 @@ def _chosen(producers: Sequence[Path] | None) -> Sequence[Path]:
     return genicam_producers.producer_files() if producers is None else producers
 
 
-def _told(device: Any, what: str) -> str:
+def _device_text(device: Any, what: str) -> str:
     """One of the words that a producer may tell of a camera; empty when it does not."""
     untold: tuple[type[Exception], ...] = (AttributeError, *genicam_producers.failures())
     try:
@@ -233,11 +233,11 @@ def _opened(identity: str, producers: Sequence[Path]) -> HarvestersLink:
     others: list[str] = []
     with contextlib.closing(_listed(producers)) as listed:
         for device, file in listed:
-            names = device.id_, _told(device, "serial_number"), _told(device, "user_defined_name")
+            names = device.id_, _device_text(device, "serial_number"), _device_text(device, "user_defined_name")
             if not identity or identity in names:
                 return _link(device, file)
             others.append(device.id_)
-    raise none_found("genicam", identity, others)
+    raise camera_not_found("genicam", identity, others)
 
 
 def _link(device: Any, file: Path) -> HarvestersLink:
@@ -246,7 +246,7 @@ def _link(device: Any, file: Path) -> HarvestersLink:
     core = genicam_producers.harvesters()
     chunks_off = core.ParameterSet({core.ParameterKey.ENABLE_AUTO_CHUNK_DATA_UPDATE: False})
     try:
-        with genicam_producers.interrupts_kept():
+        with genicam_producers.interrupts_preserved():
             return HarvestersLink(harvester.create(device, config=chunks_off), identity, file)
     except Exception as error:  # of any kind: Harvesters unpacks and parses a file that the camera sends
         PRODUCERS.give_back(file)

@@ -121,7 +121,7 @@ def cannot_open(name: str, error: Exception, *, busy: bool) -> CameraError:
     return CameraError(f"{name} {why} (the driver says: {reason(error)})")
 
 
-def none_found(source: str, identity: str, others: list[str]) -> CameraError:
+def camera_not_found(source: str, identity: str, others: list[str]) -> CameraError:
     """The sentence for a camera that did not answer the search."""
     requested = f"no {source} camera is called {identity!r}" if identity else f"no {source} camera was found"
     observed = f"; found: {', '.join(others)}" if others else "; check its cable and power"

@@ -71,7 +71,7 @@ PRODUCERS = Producers()
 
 
 @contextlib.contextmanager
-def interrupts_kept() -> Iterator[None]:
+def interrupts_preserved() -> Iterator[None]:
     """Keep this program's answer to Ctrl-C: Harvesters puts its own in the place when it opens a camera."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -180,7 +180,7 @@ def run_free(nodes: Nodes) -> None:
     set_choice(nodes, "TriggerSelector", selector.value)
 
 
-def patience_s(values: Mapping[str, float]) -> float:
+def timeout_s(values: Mapping[str, float]) -> float:
     """How long a running camera may deliver nothing before it counts as lost: 1 s, or three frames if that is longer.
 
     Examples

@@ -110,7 +110,7 @@ def parse(content: bytes, name: str) -> Any:
     if values > MOST_VALUES:
         raise FileInputError(f"{name} must hold at most {MOST_VALUES} values; got {values}")
     try:
-        return json.loads(content.decode(), object_pairs_hook=_once_each, parse_constant=_refuse_number)
+        return json.loads(content.decode(), object_pairs_hook=_unique_keys, parse_constant=_refuse_number)
     except (ValueError, RecursionError) as error:
         raise FileInputError(f"{name} must be a readable JSON file; got: {str(error)[:200]}") from error
 
@@ -135,7 +135,7 @@ def parse_sealed(content: bytes, name: str) -> dict[str, Any]:
     return result
 
 
-def _once_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) != len(pairs):
         raise ValueError("a name twice in one object")

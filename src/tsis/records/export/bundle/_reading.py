@@ -115,10 +115,10 @@ def read_bundle(path: str | os.PathLike[str]) -> TargetRecord:
         When a file is missing, unknown, too large, changed by a single byte, or holds what no dossier holds; the
         message names the file.
     """
-    return read_place(bundle_source(path))
+    return read_source(bundle_source(path))
 
 
-def read_place(bundle_source: BundleSource) -> TargetRecord:
+def read_source(bundle_source: BundleSource) -> TargetRecord:
     """The same from wherever the files are listed and read: see `read_bundle`."""
     bundle = _Bundle(bundle_source)
     with _naming(TARGET):
@@ -147,7 +147,7 @@ class _Bundle:
     """A place, and what its manifest says of each file."""
 
     def __init__(self, bundle_source: BundleSource) -> None:
-        self.place = bundle_source
+        self.path = bundle_source
         sizes = bundle_source.sizes()
         require_bounded(sizes)
         for name in (MANIFEST, *DOCUMENTS):
@@ -164,7 +164,7 @@ class _Bundle:
     def content(self, name: str) -> bytes:
         """Content of a file, found as the manifest says."""
         sha256, size = self.files[name]
-        content = self.place.read(name, size)
+        content = self.path.read(name, size)
         if len(content) != size or hashlib.sha256(content).hexdigest() != sha256:
             raise FileInputError(f"{name} must be as it was written; its SHA-256 differs from that in the manifest")
         return content
