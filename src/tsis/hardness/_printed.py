@@ -179,7 +179,9 @@ def printed_estimate(
     method: str = "tprl",
     rng: np.random.Generator | None = None,
 ) -> PrintedHardness:
-    """Stress over the mean strain between two presses, (5.5), (5.17) and (5.18); no measurement of a modulus.
+    """Stress over the mean strain between two presses, (5.1); no measurement of a modulus.
+
+    The stress is (5.5), the strain (5.17), and their quotient (5.18).
 
     The force is the gauge's; the source reads it off the sum of grey levels by (5.4), which is the same number where
     that line holds. The area is that of the bright patch. An even background changes nothing; take an uneven one away

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 class RoughContact:
     """Light leaves through the real contact of asperities, which grows with the pressure: ``erf(0.886 p / p_sat)``.
 
+    It is what this software puts in the place of the source's unnamed function in (5.2).
+
     Examples
     --------
     >>> RoughContact().share(np.array([0.0, 1.0, 100.0]), slope=np.zeros(3), saturation_kpa=20.0).round(3).tolist()

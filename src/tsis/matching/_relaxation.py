@@ -1,7 +1,9 @@
-"""Relaxation labelling that preserves topology: neighbours of partners support each other (5.8-5.13, corrected).
+"""Relaxation labelling that preserves topology: neighbours of partners support each other.
 
+The source states the problem as the largest energy (5.6) of (5.7), whose two constraints are printed swapped.
 A pair (i, j) is supported by pairs (a, b) of neighbours a of i and b of j whose places relative to i and j agree:
-``r = alpha * beta * gamma``, alpha for their distances, beta for their directions, gamma for how near a is. Printed
+``r = alpha * beta * gamma`` (5.11), alpha for their distances (5.8), beta for their directions (5.9), gamma for how
+near a is (5.10). Their sum is the support (5.12); the update is (5.13), then rows and columns are normalised. Printed
 with five distance and twelve angle bins, alpha and beta are taken here of the distances and angles themselves, which
 bins only round; beta is printed without the angle's being circular, and all are printed with sums over all points where
 those over neighbours are meant.
@@ -69,7 +71,7 @@ class Neighbourhood:
 
     @property
     def nearness(self) -> NDArray[np.float64]:
-        """Gamma of each neighbour, summing to one over those of a point, shape (n, k)."""
+        """Gamma of each neighbour (5.10), summing to one over those of a point, shape (n, k)."""
         distance = np.exp(self.log_distance)
         gamma = 1 - distance / (FARTHEST * distance.max(axis=1, keepdims=True))
         return np.asarray(gamma / gamma.sum(axis=1, keepdims=True))
@@ -161,7 +163,10 @@ def _supports(
     nearness: NDArray[np.float64],
     same: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
-    """Which entries support each entry, and how much: rows of a sparse matrix over the flattened probabilities."""
+    """Which entries support each entry, and how much: rows of a sparse matrix over the flattened probabilities.
+
+    The weight is the compatibility (5.11): alpha (5.8) times beta (5.9) times gamma (5.10).
+    """
     n, c = candidates.shape
     dimension = source_direction.shape[2]
     start = np.zeros(n * c + 1, dtype=np.int64)
@@ -203,7 +208,10 @@ def _relax(
     columns: int,
     updates: int,
 ) -> None:
-    """Update (5.13) and normalise rows to one and columns to at most one, in place, until nothing changes."""
+    """Sum the support (5.12), update by (5.13) and normalise rows to one and columns to at most one, in place.
+
+    It ends when nothing changes any more.
+    """
     n, c = probability.shape
     flat = probability.reshape(-1)
     support = np.empty(n * c)

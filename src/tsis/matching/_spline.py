@@ -176,7 +176,10 @@ def fit_spline(
     weights: ArrayLike | None = None,
     control: ArrayLike | None = None,
 ) -> ThinPlateSpline:
-    """The thin-plate spline that takes ``points`` near ``targets`` and bends little (5.14-5.16, kernel corrected).
+    """The thin-plate spline that takes ``points`` near ``targets`` and bends little.
+
+    It has the form of the source's (5.15) and keeps the bending energy (5.14) small. Where ``bending`` is 0 it solves
+    (5.16). Kernel and energy are corrected.
 
     Parameters
     ----------

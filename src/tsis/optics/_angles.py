@@ -51,6 +51,8 @@ class Fresnel:
 def refraction_deg(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> NDArray[np.float64]:
     """Angle behind an interface by Snell's law, ``n_1 sin(a_1) = n_2 sin(a_2)``; NaN where all light is reflected.
 
+    The source's (3.60), (3.61), (3.62), (3.63) and (3.64) are this law at the five interfaces.
+
     Parameters
     ----------
     angle_deg
@@ -184,7 +186,7 @@ class Acceptance:
 
 
 def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
-    """Angles of acceptance, ``asin(min(1, sqrt(n_i**2 - n_out**2)))``, of each layer.
+    """Angles of acceptance, ``asin(min(1, sqrt(n_i**2 - n_out**2)))``, of each layer, the source's (3.67).
 
     A ray at the angle a to the plane of the layers keeps ``N = n_i cos(a)``, its effective index, in all layers. It
     stays in the stack when N exceeds the index outside, and passes a layer only when N is below that layer's index.

@@ -83,7 +83,8 @@ class GuidedModes:
     def longitudinal(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
         """Field along the direction of travel, H_z of TE and E_z of TM, a quarter of a period behind the others.
 
-        It is what the source calls h(x) in (3.29)-(3.34), and continuous between layers. Parameters as of `profile`.
+        It is the source's h(x), (3.29), (3.30), (3.31), (3.32), (3.33) and (3.34), whose signs are printed wrong. It is
+        continuous between layers. The printed (3.27) lacks the other part of H, `magnetic`. Parameters as of `profile`.
         """
         return self._field(mode).slope(self._heights(x_um))
 
@@ -120,8 +121,9 @@ def guided_modes(
     """Find all guided modes of a stack, none missed: max(n_below, n_above) < n_eff < max(n).
 
     The modes are counted by the phase of a Sturm-Liouville problem, then each is found to the last digits; see
-    `tsis.optics.slab._phase`. This replaces the source's (3.40)-(3.54), which hold where every layer oscillates, and in
-    which (3.46) must read ``-kappa_2 a_1``.
+    `tsis.optics.slab._phase`. This replaces the source's conditions (3.40), (3.41), (3.42), (3.43) and (3.44) with the
+    phases (3.45), (3.46), (3.47) and (3.48). Those hold where every layer oscillates, and (3.46) must read
+    ``-kappa_2 a_1``.
 
     Parameters
     ----------

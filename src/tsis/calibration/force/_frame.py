@@ -107,7 +107,8 @@ def read_loading_frame(
 def total_grey(image: TactileImage, reference: CameraReference, *, method: str = "threshold") -> float:
     """Sum of grey levels above no contact over the bright patch of a frame, 0 when nothing stands out of the noise.
 
-    It is what `ForceLine.force_n` takes.
+    It is what `ForceLine.force_n` takes: y of the source's (5.4). Where grey level follows pressure as in (5.2), it
+    follows the force, the integral of the pressure (5.3).
 
     Raises
     ------

@@ -117,7 +117,7 @@ def mobility(
     calibration: Calibration | None = None,
     threshold_grey: float | None = None,
 ) -> Mobility:
-    """Follow the centroid of the light through a sequence of frames.
+    """Follow the centroid of the light through a sequence of frames, from one to the next by the source's (6.14).
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Relative depth: the grey level at the centroid of the light, (6.7) to (6.9)."""
+"""Relative size (6.2), relative depth (6.9) and relative hardness (6.10).
+
+Depth is read at the centroid of the light, (6.7) and (6.8).
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 Solutions that decay below and above the stack are carried to a layer where the mode is large, and joined there. Modes
 of wells so weakly coupled that rounding mixes them are joined in different wells and made orthogonal.
+
+The source writes this field region by region as (3.15), (3.16), (3.17), (3.18), (3.19) and (3.20), with the amplitudes
+(3.55), (3.56), (3.57), (3.58) and (3.59). The printed (3.55) must read ``e_1 = e_0 / cos(phi_1)``.
 """
 
 from __future__ import annotations

@@ -11,6 +11,12 @@ multiple of pi is met once: no mode is missed and none found twice.
 
 N**2 is written ``anchor**2 + offset`` with the anchor an index of the stack. So q of that layer or of the surroundings
 keeps all its digits, however near to cut-off the mode is.
+
+For TE the two equations are the source's wave equations (3.9), (3.10), (3.11), (3.12), (3.13) and (3.14), which are
+printed without the second derivative. ``k0**2 q`` is the source's ``kappa**2`` of a layer, (3.22), (3.23), (3.24) and
+(3.25), and ``-k0**2 q`` that of the half-spaces, (3.21) and (3.26). So kappa is (3.50), (3.51), (3.52) and (3.53) where
+q > 0. Where q < 0 in a layer, kappa is imaginary, and the wave decays as outside, (3.49) and (3.54). The printed (3.54)
+has ``k5**2 n5**2`` for ``k0**2 n5**2``.
 """
 
 from __future__ import annotations
@@ -29,7 +35,12 @@ Floats = NDArray[np.float64]
 
 @compiled
 def propagate_layer(u: float, v: float, p: float, q: float, length: float) -> tuple[float, float, int, float]:
-    """Carry (u, v) through a layer: the new pair, the half-turns left out of it, and the log of the factor left out."""
+    """Carry (u, v) through a layer: the new pair, the half-turns left out of it, and the log of the factor left out.
+
+    u and v are continuous at the faces of a layer, the source's (3.35), (3.36), (3.37), (3.38) and (3.39). The source
+    carries the phases (3.45), (3.46), (3.47) and (3.48) instead; (3.46) must read ``-kappa_2 a_1``, not
+    ``-kappa_2 a_2``.
+    """
     if q > 0.0:
         kappa = math.sqrt(q)
         half_turns = int(kappa * length / math.pi)
@@ -76,7 +87,10 @@ def layer_phase(
 
 @compiled
 def phase(step: Floats, weight: Floats, length: Floats, offset: float, core: int) -> tuple[int, float]:
-    """Phase beyond that of the lowest mode: pi times the first number, plus the second."""
+    """Phase beyond that of the lowest mode: pi times the first number, plus the second.
+
+    It is a multiple of pi where the source's (3.40), (3.41), (3.42), (3.43) and (3.44) hold together.
+    """
     below, u_below, v_below = layer_phase(step, weight, length, offset, core, 1)
     above, u_above, v_above = layer_phase(step, weight, length, offset, core, -1)
     kappa, p = math.sqrt(max(step[core] - offset, 0.0)), weight[core]

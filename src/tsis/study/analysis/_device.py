@@ -75,7 +75,7 @@ class SizeErrors:
 
     @property
     def rmse(self) -> float:
-        """Root of the mean square of read less true."""
+        """Root of the mean square of read less true, the source's (6.15)."""
         return float(np.sqrt(np.mean((self.read - self.true) ** 2)))
 
     @property
