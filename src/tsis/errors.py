@@ -113,7 +113,7 @@ class RecordsWarning(TsisWarning):
 
 
 # What people call a package where its import name says something else; Netgen comes with NGSolve.
-PRODUCT_NAMES = {"ngsolve": "NGSolve", "netgen": "NGSolve"}
+PRODUCT_NAMES = {"ngsolve": "NGSolve", "netgen": "NGSolve", "sklearn": "scikit-learn"}
 
 
 def import_extra(name: str, *, feature: str, extra: str) -> Any:

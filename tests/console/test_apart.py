@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from typing import TYPE_CHECKING
@@ -17,6 +19,7 @@ from tsis.model import require_integer, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 pytestmark = pytest.mark.system
 
@@ -51,19 +54,25 @@ def test_a_process_that_was_killed_is_replaced(apart: WorkerProcess) -> None:
     assert apart.ask(os.getpid) != there
 
 
-def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess) -> None:
+def touch_and_sleep(path: Path) -> None:
+    path.touch()
+    time.sleep(3600)
+
+
+def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess, tmp_path: Path) -> None:
+    begun = tmp_path / "begun"
     assert apart.ask(require_integer, "port", 1, 0, 2) == 1
     told: list[BaseException] = []
 
     def wait() -> None:
         try:
-            apart.ask(time.sleep, 3600)
+            apart.ask(touch_and_sleep, begun)
         except ControlError as error:
             told.append(error)
 
     waits = threading.Thread(target=wait)
     waits.start()
-    while apart._done < 2:
+    while not begun.exists():
         threading.Event().wait(0.01)
     apart.close()
     waits.join(HANGS_S)
@@ -77,3 +86,26 @@ def test_what_cannot_be_sent_is_said_at_once(apart: WorkerProcess) -> None:
         apart.ask(lambda: 1)
     with pytest.raises(InputError):
         apart.ask(require_integer, "port", 3, 0, 2)
+
+
+CONSOLE = """
+import os, sys, time
+from tsis.console._worker import WorkerProcess
+
+if __name__ == "__main__":
+    print(WorkerProcess().ask(os.getpid), flush=True)
+    time.sleep(3600)
+"""
+
+
+def test_the_process_ends_with_a_console_that_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "console.py"
+    script.write_text(CONSOLE, encoding="utf-8")
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as console:
+        assert console.stdout is not None
+        there = int(console.stdout.readline())
+        console.kill()
+    with pytest.raises(ProcessLookupError):  # noqa: PT012 - until it has ended
+        while True:
+            os.kill(there, 0)
+            threading.Event().wait(0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from sklearn.calibration import calibration_curve
 from sklearn.metrics import brier_score_loss
 
 from tsis.detection import brier_interval, brier_score, recalibration, reliability_curve
-from tsis.errors import InputError
+from tsis.errors import InputError, MissingExtraError
 
 Study = tuple[np.ndarray, np.ndarray]
 told = st.lists(st.tuples(st.sampled_from(np.linspace(0, 1, 9).tolist()), st.booleans()), min_size=1, max_size=50)
@@ -170,3 +171,9 @@ def test_one_class_alone_still_has_a_score() -> None:
     parts = brier_score([0.9, 0.8], [True, True])
     assert parts.score == pytest.approx(0.025)
     assert parts.uncertainty == 0
+
+
+def test_a_recalibration_names_the_library_that_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn.linear_model", None)
+    with pytest.raises(MissingExtraError, match=r'a recalibration needs scikit-learn, .* "tsis\[classify\]"'):
+        recalibration(*_drawn(1))

@@ -161,22 +161,23 @@ def test_a_table_is_read_from_text_and_bad_ones_are_one_sentence(tmp_path: Path)
     assert (table(6.0, 8.0), table.probability) == (2.5, 0.8)
     for content, said in (
         ("", "must hold data"),
-        ("a,b,c\n1,2,3\n", "must begin with the columns"),
+        ("a,b,c\n1,2,3\n", "headings must hold diameter_mm, depth_mm, reach_mm"),
         (head, "at least one row"),
         (head + "4,4,2\n4,4,3\n", "once"),
         (head + "4,4,2\n8,4,6\n4,12,0\n", "once; got 3 rows"),
         (head + "4,4,2\n8,4,6\n", "two ascending"),
-        (head + "4,4,nan\n", "in line 2"),
-        (head + "4,4\n", "in line 2"),
-        (head + "=cmd|' /C calc'!A0,4,2\n", "in line 2"),
-        (head + '"4', "readable CSV"),
+        (head + "4,4,nan\n", "line 2"),
+        (head + "4,4\n", "line 2"),
+        (head + "4,,4\n", "an empty cell .*line 2"),
+        (head + "=cmd|' /C calc'!A0,4,2\n", "line 2"),
+        (head + '"4', "comma-separated values; line 2"),
         (head + "4,4,-1\n8,4,1\n4,12,0\n8,12,0\n", "lie in"),
     ):
         path.write_text(content)
         with pytest.raises(FileInputError, match=said) as raised:
             read_detection_range(path)
         assert "\n" not in str(raised.value)
-    for bare, said in ((b"\xff\xfe\x00", "readable CSV"), (b"\xef\xbb\xbf", "must begin with the columns")):
+    for bare, said in ((b"\xff\xfe\x00", "table in UTF-8"), (b"\xef\xbb\xbf", "must begin with the headings")):
         path.write_bytes(bare)
         with pytest.raises(FileInputError, match=said):
             read_detection_range(path)

@@ -17,6 +17,7 @@ from tsis.cli._options import (
     calibrated_probe,
     chosen_probe,
     chosen_scale,
+    read_frames,
     reference_forces,
     require_no_file,
     target_forces,
@@ -127,7 +128,7 @@ def examine(
             "force line"
         )
     forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
-    frames = _read(images, forces, scale)
+    frames = read_frames(images, forces, scale)
     untouched = None if reference is None else read_image(reference, mm_per_pixel=scale)
     provenance: dict[str, Any] = {
         "notice": RESEARCH_USE_ONLY,
@@ -148,7 +149,7 @@ def examine(
         reference_force = (
             [None] * len(plain) if by_line else reference_forces(plain_force_n or (), force_n or (), len(plain))
         )
-        reference_frames = _read(plain, reference_force, scale)
+        reference_frames = read_frames(plain, reference_force, scale)
         if keep:
             require_savable([*frames, *reference_frames])
         destination = chosen_destination(keep, store, kind, number)
@@ -169,12 +170,6 @@ def examine(
             options={"prior": asdict(prior)},
         )
         publish_and_save(outcome, out, destination, keepable, as_json=as_json)
-
-
-def _read(
-    paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float] | None
-) -> list[TactileImage]:
-    return [read_image(path, mm_per_pixel=scale, force_n=force) for path, force in zip(paths, forces, strict=True)]
 
 
 def _contacts(

@@ -15,13 +15,21 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
 from tsis.catalog import load_sphere
-from tsis.cli._options import AsJson, calibrated_probe, chosen_probe, chosen_scale, require_no_file, target_forces
+from tsis.cli._options import (
+    AsJson,
+    calibrated_probe,
+    chosen_probe,
+    chosen_scale,
+    read_frames,
+    require_no_file,
+    target_forces,
+)
 from tsis.cli._output import CommandOutcome
 from tsis.cli._progress import progress_bar, waiting
 from tsis.cli._saving import KindOption, SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
 from tsis.errors import InputError
 from tsis.hardness import BLUR_MM, DRIFT_SD, HardnessPrior, build_contact_table, estimate, shore
-from tsis.instrument import png_bytes, read_image
+from tsis.instrument import png_bytes
 from tsis.model import LARGEST_SEED
 from tsis.report import envelope, estimate_document, hardness_notes, hardness_report, hardness_rows
 from tsis.virtual import DirectContactRig
@@ -105,13 +113,13 @@ def hardness(
             "calibration holds neither scale nor force line"
         )
     forces = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
-    raw = _read(paths, forces, scale)
+    raw = read_frames(paths, forces, scale)
     frames, response = known.pressed(raw)
     chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
     balls = ball or []
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
-    raw_balls = _read(balls, ball_force_n or (), scale)
+    raw_balls = read_frames(balls, ball_force_n or (), scale)
     from tsis.records import SavableResult, require_savable  # loads the libraries of records
 
     if keep:
@@ -221,7 +229,3 @@ def _outcome(
         files=files or {},
     )
     return outcome, result
-
-
-def _read(paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float]) -> list[TactileImage]:
-    return [read_image(path, mm_per_pixel=scale, force_n=force) for path, force in zip(paths, forces, strict=True)]

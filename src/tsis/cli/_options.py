@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,14 +11,15 @@ import typer
 
 from tsis.catalog import list_probes, load_probe, parse_probe, probe_variant
 from tsis.errors import InputError, NotCalibratedError
-from tsis.files import one_line, read_parsed
+from tsis.files import one_line, parse_toml, read_parsed
+from tsis.instrument import read_image
 from tsis.model import Glass, Layer, Led, require_one_of, require_pixel_scale
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from tsis.calibration import UsableCalibration
-    from tsis.model import Probe
+    from tsis.model import Probe, TactileImage
 
 
 PhantomName = Annotated[str, typer.Option("--phantom", help="Name in the catalog; tsis simulate --list shows all.")]
@@ -102,7 +102,6 @@ def _one_per_press(option: str, given: Sequence[float], count: int, what: str) -
 ENDING = ".toml"
 LARGEST_FILE_BYTES = 64 * 2**10
 MOST_LAYERS, MOST_LAMPS = 20, 100
-LONGEST_KEY = 16  # parts
 NAME = re.compile(r"\w[\w .,()+-]{0,59}")  # which every table, page and file shows as it is
 KEYS = ("radius_mm", "layers", "face_curvature_mm", "sides", "glass", "leds", "assumed")
 
@@ -168,11 +167,7 @@ def read_probe(file: Path) -> Probe:
 
 
 def _parsed(text: str) -> Probe:
-    _require_short_keys(text)
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number of 5000 digits is no error of TOML's
-        raise InputError(f"a probe must be TOML; got: {one_line(error)}") from error
+    document = parse_toml(text, "a probe")
     entries = {name: value for name, value in document.items() if isinstance(value, dict)}
     if len(document) != 1 or len(entries) != 1:
         got = f"{one_line(', '.join(document)):.80}" if document else "nothing"
@@ -185,15 +180,6 @@ def _parsed(text: str) -> Probe:
     if name in list_probes():
         raise InputError(f"the name {name!r} is that of a probe of the catalog; choose another, as [my-{name}]")
     return parse_probe(name, _checked(entry))
-
-
-def _require_short_keys(text: str) -> None:
-    """Refuse a.b.c.d. ... without end, over which the parser takes the square of its length."""
-    run = 0
-    for part in text.split("."):
-        run = 0 if any(mark in part for mark in "\n=,[]") else run + 1
-        if run > LONGEST_KEY:
-            raise InputError(f"keys must have at most {LONGEST_KEY} parts; got a longer one")
 
 
 def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -227,6 +213,13 @@ def _tables(name: str, value: Any, most: int) -> list[dict[str, Any]]:
     if len(value) > most:
         raise InputError(f"{name} must be at most {most}; got {len(value)}")
     return value
+
+
+def read_frames(
+    paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float] | None
+) -> list[TactileImage]:
+    """Frames of files, each with its force in newtons and all with one scale (x, y) in mm per pixel."""
+    return [read_image(path, mm_per_pixel=scale, force_n=force) for path, force in zip(paths, forces, strict=True)]
 
 
 def numbers(name: str, text: str) -> list[float]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import ctypes
 import gc
 import logging
+import multiprocessing
 import os
 import pickle
-import subprocess
-import sys
 import threading
-import traceback
+from concurrent.futures import CancelledError, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -18,19 +18,19 @@ from tsis.errors import ControlError, TsisError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from typing import BinaryIO
 
 
 MOST = 20  # pieces of work after which the process is replaced, with all the memory that it has gathered
-NICE = 10  # how far it stands back behind the console, where a system knows that
-DONE, REFUSED, FAILED = "done", "refused", "failed"
+NICE = 10  # priority below that of the console, where a system has priorities
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 _log = logging.getLogger(__name__)
 
 
 class WorkerProcess:
-    """A process that does one piece of work after the other, begun with the first; for several threads.
+    """A process that does one piece of work after the other; safe for several threads.
+
+    It starts with the first piece of work.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ class WorkerProcess:
     """
 
     def __init__(self, *, most: int = MOST) -> None:
-        self._most, self._done, self._closed = most, 0, False
-        self._process: subprocess.Popen[bytes] | None = None
+        self._most, self._closed = most, False
+        self._pool: ProcessPoolExecutor | None = None
         self._one_at_a_time = threading.Lock()
 
     def ask(self, work: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs) -> Result:
@@ -57,90 +57,68 @@ class WorkerProcess:
         """
         requested = pickle.dumps((work, given, named))
         with self._one_at_a_time:
-            process = self._ready()
-            self._done += 1
             try:
-                kind, response = _exchanged(process, requested)
-            except (OSError, EOFError, pickle.UnpicklingError) as error:
+                return self._ready().submit(_answer, requested).result()  # type: ignore[no-any-return]
+            except TsisError:
+                raise
+            except (BrokenProcessPool, CancelledError) as error:
                 self._end()
-                if self._closed:
-                    raise ControlError("the console is being ended; nothing can be begun any more") from error
+                self._require_open(error)
                 raise RuntimeError("a process ended before its work was done") from error
-            if self._done >= self._most:
-                self._end()
-        if kind == REFUSED:
-            raise response
-        if kind == FAILED:
-            _log.error("work in a process of its own failed: %s", response)
-            raise RuntimeError("work in a process of its own failed")
-        return response  # type: ignore[no-any-return]
+            except Exception as error:
+                self._require_open(error)  # a pool that is shut down takes no work
+                _log.error("work in a process of its own failed: %s", error.__cause__)
+                raise RuntimeError("work in a process of its own failed") from error
 
     def close(self) -> None:
-        """End the process, whatever it does, and begin none any more."""
+        """End the process, whatever it does, and start none any more."""
         self._closed = True
         self._end()
 
-    def _ready(self) -> subprocess.Popen[bytes]:
-        process = self._process
-        if process is None or process.poll() is not None:
-            self._end()
-            process = self._process = _begun()
-            self._done = 0
-        if self._closed:  # also when it was closed while this one began
-            self._end()
-            raise ControlError("the console is being ended; nothing can be begun any more")
-        return process
+    def _require_open(self, error: BaseException | None = None) -> None:
+        if self._closed:
+            raise ControlError("the console is being ended; nothing can be begun any more") from error
+
+    def _ready(self) -> ProcessPoolExecutor:
+        self._require_open()
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(1, context, initializer=_begin, max_tasks_per_child=self._most)
+        return self._pool
 
     def _end(self) -> None:
-        process, self._process = self._process, None
-        if process is None:
+        pool, self._pool = self._pool, None
+        if pool is None:
             return
-        process.kill()
-        process.wait()
-        for pipe in (process.stdin, process.stdout):
-            with suppress(OSError):  # what was to be written is of no use any more
-                pipe.close()  # type: ignore[union-attr]
+        processes = pool._processes  # Python 3.14 has kill_workers for these lines
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in list(processes.values()):
+            process.kill()
 
 
-def _begun() -> subprocess.Popen[bytes]:
-    """The process; in a session of its own, so that who interrupts the console at a terminal does not interrupt it."""
-    command = [sys.executable, "-P", "-m", __name__]
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
+def _answer(requested: bytes) -> Any:
+    """What comes of a piece of work."""
+    work, given, named = pickle.loads(requested)
+    return work(*given, **named)
 
 
-def _exchanged(process: subprocess.Popen[bytes], requested: bytes) -> Any:
-    assert process.stdin is not None
-    assert process.stdout is not None
-    process.stdin.write(requested)
-    process.stdin.flush()
-    return pickle.load(process.stdout)
+def _begin() -> None:
+    """Prepare the process: it stands behind the console, prints no answers and ends with the console.
 
-
-def _answer(binary_io: BinaryIO) -> bytes:
-    """What comes of the next piece of work; EOFError when nobody asks any more."""
-    work, given, named = pickle.load(binary_io)
-    try:
-        return pickle.dumps((DONE, work(*given, **named)))
-    except TsisError as error:
-        return pickle.dumps((REFUSED, error))
-    except BaseException:
-        return pickle.dumps((FAILED, traceback.format_exc()))
-
-
-def main() -> None:
-    """Do what is asked for on standard input until it is closed."""
+    It has a session of its own, so that who interrupts the console at a terminal does not interrupt it.
+    """
     with suppress(AttributeError, OSError):
+        os.setsid()
         os.nice(NICE)
-    responses = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints is no answer
-    with suppress(EOFError, OSError):  # whoever asked is gone
-        while True:
-            responses.write(_answer(sys.stdin.buffer))
-            responses.flush()
+    os.dup2(2, 1)  # standard output is for the console's own messages
+    threading.Thread(target=_end_with_console, daemon=True).start()
 
 
-if __name__ == "__main__":
-    main()
+def _end_with_console() -> None:
+    console = multiprocessing.parent_process()
+    assert console is not None
+    console.join()
+    os._exit(1)
 
 
 ARENA_MAX = -8  # M_ARENA_MAX of the GNU C library

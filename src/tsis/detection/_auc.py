@@ -12,7 +12,7 @@ from scipy.special import ndtri
 
 from tsis.detection._inputs import LEVEL, Interval, booleans, both_classes, checked_level
 from tsis.errors import InputError
-from tsis.model import require_array, require_integer, require_number
+from tsis.model import freeze_arrays, require_array, require_integer, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -131,10 +131,7 @@ class AucCovariance:
     absent: int
 
     def __post_init__(self) -> None:
-        for name in ("auc", "covariance"):
-            stored = np.array(getattr(self, name), dtype=float)
-            stored.flags.writeable = False
-            object.__setattr__(self, name, stored)
+        freeze_arrays(self, "auc", "covariance", dtype=float)
 
 
 def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:

@@ -12,14 +12,14 @@ from scipy.special import expit, logit, ndtri
 
 from tsis.detection._brier import probabilities_and_truth
 from tsis.detection._inputs import LEVEL, Interval, both_classes, checked_level
-from tsis.errors import InputError
+from tsis.errors import InputError, import_extra
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
 STEPS = 100
-CONVERGED = 1e-12  # of Newton's step, in logits
+TOLERANCE = 1e-10  # of the gradient of the mean likelihood
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,23 +127,12 @@ def _require_overlap(logits: NDArray[Any], truth: NDArray[np.bool_]) -> None:
 
 
 def _line(logits: NDArray[Any], truth: NDArray[np.bool_]) -> tuple[list[float], list[float]]:
-    """Intercept and slope of the largest likelihood with standard errors, by Newton's steps, halved where too long."""
-    design = np.stack([np.ones_like(logits), logits], axis=1)
-    sign = np.where(truth, 1.0, -1.0)
-    at = np.zeros(2)
-    for _ in range(STEPS):
-        slope, curvature = design.T @ (truth - expit(design @ at)), _curvature(design, at)
-        step = np.linalg.solve(curvature, slope)
-        here = np.logaddexp(0.0, -sign * (design @ at)).sum()
-        while (
-            np.logaddexp(0.0, -sign * (design @ (at + step))).sum() > here * (1 + 1e-12)
-            and np.abs(step).max() > CONVERGED
-        ):
-            step = step / 2
-        at = at + step
-        if np.abs(step).max() < CONVERGED * (1 + np.abs(at).max()):
-            break
-    variances = np.diag(np.linalg.inv(_curvature(design, at)))
+    """Intercept and slope of the largest likelihood, with standard errors from its curvature."""
+    linear_model = import_extra("sklearn.linear_model", feature="a recalibration", extra="classify")
+    model = linear_model.LogisticRegression(C=np.inf, solver="newton-cholesky", tol=TOLERANCE, max_iter=STEPS)
+    model.fit(logits[:, None], truth)
+    at = np.array([model.intercept_[0], model.coef_[0, 0]])
+    variances = np.diag(np.linalg.inv(_curvature(np.stack([np.ones_like(logits), logits], axis=1), at)))
     return [float(item) for item in at], [math.sqrt(variance) for variance in variances]
 
 

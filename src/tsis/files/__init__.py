@@ -15,6 +15,7 @@ from tsis.files._atomic import (
     write_durably,
 )
 from tsis.files._cache import DIGEST_BYTES, cache_folder, cached_sha256, content_key, read_cached_arrays, write_cached
+from tsis.files._csv import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows
 from tsis.files._image_checks import LARGEST_PIXELS, fault, pixels_alone, png_fault, rows_missing, size_fault
 from tsis.files._json import SHA256, canonical, digest, digest_of_any, parsed
 from tsis.files._names import LARGEST_TARGET, snapshot_stems, target_folder
@@ -23,6 +24,7 @@ from tsis.files._reading import (
     file_size,
     one_line,
     parse_object,
+    parse_toml,
     printable_name,
     printable_path,
     read_bytes,
@@ -35,12 +37,15 @@ from tsis.files._reading import (
 __all__ = [
     "DIGEST_BYTES",
     "DISK",
+    "FORMULA_STARTS",
+    "LARGEST_CSV_BYTES",
     "LARGEST_PIXELS",
     "LARGEST_TARGET",
     "PRIVATE_FILE",
     "PRIVATE_FOLDER",
     "SHA256",
     "UNFINISHED",
+    "CsvRow",
     "Disk",
     "add_files",
     "arrays_of",
@@ -58,7 +63,9 @@ __all__ = [
     "make_folder_durably",
     "npy_layout",
     "one_line",
+    "parse_csv_rows",
     "parse_object",
+    "parse_toml",
     "parsed",
     "pixels_alone",
     "png_fault",
@@ -66,6 +73,7 @@ __all__ = [
     "printable_path",
     "read_bytes",
     "read_cached_arrays",
+    "read_csv_rows",
     "read_head",
     "read_object",
     "read_parsed",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import stat
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -19,6 +20,7 @@ Parsed = TypeVar("Parsed")
 
 LARGEST_FILE_BYTES = 512 * 2**20
 LARGEST_OBJECT_BYTES = 8 * 2**20
+LONGEST_TOML_KEY = 16  # parts
 MOST_VALUES, DEEPEST = 200_000, 64
 _PLAIN_BYTES = 8 * 2**20  # beyond it JSON must be ASCII, as it is when tsis writes it: else a letter may take 4 bytes
 _LONGEST_SHOWN = 120
@@ -247,3 +249,22 @@ def text_lines(content: bytes, *, most: int) -> Iterator[tuple[int, str]]:
             yield number, line.decode("utf-8-sig" if number == 1 else "utf-8").rstrip("\r\n")
         except UnicodeDecodeError as error:
             raise FileInputError(f"line {number} must be text in UTF-8; it holds other bytes") from error
+
+
+def parse_toml(text: str, called: str) -> dict[str, Any]:
+    """The tables of a TOML text; ``called`` names it in errors.
+
+    Raises
+    ------
+    InputError
+        When it is no TOML, or a key is nested without end, which costs the parser the square of its length.
+    """
+    run = 0
+    for part in text.split("."):
+        run = 0 if any(mark in part for mark in "\n=,[]") else run + 1
+        if run > LONGEST_TOML_KEY:
+            raise InputError(f"{called} must be TOML with keys of at most {LONGEST_TOML_KEY} parts; got a longer one")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of 5000 digits is no error of TOML's
+        raise InputError(f"{called} must be TOML; got: {one_line(error)}") from error

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.compiled import one_blas_thread
@@ -208,7 +208,7 @@ def estimate(
             "tsis": __version__,
             "method": "contact radius and force of a soft sphere on the layered probe at finite strain",
             "probe": asdict(probe),
-            "calibration": _described(calibration),
+            "calibration": calibration.provenance(),
             "prior": asdict(prior),
             "radius": asdict(radius),
             "table": {"key": table.key, "error": table.error.tolist()},
@@ -223,9 +223,3 @@ def estimate(
 @lru_cache(maxsize=8)  # reading it from disk takes as long as an estimate
 def _table(probe: Probe) -> ContactTable:
     return build_contact_table(probe)
-
-
-def _described(calibration: Calibration) -> dict[str, Any]:
-    """A calibration with the hash of its light instead of the map, which would be longer than all else."""
-    light = None if calibration.light is None else calibration.light.sha256
-    return asdict(replace(calibration, light=None)) | {"light": light}

@@ -12,7 +12,7 @@ from skimage.filters import threshold_otsu
 from skimage.measure import find_contours
 
 from tsis.imaging._corrections import require_image
-from tsis.model import require_number, require_one_of
+from tsis.model import freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,10 +50,7 @@ class Patch:
     contour_px: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        for name in ("mask", "contour_px"):
-            values = np.array(getattr(self, name))
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+        freeze_arrays(self, "mask", "contour_px")
 
     @property
     def is_contact(self) -> bool:

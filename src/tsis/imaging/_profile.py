@@ -11,7 +11,7 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.imaging._corrections import require_image, require_same_frame
 from tsis.imaging._pixel_loops import ring_sums
-from tsis.model import require_array, require_pair
+from tsis.model import freeze_arrays, require_array, require_pair
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -45,10 +45,7 @@ class RadialProfile:
     clipped_count: NDArray[np.int64]
 
     def __post_init__(self) -> None:
-        for name in ("edges_mm", "mean_grey", "standard_error_grey", "count", "clipped_count"):
-            values = np.array(getattr(self, name))
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+        freeze_arrays(self, "edges_mm", "mean_grey", "standard_error_grey", "count", "clipped_count")
 
     @property
     def radius_mm(self) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -283,18 +283,12 @@ def _provenance(
         "tsis": __version__,
         "method": "posterior of the radial profile: small strain, one sphere near the axis, contact over the face",
         "probe": asdict(probe),
-        "calibration": _describe_calibration(calibration),
+        "calibration": calibration.provenance(),
         "prior": asdict(prior),
         "surrogate": surrogate_key,
         "images": [_describe(*pair) for pair in zip(targets, digests, strict=False)],
         "reference": [_describe(*pair) for pair in zip(references, digests[len(targets) :], strict=True)],
     }
-
-
-def _describe_calibration(calibration: Calibration) -> dict[str, Any]:
-    """A calibration with the hash of its light instead of the map, which would be longer than all else."""
-    light = None if calibration.light is None else calibration.light.sha256
-    return asdict(replace(calibration, light=None)) | {"light": light}
 
 
 def _describe(image: TactileImage, digest: str) -> dict[str, Any]:

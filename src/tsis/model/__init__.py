@@ -26,6 +26,7 @@ from tsis.model._press import MN_PER_N, PressField, PressMap, interpolation_matr
 from tsis.model._probe import FOUR_LEDS, Glass, Layer, Led, Probe
 from tsis.model._require import (
     LARGEST_SEED,
+    freeze_arrays,
     require_array,
     require_integer,
     require_number,
@@ -62,6 +63,7 @@ __all__ = [
     "SoftSphere",
     "TactileImage",
     "as_images",
+    "freeze_arrays",
     "grey_sha256",
     "interpolation_matrix",
     "label_of",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -235,3 +235,8 @@ class Calibration:
         require_number("grain_mm", self.grain_mm, 0.05, 50.0, hint="millimetres")
         require_number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)
         require_number("shot_noise_grey", self.shot_noise_grey, 0.0, 1e4)
+
+    def provenance(self) -> dict[str, Any]:
+        """Its fields by name, with the hash of the light in place of the map, which is longer than all else."""
+        light = None if self.light is None else self.light.sha256
+        return asdict(replace(self, light=None)) | {"light": light}

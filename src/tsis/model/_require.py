@@ -86,6 +86,14 @@ def require_array(name: str, value: Any, *, ndim: int, dtype: type = float) -> N
     return result
 
 
+def freeze_arrays(value: object, *names: str, dtype: type | None = None) -> None:
+    """Replace the named fields of a frozen value by read-only copies as arrays."""
+    for name in names:
+        array = np.array(getattr(value, name), dtype=dtype)
+        array.flags.writeable = False
+        object.__setattr__(value, name, array)
+
+
 def require_one_of(what: str, name: str, names: Iterable[str]) -> str:
     """Return ``name`` when it is among ``names``, else suggest the nearest."""
     choices = sorted(names)

@@ -5,7 +5,7 @@ from tsis.records._estimation import PRIORS, REFERENCES, EstimationRequest, esti
 from tsis.records._plain import estimate_to_plain, press_to_plain, target_to_plain
 from tsis.records._plain_fields import free_to_plain
 from tsis.records._provenance import environment
-from tsis.records._recompute import Recomputation, recompute
+from tsis.records._recompute import Recomputation, Shift, recompute
 from tsis.records._saving import SavableResult, require_savable, save_results, saved_notes
 from tsis.records._target_record import TargetRecord
 from tsis.records._values import (
@@ -36,6 +36,7 @@ __all__ = [
     "EstimationRequest",
     "Recomputation",
     "SavableResult",
+    "Shift",
     "StoredEstimate",
     "StoredPress",
     "Target",

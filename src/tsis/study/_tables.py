@@ -1,136 +1,32 @@
-"""Rows of a small table of comma-separated values from elsewhere, every cell of them under its heading."""
+"""Tables of true values and of readings that people write: comma-separated values of phantoms and other devices."""
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
-import math
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
 from tsis.catalog import load_phantom
 from tsis.errors import FileInputError, InputError
-from tsis.files import as_path, one_line, printable_name, printable_path, read_bytes
+from tsis.files import (
+    LARGEST_CSV_BYTES,
+    CsvRow,
+    as_path,
+    parse_csv_rows,
+    printable_name,
+    printable_path,
+    read_bytes,
+    read_csv_rows,
+)
 from tsis.model import Inclusion, Phantom, require_number
-from tsis.records.export import RISKY, table_bytes
+from tsis.records.export import table_bytes
 from tsis.study._folder import enter_readings, user
 from tsis.study._values import QUANTITIES, DeviceReading, TargetTruth, require_short_name
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
     from tsis.study._folder import Study
-
-
-LARGEST_BYTES, MOST_ROWS, LONGEST_CELL = 32 * 2**20, 1_000_000, 500
-
-
-class CsvRow:
-    """A row; every error names the file and the line.
-
-    Parameters
-    ----------
-    where
-        File and line.
-    cells
-        Text by heading.
-    """
-
-    def __init__(self, where: str, cells: dict[str, str]) -> None:
-        self.where, self._cells = where, cells
-
-    def text(self, name: str) -> str:
-        """What was entered, without the apostrophe that guards it from spreadsheets."""
-        text = self._cells.get(name, "").strip()
-        guarded = text.startswith("'") and text[1:].lstrip().startswith(RISKY)
-        return text[1:] if guarded else text
-
-    def number(self, name: str) -> float | None:
-        """A finite number; None where the cell is empty."""
-        text = self._cells.get(name, "").strip()
-        if not text:
-            return None
-        try:
-            value = float(text) if text.isascii() and "_" not in text else math.nan
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise self.refused(name, "a finite number with a decimal point, or empty", text)
-        return value
-
-    def refused(self, name: str, requested: str, got: str) -> FileInputError:
-        """What to raise where a cell will not do."""
-        return FileInputError(f"{name} must be {requested}; got {got!r:.60} ({self.where})")
-
-
-def read_csv_rows(path: Path, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[CsvRow]:
-    """Rows of a file of UTF-8 whose first line names its columns, in any order.
-
-    Parameters
-    ----------
-    path
-        The file.
-    needed, optional
-        Columns that it must and may have; it has no others.
-
-    Raises
-    ------
-    FileInputError
-        When it cannot be read as such a table; the sentence names the line.
-    """
-    return parse_csv_rows(read_bytes(path, most=LARGEST_BYTES), printable_path(path), needed, optional)
-
-
-def parse_csv_rows(content: bytes, name: str, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[CsvRow]:
-    """The same from the content of such a file, as somebody uploaded it under a name."""
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content[: error.start].count(b"\n") + 1
-        raise FileInputError(f"{name} must be a table in UTF-8; line {line} holds other bytes") from error
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    headings: list[str] | None = None
-    try:
-        for count, cells in enumerate(reader):
-            where = f"{name}, line {reader.line_num}"
-            if not any(cell.strip() for cell in cells):
-                continue
-            if count > MOST_ROWS or any(len(cell) > LONGEST_CELL for cell in cells):
-                raise FileInputError(
-                    f"{name} must have at most {MOST_ROWS} rows with cells of at most {LONGEST_CELL} letters; line "
-                    f"{reader.line_num} goes beyond"
-                )
-            if headings is None:
-                headings = _headings(cells, where, needed, optional)
-            elif len(cells) != len(headings):
-                raise FileInputError(
-                    f"a row must have {len(headings)} cells, as the headings; got {len(cells)} ({where})"
-                )
-            else:
-                yield CsvRow(where, dict(zip(headings, cells, strict=True)))
-    except csv.Error as error:
-        raise FileInputError(
-            f"{name} must be a table of comma-separated values; line {reader.line_num}: {one_line(error)}"
-        ) from error
-    if headings is None:
-        raise FileInputError(f"{name} must begin with the headings {', '.join(needed)}; it is empty")
-
-
-def _headings(cells: list[str], where: str, needed: Sequence[str], optional: Sequence[str]) -> list[str]:
-    names = [cell.strip() for cell in cells]
-    lost = [name for name in needed if name not in names]
-    if lost:
-        raise FileInputError(f"the headings must hold {', '.join(needed)}; missing: {', '.join(lost)} ({where})")
-    unknown = [name for name in names if name not in (*needed, *optional)]
-    if unknown or len(set(names)) < len(names):
-        wrong = repr(unknown[0])[:60] if unknown else "one of them twice"
-        raise FileInputError(
-            f"the headings must be {', '.join((*needed, *optional))}, each once; got {wrong} ({where})"
-        )
-    return names
 
 
 COLUMNS = ("label", "diameter_mm", "depth_mm", "young_kpa")
@@ -235,7 +131,7 @@ def import_readings(
     position = as_path(path)
     return import_table(
         study,
-        read_bytes(position, most=LARGEST_BYTES),
+        read_bytes(position, most=LARGEST_CSV_BYTES),
         printable_name(position),
         device=device,
         threshold=threshold,

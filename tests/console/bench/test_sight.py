@@ -22,7 +22,6 @@ from tsis.console.services._frame_analysis import (
     exposure_warnings,
     histogram,
     reduced,
-    settling_text,
 )
 from tsis.instrument import Frame
 from tsis.model import TactileImage
@@ -161,5 +160,4 @@ def test_flags_that_are_up_leave_no_contact_where_there_is_none() -> None:
     [("settled", 0.0, "settled"), ("settling", 3.6, "wait 4 s"), ("cannot tell", None, "moving")],
 )
 def test_stillness_in_words(verdict: str, wait_s: float | None, said: str) -> None:
-    assert settling_text(replace(UNKNOWN, verdict=verdict, wait_s=wait_s)) == said
-    assert settling_text(None) == ""
+    assert replace(UNKNOWN, verdict=verdict, wait_s=wait_s).text == said

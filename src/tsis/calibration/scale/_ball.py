@@ -19,7 +19,7 @@ from tsis.calibration.scale._ball_press import (
 )
 from tsis.calibration.scale._value import UNIT, PixelScale, check_field
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.model import require_array, require_number
+from tsis.model import freeze_arrays, require_array, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -117,10 +117,7 @@ class BallDiagnostics:
     darker: bool
 
     def __post_init__(self) -> None:
-        for name in ("centres_px", "radii_px"):
-            values = np.array(getattr(self, name), dtype=float)
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+        freeze_arrays(self, "centres_px", "radii_px", dtype=float)
 
 
 def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = None) -> MeasuredValue:

@@ -27,7 +27,7 @@ from tsis.calibration.scale._spots import Spots, find_spots, in_even_light
 from tsis.calibration.scale._value import PixelScale, check_field
 from tsis.errors import CalibrationError
 from tsis.imaging import require_image, subtract_background
-from tsis.model import require_integer, require_number
+from tsis.model import freeze_arrays, require_integer, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -133,10 +133,7 @@ class DotDiagnostics:
     largest_change: float
 
     def __post_init__(self) -> None:
-        for name in ("centres_px", "cells", "residuals_px", "strays_px"):
-            values = np.array(getattr(self, name), dtype=float)
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+        freeze_arrays(self, "centres_px", "cells", "residuals_px", "strays_px", dtype=float)
 
 
 def scale_from_dots(

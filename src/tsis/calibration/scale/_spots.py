@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from tsis.imaging import NOISE_FACTOR, QUANTISATION, pixel_noise
-from tsis.model import require_integer
+from tsis.model import freeze_arrays, require_integer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,10 +49,7 @@ class Spots:
     bright: bool
 
     def __post_init__(self) -> None:
-        for name in ("places_px", "strength"):
-            values = np.array(getattr(self, name), dtype=float)
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+        freeze_arrays(self, "places_px", "strength", dtype=float)
 
 
 def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:

@@ -66,6 +66,13 @@ class Settling:
         """True when it is known to have settled."""
         return self.verdict == "settled"
 
+    @property
+    def text(self) -> str:
+        """``"settled"``, ``"moving"``, or how long to wait, as ``"wait 4 s"``."""
+        if self.settled:
+            return "settled"
+        return "moving" if self.wait_s is None else f"wait {self.wait_s:.0f} s"
+
 
 UNKNOWN = Settling(verdict="cannot tell", remaining=MeasuredValue(value=0.0, sd=CAPPED), bound=CAPPED, wait_s=None)
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from tsis.calibration import UsableCalibration
     from tsis.calibration.guard import GuardFlag, PressWatch
-    from tsis.calibration.settling import Settling
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.gauge import ForceLog
 
@@ -114,14 +113,6 @@ def _report(say: Callable[..., None], before: frozenset[str], flags: tuple[Guard
 def _line(acquisition: Acquisition, seen: _Observation) -> str:
     account = acquisition.account()
     force = "" if seen.force_n is None else f", {seen.force_n:.2f} N"
-    still = _stillness(seen.state.settling)
+    still = "" if seen.state.settling is None else f", {seen.state.settling.text}"
     names = ", ".join(flag.name for flag in seen.flags) or "nothing speaks against this press"
     return escape(f"{account.frames_per_s:.1f} frames/s, {account.missed} lost{force}{still}: {names}")
-
-
-def _stillness(settling: Settling | None) -> str:
-    if settling is None:
-        return ""
-    if settling.settled:
-        return ", settled"
-    return ", moving" if settling.wait_s is None else f", wait {settling.wait_s:.0f} s"

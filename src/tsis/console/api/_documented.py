@@ -9,6 +9,7 @@ from fastapi.openapi.utils import get_openapi
 from tsis.calibration.file import CALIBRATION_FORMAT, CALIBRATION_VERSION
 from tsis.console.api._models import Problem
 from tsis.console.api._query import CONTROL, NEEDED
+from tsis.console.api._value_schemas import describe_values
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -29,6 +30,7 @@ def description(application: FastAPI) -> dict[str, Any]:
         )
         for operation in operations(schema):
             _require_control(operation)
+        describe_values(schema["components"]["schemas"])
         application.openapi_schema = schema
     return application.openapi_schema
 

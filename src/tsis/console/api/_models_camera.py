@@ -1,4 +1,4 @@
-"""The camera: which one, how it is, its settings."""
+"""The camera and the whole instrument: choice, state, settings, press."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from tsis.catalog import list_phantoms, list_probes, list_spheres
-from tsis.console.api._models import ItemModel, Measured, RequestModel, ResponseModel, Whole
-from tsis.console.services import LONGEST_SPEC, CameraChoice
+from tsis.console.api._models import OwnerItem, RequestModel, ResponseModel, Whole
+from tsis.console.api._value_schemas import CameraInfoItem
+from tsis.console.services import LONGEST_SPEC, MOST_TYPED_N, CameraChoice, CameraState, FrameAnalysis, JobState
+from tsis.files import LARGEST_TARGET
+from tsis.instrument import Setting
+from tsis.virtual import LARGEST_FORCE_N
 
 PROBES, PHANTOMS = tuple(list_probes()), (*list_phantoms(), *list_spheres())
 LARGEST_EXACT = 2**53 - 1  # whole number of JSON: many programs round larger ones
@@ -48,55 +52,11 @@ class CameraChoiceRequest(RequestModel):
     seed: Whole = Field(default=USUAL.seed, ge=0, le=LARGEST_EXACT, description="of the virtual probe's errors")
 
 
-class CameraChoiceItem(ItemModel):
-    """The camera as it was chosen."""
-
-    spec: str
-    mode: str | None
-    probe: str
-    phantom: str
-    diameter_mm: float | None
-    depth_mm: float | None
-    young_kpa: float | None
-    seed: int
-
-
-class SettingItem(ItemModel):
-    """A number that the camera lets one set."""
-
-    name: str = Field(examples=["exposure_ms"])
-    value: Measured
-    low: Measured
-    high: Measured
-    unit: str = Field(description="empty for the driver's own", examples=["ms"])
-
-
-class CameraItem(ItemModel):
-    """How the camera is."""
-
-    choice: CameraChoiceItem
-    name: str = Field(description="empty before it was connected")
-    mode: str
-    modes: list[str]
-    running: bool = Field(description="whether frames are wanted")
-    lost: bool = Field(description="whether they stay away nevertheless; it is being connected anew")
-    failure: str = Field(description="why they stayed away last; empty when they never did")
-    received: int = Field(description="frames that came whole")
-    missed: int = Field(description="frames that the camera numbered and that never came")
-    interruptions: int
-    frames_per_s: Measured = Field(description="of the last two seconds")
-    rows: int = Field(description="of a frame, pixels; 0 before the first")
-    columns: int
-    full_scale: float = Field(description="grey level at which the camera clips; 0 before the first frame")
-    mm_per_pixel: tuple[float, float] | None = Field(description="size (x, y) of a pixel on the face, mm; null unknown")
-    settings: list[SettingItem]
-
-
 class SettingsResponse(ResponseModel):
     """What can be adjusted now; empty while the camera is stopped or away."""
 
     command: Literal["settings"] = "settings"
-    settings: list[SettingItem]
+    settings: tuple[Setting, ...]
 
 
 class SettingsRequest(RequestModel):
@@ -113,64 +73,58 @@ class PresetRequest(RequestModel):
     name: Literal["default", "minimal"] = Field(description="as the camera came, or as low as exposure and gain go")
 
 
-class CameraInfoItem(ItemModel):
-    """A camera that answered the search."""
-
-    spec: str = Field(description="what to choose it by", examples=["aravis:Fake_1"])
-    source: str
-    identity: str
-    maker: str
-    model: str
-    note: str
-
-
 class CamerasResponse(ResponseModel):
     """What the last search found."""
 
     command: Literal["cameras"] = "cameras"
     searched: bool = Field(description="whether a search is over; begin one with POST /v1/cameras/search")
-    found: list[CameraInfoItem]
+    found: tuple[CameraInfoItem, ...]
     missing: dict[str, str] = Field(description="for each source that could not look, why and what to do")
-
-
-class FlagItem(ItemModel):
-    """One thing that speaks against using a press as it is."""
-
-    name: str = Field(examples=["off-centre"])
-    value: Measured
-    limit: Measured
-    advice: str = Field(description="what to do")
-
-
-class ForceItem(ItemModel):
-    """A force and where it is known from."""
-
-    value_n: float = Field(description="newtons")
-    source: str = Field(description="gauge, virtual or typed")
-
-
-class ContactItem(ItemModel):
-    """The contact in a frame, in its pixels."""
-
-    centroid_px: tuple[float, float] = Field(description="(x, y), weighted by the signal")
-    outline_px: list[tuple[float, float]] = Field(description="points (x, y) of its boundary")
-
-
-class FrameAnalysisItem(ItemModel):
-    """What the newest frame that was looked at shows."""
-
-    number: int = Field(description="how many frames had come")
-    flags: list[FlagItem]
-    force: ForceItem | None = Field(description="null where nobody knows it")
-    still: str = Field(description="settled, moving, or how long to wait; empty where nobody can tell")
-    contact: ContactItem | None = Field(description="null when nothing stands out")
-    histogram: list[int] = Field(description="pixels in equal bins of grey levels from 0 to full scale")
-    clipped_share: float = Field(description="of the pixels, at full scale")
-    warnings: list[str] = Field(description="what is wrong with the exposure")
 
 
 class FrameAnalysisResponse(ResponseModel):
     """What the newest frame shows; null while none is looked at."""
 
     command: Literal["sight"] = "sight"
-    sight: FrameAnalysisItem | None
+    sight: FrameAnalysis | None
+
+
+class StateResponse(ResponseModel):
+    """Everything that the pages show."""
+
+    command: Literal["state"] = "state"
+    camera: CameraState
+    target: int = Field(description="number of the target that snapshots go to")
+    role: str = Field(description="what is pressed: target, plain, untouched or ball")
+    roles: list[str] = Field(description="what may be pressed")
+    force_n: float | None = Field(description="newtons, as typed or that of the virtual probe; null where not known")
+    calibration: str = Field(description="name of the one in force; empty without one")
+    calibration_identity: str = Field(description="its SHA-256; empty without one")
+    sight: FrameAnalysis | None = Field(description="what the newest frame shows; null while none is looked at")
+    holder: OwnerItem | None = Field(description="who holds the camera; null when nobody does")
+    sequence: JobState | None = Field(description="the sequence under way or the last one")
+    jobs: tuple[JobState, ...]
+    trouble: list[str] = Field(description="one sentence for each thing to know, the most urgent first")
+    busy: str = Field(description="what is being done now that acts must wait for; empty when nothing is")
+    gauge: str = Field(description="name of the gauge that forces are read from; empty without one")
+
+
+class TargetChoiceRequest(RequestModel):
+    """The target that snapshots go to."""
+
+    number: Whole = Field(ge=1, le=LARGEST_TARGET, examples=[1])
+
+
+class PressRequest(RequestModel):
+    """What is pressed and how hard; what is left out stays as it is."""
+
+    role: Literal["target", "plain", "untouched", "ball"] | None = Field(
+        default=None, description="one of the state's roles; null for the present one"
+    )
+    force_n: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=MOST_TYPED_N,
+        description=f"newtons, at most {LARGEST_FORCE_N:g} for the virtual probe, whose force is always known; "
+        "of other cameras null says that nobody knows it",
+    )

@@ -7,10 +7,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from tsis.calibration.guard import GuardFlag
 from tsis.console.api._models import Identity, ItemModel, Measured, RequestModel, ResponseModel, Whole
-from tsis.console.api._models_camera import CameraInfoItem, FlagItem
-from tsis.console.services import LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES, RESULTS, SHORTEST_SEQUENCE_S
+from tsis.console.api._value_schemas import CameraInfoItem, PressItem, ShiftItem, TargetItem
+from tsis.console.services import LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES, RESULTS, SHORTEST_SEQUENCE_S, JobState
 from tsis.imaging import COLOUR_MAPS
+from tsis.instrument.recording import RecordingReport
 from tsis.records import LONGEST_NAME, LONGEST_NOTE
 
 
@@ -20,28 +22,6 @@ class SnapshotRequest(RequestModel):
     map_name: str = Field(
         default="viridis", max_length=40, description="a colour map", json_schema_extra={"enum": list(COLOUR_MAPS)}
     )
-
-
-class PressItem(ItemModel):
-    """A stored press."""
-
-    id: str
-    role: str
-    taken: datetime
-    frame: str = Field(description="SHA-256 of the stored file")
-    rows: int
-    columns: int
-    full_scale: float = Field(description="grey level at which the camera clips")
-    force_n: float | None = Field(description="newtons; null where nobody measured it")
-    mm_per_pixel: tuple[float, float] | None = Field(description="size (x, y) of a pixel on the face; null unknown")
-    axis_px: tuple[float, float] = Field(description="where the probe's axis meets the image")
-    probe: str
-    calibration: str | None = Field(description="SHA-256 of the calibration in force; null without one")
-    flags: list[str]
-    settings: dict[str, Any] = Field(description="what the camera was set to")
-    name: str
-    note: str
-    version: int
 
 
 class FilesItem(ItemModel):
@@ -59,7 +39,7 @@ class SavedPressResponse(ResponseModel):
     target: int
     press: PressItem
     files: FilesItem
-    flags: list[FlagItem] = Field(description="what speaks against it")
+    flags: tuple[GuardFlag, ...] = Field(description="what speaks against it")
     notes: list[str]
 
 
@@ -86,19 +66,6 @@ class SequenceOfFrames(RequestModel):
 
 
 TrueValue = Annotated[float, Field(ge=-1e9, le=1e9)]
-
-
-class TargetItem(ItemModel):
-    """One place that was pressed."""
-
-    number: int
-    kind: str = Field(description="phantom or subject")
-    name: str = Field(description="of a subject a pseudonym")
-    note: str
-    truth: dict[str, float] = Field(description="true values of a phantom by name with their unit")
-    made: datetime
-    id: str
-    version: int = Field(description="counts its edits from 1")
 
 
 class TargetSummaryItem(ItemModel):
@@ -253,17 +220,6 @@ class RecomputeRequest(RequestModel):
     dry_run: bool = Field(default=False, description="whether to store nothing")
 
 
-class ShiftItem(ItemModel):
-    """How far one parameter moved; `moved` in units of its old standard deviation."""
-
-    name: str
-    before: float
-    after: float
-    interval_before: tuple[float, float]
-    interval_after: tuple[float, float]
-    moved: Measured
-
-
 class RecomputationItem(ItemModel):
     """An estimate made again."""
 
@@ -272,34 +228,11 @@ class RecomputationItem(ItemModel):
     sentence: str = Field(description="what became of the result, and why")
     causes: list[str]
     notes: list[str]
-    shifts: list[ShiftItem]
+    shifts: tuple[ShiftItem, ...]
     flags_gained: list[str]
     flags_lost: list[str]
     before: str = Field(description="identity of the estimate that was made again")
     stored_as: str | None = Field(description="identity of the new one; null when nothing was stored")
-
-
-class JobItem(ItemModel):
-    """How far a job is."""
-
-    identity: str
-    title: str
-    status: str = Field(description="running, done, failed or ended")
-    done: int = Field(description="steps done")
-    total: int = Field(description="steps in all; 0 where nobody can tell")
-    sentence: str = Field(description="why it failed, or what came out")
-
-
-class RecordingItem(ItemModel):
-    """What became of the frames while a sequence was recorded."""
-
-    kept: int
-    missed: int = Field(description="numbered by the camera and never come")
-    overrun: int = Field(description="come and not taken by the disk in time")
-    interruptions: int
-    seconds: float
-    frames_per_s: float
-    ended_by: str = Field(description="why it ended before its time; empty else")
 
 
 class EstimateResult(ItemModel):
@@ -321,14 +254,14 @@ class SequenceResult(ItemModel):
 
     kind: Literal["sequence"] = "sequence"
     folder: str
-    report: RecordingItem
+    report: RecordingReport
 
 
 class SearchResult(ItemModel):
     """The cameras that answered."""
 
     kind: Literal["cameras"] = "cameras"
-    found: list[CameraInfoItem]
+    found: tuple[CameraInfoItem, ...]
     missing: dict[str, str]
 
 
@@ -339,7 +272,7 @@ class JobResponse(ResponseModel):
     """A job."""
 
     command: Literal["job"] = "job"
-    job: JobItem
+    job: JobState
     result: JobResult | None = Field(
         default=None,
         description=f"null before it is done, of jobs that the pages began, and of all but the last {RESULTS} results",
@@ -350,4 +283,4 @@ class JobsResponse(ResponseModel):
     """The jobs of this console, the newest last."""
 
     command: Literal["jobs"] = "jobs"
-    jobs: list[JobItem]
+    jobs: tuple[JobState, ...]

@@ -13,28 +13,24 @@ from tsis.console.api._documented import OF_ACTS, OF_BODIES, OF_CONTROL, OF_JOBS
 from tsis.console.api._models import ControlRequest, ControlResponse, OwnerItem
 from tsis.console.api._models_camera import (
     CameraChoiceRequest,
-    CameraItem,
     CamerasResponse,
-    FlagItem,
-    FrameAnalysisItem,
     FrameAnalysisResponse,
     PresetRequest,
-    SettingItem,
+    PressRequest,
     SettingsRequest,
     SettingsResponse,
+    StateResponse,
+    TargetChoiceRequest,
 )
 from tsis.console.api._models_records import (
     FilesItem,
-    JobItem,
     JobResponse,
     SavedPressResponse,
     SequenceOfFrames,
     SequenceOfSeconds,
     SnapshotRequest,
 )
-from tsis.console.api._models_state import PressRequest, StateResponse, TargetChoiceRequest
 from tsis.console.api._query import Acting, Caller, TheBench
-from tsis.console.api._responses import camera_items, press_item
 from tsis.console.live import display_levels
 from tsis.console.services import CameraChoice, Instrument
 from tsis.errors import CameraError, InputError
@@ -60,8 +56,7 @@ def get_state(bench: TheBench, caller: Caller = None) -> StateResponse:
 @state_router.get("/sight", operation_id="get_sight")
 def get_frame_analysis(bench: TheBench) -> FrameAnalysisResponse:
     """Tell what the newest frame shows: contact, force, stillness, flags, grey histogram and exposure."""
-    analysis = bench.sight
-    return FrameAnalysisResponse(sight=None if analysis is None else FrameAnalysisItem.model_validate(analysis))
+    return FrameAnalysisResponse(sight=bench.sight)
 
 
 def state_answer(bench: Instrument, caller: str | None) -> StateResponse:
@@ -69,17 +64,17 @@ def state_answer(bench: Instrument, caller: str | None) -> StateResponse:
     state = bench.state()
     stored = state.holder
     return StateResponse(
-        camera=CameraItem.model_validate(state.camera),
+        camera=state.camera,
         target=state.target,
         role=state.role,
         roles=list(state.roles),
         force_n=0.0 if state.lifted else state.force_n,
         calibration=state.calibration,
         calibration_identity=state.calibration_identity,
-        sight=None if state.sight is None else FrameAnalysisItem.model_validate(state.sight),
+        sight=state.sight,
         holder=None if stored is None else OwnerItem(name=stored.name, yours=stored.identity == caller),
-        sequence=None if state.sequence is None else JobItem(**asdict(state.sequence)),
-        jobs=[JobItem(**asdict(job)) for job in state.jobs],
+        sequence=state.sequence,
+        jobs=state.jobs,
         trouble=list(state.trouble),
         busy=state.busy,
         gauge=state.gauge,
@@ -137,7 +132,7 @@ def apply_preset(bench: TheBench, given: PresetRequest, by: Acting) -> SettingsR
 
 
 def _settings(bench: Instrument) -> SettingsResponse:
-    return SettingsResponse(settings=[SettingItem.model_validate(setting) for setting in bench.desk.settings()])
+    return SettingsResponse(settings=bench.desk.settings())
 
 
 cameras_router = APIRouter(prefix="/cameras", tags=["camera"])
@@ -148,14 +143,14 @@ def list_cameras(bench: TheBench) -> CamerasResponse:
     """List the cameras that the last search found; the virtual probe is always there."""
     result = bench.search.findings
     if result is None:
-        return CamerasResponse(searched=False, found=[], missing={})
-    return CamerasResponse(searched=True, found=camera_items(result.cameras), missing=dict(result.missing))
+        return CamerasResponse(searched=False, found=(), missing={})
+    return CamerasResponse(searched=True, found=result.cameras, missing=dict(result.missing))
 
 
 @cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)
 def search_cameras(bench: TheBench) -> JobResponse:
     """Ask every source for its cameras, which takes seconds; the job's result tells them."""
-    return JobResponse(job=JobItem.model_validate(bench.search.begin().state()))
+    return JobResponse(job=bench.search.begin().state())
 
 
 control_router = APIRouter(tags=["control"])
@@ -212,9 +207,9 @@ def take_snapshot(
     files = {name: str(path.resolve()) for name, path in asdict(saved.files).items()}
     return SavedPressResponse(
         target=saved.target.number,
-        press=press_item(saved.press),
+        press=saved.press,
         files=FilesItem(**files),
-        flags=[FlagItem.model_validate(flag) for flag in saved.flags],
+        flags=saved.flags,
         notes=list(saved.notes),
     )
 
@@ -223,7 +218,7 @@ def take_snapshot(
 def begin_sequence(bench: TheBench, given: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobResponse:
     """Record every frame until so many have come or so much time has passed."""
     job = bench.begin_sequence(**given.model_dump(), by=by)
-    return JobResponse(job=JobItem.model_validate(job.state()))
+    return JobResponse(job=job.state())
 
 
 @press_router.delete("/sequence", operation_id="end_sequence", responses=OF_ACTS)

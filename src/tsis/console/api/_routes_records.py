@@ -29,7 +29,6 @@ from tsis.console.api._models import AboutResponse, CalibrationItem, Calibration
 from tsis.console.api._models_records import (
     EstimateRequest,
     EstimatesResponse,
-    JobItem,
     JobResponse,
     JobsResponse,
     PressesResponse,
@@ -52,7 +51,7 @@ from tsis.console.api._query import (
     find_press,
     find_target,
 )
-from tsis.console.api._responses import estimate_item, job_result, press_item, target_item
+from tsis.console.api._responses import estimate_item, job_result
 from tsis.errors import InputError
 from tsis.instrument import QUICK_PNG
 from tsis.records import PRIORS, environment, recompute
@@ -72,12 +71,7 @@ def list_targets(bench: TheBench, page: PageOfList) -> TargetsResponse:
     return TargetsResponse(
         total=len(result),
         offset=page.offset,
-        targets=[
-            TargetSummaryItem(
-                target=target_item(item.target), presses=item.presses, estimates=item.estimates, last=item.last
-            )
-            for item in part
-        ],
+        targets=[TargetSummaryItem.model_validate(item) for item in part],
     )
 
 
@@ -85,7 +79,7 @@ def list_targets(bench: TheBench, page: PageOfList) -> TargetsResponse:
 def get_target(bench: TheBench, number: TargetNumber) -> TargetResponse:
     """Tell what is stored of a target."""
     target = find_target(bench, number)
-    return TargetResponse(target=target_item(target), presses=bench.store.press_count(target))
+    return TargetResponse(target=target, presses=bench.store.press_count(target))
 
 
 @targets_router.patch("/{number}", operation_id="edit_target", responses={**OF_RECORDS, **OF_EDITS, **OF_BODIES})
@@ -99,7 +93,7 @@ def edit_target(bench: TheBench, number: TargetNumber, given: TargetRequest) -> 
     if not changes:
         raise InputError("an edit must change something: name, note or truth; got none of them")
     edited = bench.store.edit_target(replace(target, version=given.version), **changes)
-    return TargetResponse(target=target_item(edited), presses=bench.store.press_count(edited))
+    return TargetResponse(target=edited, presses=bench.store.press_count(edited))
 
 
 @targets_router.get("/{number}/presses", operation_id="list_presses", responses=OF_RECORDS)
@@ -110,7 +104,7 @@ def list_presses(bench: TheBench, number: TargetNumber, page: PageOfList) -> Pre
         target=number,
         total=bench.store.press_count(target),
         offset=page.offset,
-        presses=[press_item(press) for press in bench.store.presses(target, limit=page.limit, offset=page.offset)],
+        presses=list(bench.store.presses(target, limit=page.limit, offset=page.offset)),
     )
 
 
@@ -150,7 +144,7 @@ def estimate_target(bench: TheBench, number: TargetNumber, given: Annotated[Esti
     """Estimate a target from its presses and store what was found; the job's result tells it."""
     find_target(bench, number)
     job = bench.estimate(number, kind=given.kind, presses=given.presses, options=_options(given))
-    return JobResponse(job=JobItem.model_validate(job.state()))
+    return JobResponse(job=job.state())
 
 
 @estimates_router.post(
@@ -165,7 +159,7 @@ def recompute_target(
         f"recomputation of target {number}",
         lambda job: recompute(bench.store, target, dry_run=dry_run, progress=job.advance),
     )
-    return JobResponse(job=JobItem.model_validate(job.state()))
+    return JobResponse(job=job.state())
 
 
 @estimates_router.get(
@@ -279,7 +273,7 @@ jobs_router = APIRouter(prefix="/jobs", tags=["jobs"])
 @jobs_router.get("", operation_id="list_jobs")
 def list_jobs(bench: TheBench) -> JobsResponse:
     """List the last jobs of this console, the newest last."""
-    return JobsResponse(jobs=[JobItem.model_validate(state) for state in bench.jobs.states()])
+    return JobsResponse(jobs=bench.jobs.states())
 
 
 @jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
@@ -306,8 +300,7 @@ def _known(bench: Instrument, identity: str) -> Job:
 
 
 def _job_response(bench: Instrument, job: Job) -> JobResponse:
-    state = job.state()
-    return JobResponse(job=JobItem.model_validate(state), result=job_result(job.result, bench.store))
+    return JobResponse(job=job.state(), result=job_result(job.result, bench.store))
 
 
 about_router = APIRouter(tags=["about"])

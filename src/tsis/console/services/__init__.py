@@ -10,7 +10,7 @@ from tsis.console.services._control import (
     Owner,
 )
 from tsis.console.services._estimates import estimate_title, newest_presses
-from tsis.console.services._frame_analysis import FrameAnalysis
+from tsis.console.services._frame_analysis import ContactView, FrameAnalysis, PressForce
 from tsis.console.services._instrument import Instrument
 from tsis.console.services._jobs import DONE, ENDED, FAILED, RESULTS, Job, JobCancelled, Jobs, JobState
 from tsis.console.services._sequences import LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES, SHORTEST_SEQUENCE_S
@@ -36,6 +36,7 @@ __all__ = [
     "SHORTEST_SEQUENCE_S",
     "CameraChoice",
     "CameraState",
+    "ContactView",
     "ControlLock",
     "FrameAnalysis",
     "Instrument",
@@ -46,6 +47,7 @@ __all__ = [
     "JobState",
     "Jobs",
     "Owner",
+    "PressForce",
     "SavedPress",
     "VirtualSubject",
     "estimate_title",

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from tsis.calibration.guard import GuardFlag
 from tsis.imaging import segment
 from tsis.model import TactileImage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.calibration.guard import GuardFlag, PressWatch, WatchState
-    from tsis.calibration.settling import Settling
+    from tsis.calibration.guard import PressWatch, WatchState
     from tsis.instrument import Frame
 
 
@@ -115,7 +115,7 @@ def analyse_frame(
         number=number,
         flags=flags,
         force=force,
-        still=settling_text(after.settling),
+        still="" if after.settling is None else after.settling.text,
         contact=None if any(flag.name == "no-contact" for flag in flags) else contact(frame, untouched),
         histogram=tuple(counts.tolist()),
         clipped_share=clipped,
@@ -175,12 +175,3 @@ def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView 
         centroid_px=full_size(float(weight.sum(axis=0) @ span) / total, float(weight.sum(axis=1) @ down) / total),
         outline_px=tuple(full_size(float(x), float(y)) for x, y in patch.contour_px[::step]),
     )
-
-
-def settling_text(settling: Settling | None) -> str:
-    """Whether the press has settled, in a word or two."""
-    if settling is None:
-        return ""
-    if settling.settled:
-        return "settled"
-    return "moving" if settling.wait_s is None else f"wait {settling.wait_s:.0f} s"

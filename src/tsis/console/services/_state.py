@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.console.services._subject import UNTOUCHED
+from tsis.console.services._subject import UNTOUCHED, CameraChoice
+from tsis.instrument import Setting
 
 if TYPE_CHECKING:
     from tsis.console.services._camera import CameraController
     from tsis.console.services._control import Owner
     from tsis.console.services._frame_analysis import FrameAnalysis
     from tsis.console.services._jobs import JobState
-    from tsis.console.services._subject import CameraChoice
-    from tsis.instrument import Setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,16 +21,30 @@ class CameraState:
 
     Attributes
     ----------
-    choice, name, mode, modes
-        Which, and its modes by their labels; empty while it is stopped.
-    running, lost
-        Whether frames are wanted; whether they stay away nevertheless.
+    choice
+        Which camera was chosen.
+    name
+        Its name; empty while it is stopped.
+    mode, modes
+        Label of its mode, and of all its modes; empty while it is stopped.
+    running
+        Whether the camera streams.
+    lost
+        Whether a running camera sends no frames; the program connects it again.
     failure
-        Why they stayed away last; empty when they never did.
-    received, missed, interruptions, frames_per_s
-        As `tsis.instrument.acquisition.Account`.
-    rows, columns, full_scale
-        Of a frame; 0 before the first.
+        Why the last frames stayed away; empty when none did.
+    received
+        Complete frames.
+    missed
+        Frames that the camera numbered and that did not arrive.
+    interruptions
+        How often the camera was lost.
+    frames_per_s
+        Rate over the last two seconds.
+    rows, columns
+        Size of a frame in pixels; 0 before the first.
+    full_scale
+        Grey level at which the camera clips; 0 before the first frame.
     mm_per_pixel
         Size (x, y) of a pixel on the face; None when nobody knows it.
     settings

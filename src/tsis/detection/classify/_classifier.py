@@ -10,7 +10,7 @@ import numpy as np
 from tsis.detection._inputs import choice
 from tsis.detection._presence import presence
 from tsis.detection.classify._classes import CLASSES, ClassSplit
-from tsis.errors import InputError
+from tsis.errors import InputError, import_extra
 from tsis.inclusion import PARAMETERS
 from tsis.model import LARGEST_EVIDENCE, require_array, require_integer, require_number, require_type
 
@@ -305,6 +305,7 @@ def enough(labels: NDArray[np.int64], split: ClassSplit, least: int) -> None:
 
 
 def _fitted(training: TrainingSet, settings: ClassifierSettings) -> Any:
+    import_extra("sklearn", feature="a classifier", extra="classify")
     from sklearn.calibration import CalibratedClassifierCV
     from sklearn.model_selection import StratifiedKFold
     from sklearn.pipeline import make_pipeline

@@ -16,7 +16,7 @@ from tsis.detection.classify._classifier import (
     enough,
     train_classifier,
 )
-from tsis.errors import InputError
+from tsis.errors import InputError, import_extra
 from tsis.model import require_integer
 
 if TYPE_CHECKING:
@@ -138,6 +138,7 @@ def cross_validate(
     folds = require_integer("folds", folds, 2, 20)
     training = TrainingSet.of(readings, truth, split)
     enough(training.labels, split, -(-settings.folds * folds // (folds - 1)))  # what is left holds one a part
+    import_extra("sklearn", feature="cross-validation", extra="classify")
     from sklearn.model_selection import StratifiedKFold
 
     parts = StratifiedKFold(folds, shuffle=True, random_state=settings.seed)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.detection._inputs import booleans, same_length
-from tsis.errors import FileInputError, InputError
-from tsis.files import as_path, one_line, printable_path, read_bytes
+from tsis.errors import FileInputError, InputError, import_extra
+from tsis.files import as_path, parse_csv_rows, printable_path, read_bytes
 from tsis.model import INCLUSION_RANGES, require_array, require_ascending, require_number
 
 if TYPE_CHECKING:
@@ -122,9 +120,8 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
     if away.min() < 0:
         raise InputError(f"offset_mm must not be negative; got {away.min():g}")
     require_number("probability", probability, 1e-6, 1 - 1e-6)
-    from sklearn.isotonic import IsotonicRegression
-
-    fitted = IsotonicRegression(increasing=False).fit(away, observed.astype(float))
+    isotonic = import_extra("sklearn.isotonic", feature="a range from trials", extra="classify")
+    fitted = isotonic.IsotonicRegression(increasing=False).fit(away, observed.astype(float))
     fraction = fitted.predict(np.sort(away))
     inside = np.sort(away)[fraction >= probability - 1e-12]
     return float(inside[-1]) if len(inside) else 0.0
@@ -146,7 +143,7 @@ def read_detection_range(path: str | os.PathLike[str], *, probability: float = 0
         When it is no such table.
     """
     path = as_path(path)
-    rows = _numbers(read_bytes(path, most=LARGEST_BYTES), printable_path(path))
+    rows = _numbers(path)
     sizes, depths = (np.unique([row[axis] for row in rows]) for axis in (0, 1))
     cells = {(row[0], row[1]): row[2] for row in rows}
     if len(cells) != len(rows) or len(rows) != len(sizes) * len(depths):
@@ -182,23 +179,13 @@ def measured_detection_range(probe: str) -> DetectionRangeTable | None:
     return read_detection_range(by_name[probe]) if probe in by_name else None
 
 
-def _numbers(content: bytes, name: str) -> list[tuple[float, ...]]:
-    try:
-        lines = list(csv.reader(io.StringIO(content.decode("utf-8-sig")), strict=True))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise FileInputError(f"{name} must be a readable CSV file; got: {one_line(error)}") from error
-    headings = lines[0] if lines else []  # a byte-order mark alone is no line
-    if tuple(headings) != COLUMNS:
-        raise FileInputError(f"{name} must begin with the columns {','.join(COLUMNS)}; got {','.join(headings)!r:.80}")
+def _numbers(path: Path) -> list[tuple[float, ...]]:
     rows = []
-    for number, line in enumerate(lines[1:], start=2):
-        try:
-            row = tuple(float(cell) for cell in line)
-        except ValueError:
-            row = ()
-        if len(row) != len(COLUMNS) or not np.isfinite(row).all():
-            raise FileInputError(f"{name} must hold three finite numbers in line {number}; got {','.join(line)!r:.80}")
-        rows.append(row)
+    for row in parse_csv_rows(read_bytes(path, most=LARGEST_BYTES), printable_path(path), COLUMNS):
+        numbers = tuple(number for name in COLUMNS if (number := row.number(name)) is not None)
+        if len(numbers) != len(COLUMNS):
+            raise FileInputError(f"a row must hold three numbers; got an empty cell ({row.where})")
+        rows.append(numbers)
     if not rows:
-        raise FileInputError(f"{name} must hold at least one row of numbers; got none")
+        raise FileInputError(f"{printable_path(path)} must hold at least one row of numbers; got none")
     return rows

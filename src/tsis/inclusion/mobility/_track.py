@@ -20,7 +20,7 @@ from tsis.inclusion.relative import (
     lit_part,
     notes_of,
 )
-from tsis.model import as_images
+from tsis.model import as_images, freeze_arrays
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,10 +98,7 @@ class Mobility:
     flags: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("position_mm", "step_mm"):
-            values = np.array(getattr(self, name))
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+        freeze_arrays(self, "position_mm", "step_mm")
 
     @property
     def notes(self) -> tuple[str, ...]:

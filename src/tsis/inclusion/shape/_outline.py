@@ -11,6 +11,7 @@ from tsis.imaging import NOISE_FACTOR
 from tsis.inclusion._binary import binary_features
 from tsis.inclusion.relative import COMPARED_WITH, change_of_light, equal_light_assumption, notes_of
 from tsis.inclusion.shape._threshold import TwoMeans, two_means
+from tsis.model import freeze_arrays
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,9 +72,7 @@ class ObjectShape:
     flags: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        contour = np.array(self.contour_mm)
-        contour.flags.writeable = False
-        object.__setattr__(self, "contour_mm", contour)
+        freeze_arrays(self, "contour_mm")
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,7 @@ from tsis.instrument._discovery import CameraInfo
 from tsis.instrument._image_files import grey_of_opencv
 from tsis.instrument._quiet import quiet_decoders
 from tsis.instrument.drivers._files import natural_key
-from tsis.instrument.drivers._video import present_mode
+from tsis.instrument.drivers._video import OpenCVCapture
 from tsis.model import require_number, require_one_of
 
 if TYPE_CHECKING:
@@ -84,7 +83,7 @@ _PROPERTIES = {"brightness": cv2.CAP_PROP_BRIGHTNESS, "gain": cv2.CAP_PROP_GAIN,
 _UNSUPPORTED = -1.0  # what OpenCV answers for a property that the driver does not have
 
 
-class OpenCVDevice:
+class OpenCVDevice(OpenCVCapture):
     """A live camera that OpenCV can open.
 
     Colour becomes grey by the Rec. 709 luma, rounded to whole levels. OpenCV tells neither the modes nor the ranges of
@@ -109,21 +108,13 @@ class OpenCVDevice:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._index = int(require_number("index", index, 0, 9999))
+        super().__init__()
         self._open_capture, self._clock = capture, clock
-        self._capture: Any = None
-        self._lock = threading.Lock()  # OpenCV's captures belong to one thread at a time
-        self._running = threading.Event()
-        self._lost = False
 
     @property
     def name(self) -> str:
         """What a person calls it."""
         return f"camera {self._index}"
-
-    @property
-    def lost(self) -> bool:
-        """True when the camera stopped answering while it was running."""
-        return self._lost
 
     def open(self) -> None:
         """Take hold of the camera with a new handle.
@@ -141,10 +132,6 @@ class OpenCVDevice:
                 f"no camera answers at index {self._index}; check its cable and permissions, or try another index"
             )
         self._capture, self._lost = capture, False
-
-    def modes(self) -> tuple[Mode, ...]:
-        """The mode that the camera is in."""
-        return (present_mode(self._opened()),)
 
     def settings(self) -> tuple[Setting, ...]:
         """Brightness, gain and exposure where the driver has them, in the driver's own units."""
@@ -213,19 +200,9 @@ class OpenCVDevice:
             )
             sequence += 1
 
-    def stop(self) -> None:
-        """End the stream and let go of the camera."""
-        self._running.clear()
-        with self._lock:
-            if self._capture is not None:
-                self._capture.release()
-                self._capture = None
-
     def _read(self) -> tuple[bool, Any]:
         with self._lock:
             return (False, None) if self._capture is None else self._capture.read()
 
-    def _opened(self) -> Any:
-        if self._capture is None:
-            raise CameraError(f"{self.name} must be opened first; call open()")
-        return self._capture
+    def _not_opened(self) -> CameraError:
+        return CameraError(f"{self.name} must be opened first; call open()")

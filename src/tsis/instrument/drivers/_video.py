@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 
-from tsis.errors import FileInputError
+from tsis.errors import CameraError, FileInputError
 from tsis.files import LARGEST_PIXELS, printable_path, read_head
 from tsis.instrument._camera import Frame, Mode
 from tsis.instrument._image_files import grey_of_opencv
@@ -16,7 +16,7 @@ from tsis.instrument._quiet import quiet_decoders, quiet_ffmpeg
 from tsis.instrument.drivers._files import StoredFrames
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -31,13 +31,48 @@ def present_mode(capture: Any) -> Mode:
     )
 
 
+class OpenCVCapture:
+    """A capture of OpenCV behind the camera protocol; a subclass opens it and names itself in `_not_opened`."""
+
+    _not_opened: Callable[[], CameraError]
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self._capture: Any = None
+        self._lock = threading.Lock()  # OpenCV's captures belong to one thread at a time
+        self._running = threading.Event()
+        self._lost = False
+
+    @property
+    def lost(self) -> bool:
+        """True when the frames ended before they should: the device stopped answering, or the file is cut short."""
+        return self._lost
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The mode that the device is in, or that the file declares."""
+        return (present_mode(self._opened()),)
+
+    def stop(self) -> None:
+        """End the stream, and let go of the device or file."""
+        self._running.clear()
+        with self._lock:
+            if self._capture is not None:
+                self._capture.release()
+                self._capture = None
+
+    def _opened(self) -> Any:
+        if self._capture is None:
+            raise self._not_opened()
+        return self._capture
+
+
 # containers without an index only estimate their number of frames, from the duration
 _COUNT_TOLERANCE = 0.01
 # what FFmpeg would follow to other files or addresses
 _LISTS = (b"#", b"<", b"ffconcat", b"v=0", b"[")
 
 
-class VideoFile(StoredFrames):
+class VideoFile(OpenCVCapture, StoredFrames):
     """The frames of a video file, decoded one at a time; colour becomes grey by the Rec. 709 luma.
 
     Videos are 8 bits and mostly compressed with loss: good for looking, weak for measuring. A video that ends before
@@ -51,14 +86,6 @@ class VideoFile(StoredFrames):
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         super().__init__(path)
-        self._capture: Any = None
-        self._lock = threading.Lock()  # OpenCV's captures belong to one thread at a time
-        self._lost = False
-
-    @property
-    def lost(self) -> bool:
-        """True when the file ended before its declared number of frames."""
-        return self._lost
 
     def open(self) -> None:
         """Open the file and read its header.
@@ -89,10 +116,6 @@ class VideoFile(StoredFrames):
             )
         self._capture, self._lost = capture, False
 
-    def modes(self) -> tuple[Mode, ...]:
-        """The one mode: size and rate as the file declares them."""
-        return (present_mode(self._opened()),)
-
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order, with their times in the video.
 
@@ -122,19 +145,6 @@ class VideoFile(StoredFrames):
             )
         if stored is not None:
             yield stored
-
-    def stop(self) -> None:
-        """End the stream and close the file."""
-        self._running.clear()
-        with self._lock:
-            if self._capture is not None:
-                self._capture.release()
-                self._capture = None
-
-    def _opened(self) -> Any:
-        if self._capture is None:
-            raise self._not_opened()
-        return self._capture
 
     def _next(self, sequence: int) -> Frame | None:
         pixels: NDArray[Any] | None

@@ -10,6 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.files import FORMULA_STARTS
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
 from tsis.records._plain_fields import free_to_plain
 from tsis.records.export._whole import export_folder, frame_png
@@ -155,7 +156,6 @@ def _float(value: float | None) -> float | None:
 
 
 FORMAT, VERSION = "tsis-csv", 1
-RISKY = ("=", "+", "-", "@", "\t", "\r", "＝", "＋", "－", "＠", "'")
 
 README = f"""Target {{number}}, written by tsis {__version__}
 
@@ -194,7 +194,7 @@ def cell(value: Any) -> str:
     if isinstance(value, (int, float)):
         return repr(value)
     text = str(value)
-    return f"'{text}" if text.startswith(RISKY) or text.lstrip().startswith(RISKY) else text
+    return f"'{text}" if text.startswith(FORMULA_STARTS) or text.lstrip().startswith(FORMULA_STARTS) else text
 
 
 def table_bytes(rows: Sequence[Sequence[Any]]) -> bytes:

@@ -44,6 +44,17 @@ TOTAL = "total"  # name of the form that holds the number of sheets
 FOOT, FOOT_SIZE = 12.0 * 72 / 25.4, 7.0
 LONGEST_NAME = 200  # letters of a heading in bookmarks and of the title in a reader's title bar
 AFTER_HEADING = 60.0  # points that must be left below a heading
+NOTICE = SUBTITLE.clone(
+    "notice",
+    fontName=BOLD,
+    fontSize=9,
+    leading=12,
+    alignment=1,
+    textColor="white",
+    backColor=WARM,
+    borderPadding=3,
+    spaceAfter=10,
+)
 _LAYOUT_LOCK = threading.Lock()  # fonts are one for the process, and reportlab reads their files while it writes
 
 
@@ -73,7 +84,11 @@ def pdf(page: Page) -> bytes:
 
 
 def _story(page: Page) -> list[Any]:
-    story: list[Any] = [_Notice(), *paragraphs(page.title, TITLE), *paragraphs(page.subtitle, SUBTITLE)]
+    story: list[Any] = [
+        Paragraph(RESEARCH_USE_ONLY, NOTICE),
+        *paragraphs(page.title, TITLE),
+        *paragraphs(page.subtitle, SUBTITLE),
+    ]
     story += paper_parts.cards(page.cards)
     if page.notes:
         notes = [part for note in page.notes for part in paragraphs(note, NOTE, bulletText="•")]
@@ -104,27 +119,6 @@ def _headings(title: str) -> list[Any]:
 
 def _single_line(text: str) -> str:
     return drawable_text(" ".join(text[: 2 * LONGEST_NAME].split()))[:LONGEST_NAME]
-
-
-class _Notice(Paragraph):  # type: ignore[misc]  # reportlab has no types
-    """The notice as a band over the first sheet."""
-
-    def __init__(self) -> None:
-        super().__init__(RESEARCH_USE_ONLY, _notice_style())
-
-
-def _notice_style() -> Any:
-    return SUBTITLE.clone(
-        "notice",
-        fontName=BOLD,
-        fontSize=9,
-        leading=12,
-        alignment=1,
-        textColor="white",
-        backColor=WARM,
-        borderPadding=3,
-        spaceAfter=10,
-    )
 
 
 class _Sheets(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no types

@@ -5,23 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from tsis.detection import Interval, Proportion
 from tsis.errors import InputError
 from tsis.report._document import envelope
 
 if TYPE_CHECKING:
-    from tsis.detection import (
-        BlandAltman,
-        Counts,
-        Interval,
-        OperatingPoint,
-        Proportion,
-        Recalibration,
-        ReliabilityCurve,
-    )
+    from tsis.detection import BlandAltman, Counts, OperatingPoint, Recalibration, ReliabilityCurve
     from tsis.study import StudyVerification
     from tsis.study.analysis import (
         Agreement,
-        AgreementValue,
         DeviceAnalysis,
         DeviceComparison,
         SizeErrors,
@@ -43,11 +35,7 @@ def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
             "made": plan.made.isoformat(),
             "targets": len(plan.codes),
             "present": sum(truth.has_inclusion for truth in analysis.truths.values()),
-            "probe": plan.probe,
-            "forces_n": list(plan.forces_n),
-            "with_reference": plan.with_reference,
-            "repeats": plan.repeats,
-            "threshold": plan.threshold,
+            **_fields(plan, "probe", "forces_n", "with_reference", "repeats", "threshold"),
         },
         verification=study_verification_document(analysis.verification),
         devices=[_device(device) for device in analysis.devices],
@@ -66,12 +54,11 @@ def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
 
 def study_verification_document(study_verification: StudyVerification) -> dict[str, Any]:
     """Whether a study is as it was written."""
+    faults = [str(fault) for fault in study_verification.faults]
     return {
         "sound": study_verification.sound,
-        "faults": [str(fault) for fault in study_verification.faults],
-        "head": study_verification.head,
-        "lines": study_verification.lines,
-        "unblinded": study_verification.unblinded,
+        "faults": faults,
+        **_fields(study_verification, "head", "lines", "unblinded"),
     }
 
 
@@ -80,8 +67,7 @@ def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
     return {
         "device": results.device,
         "threshold": results.threshold,
-        "readings": device_analysis.readings,
-        "undecided_readings": device_analysis.undecided_readings,
+        **_fields(device_analysis, "readings", "undecided_readings"),
         "decided_targets": len(results.decided),
         "undecided_targets": [target.code for target in results.undecided],
         "unread_targets": [target.code for target in results.unread],
@@ -89,7 +75,7 @@ def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
         "counts_if_undecided_are_wrong": _counts(device_analysis.counts_if_wrong),
         "ranked_by": "log_bayes_factor" if results.is_ranked else "score",
         "auc": None if device_analysis.curve is None else device_analysis.curve.auc,
-        "auc_interval": interval_document(device_analysis.auc_interval),
+        **_fields(device_analysis, "auc_interval"),
         "auc_if_undecided_are_wrong": device_analysis.auc_if_wrong,
         "roc": None
         if device_analysis.curve is None
@@ -103,24 +89,33 @@ def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
         "operating_points_optimistic": [_point(point) for point in device_analysis.points],
         "held_out_counts": _counts(device_analysis.held_out),
         "reliability": None if device_analysis.reliability is None else _reliability(device_analysis.reliability),
-        "brier_interval": interval_document(device_analysis.brier_interval),
+        **_fields(device_analysis, "brier_interval"),
         "recalibration": None
         if device_analysis.recalibration is None
         else _recalibration(device_analysis.recalibration),
         "errors": [_errors(error) for error in device_analysis.errors],
-        "found_by": [
-            {
-                "quantity": item.quantity,
-                "low": item.low,
-                "high": None if math.isinf(item.high) else item.high,
-                "found": proportion_document(item.detected),
-                "undecided": item.undecided,
-            }
-            for item in device_analysis.strata
-        ],
+        "found_by": [_fields(item, "quantity", "low", "high", "found", "undecided") for item in device_analysis.strata],
         "agreement": [_agreement(agreement) for agreement in device_analysis.agreements],
         "missing": dict(device_analysis.missing),
     }
+
+
+def _fields(value: object, *names: str) -> dict[str, Any]:
+    """The named fields as plain values; a number that is not finite is null."""
+    return {name: _plain(getattr(value, name)) for name in names}
+
+
+def _plain(value: Any) -> Any:
+    match value:
+        case Interval():
+            return interval_document(value)
+        case Proportion():
+            return proportion_document(value)
+        case tuple():
+            return [_plain(item) for item in value]
+        case float() if not math.isfinite(value):
+            return None
+    return value
 
 
 def interval_document(interval: Interval | None) -> dict[str, Any] | None:
@@ -143,38 +138,23 @@ def _counts(counts: Counts | None) -> dict[str, Any] | None:
     if counts is None:
         return None
     return {
-        "true_positives": counts.true_positives,
-        "false_negatives": counts.false_negatives,
-        "true_negatives": counts.true_negatives,
-        "false_positives": counts.false_positives,
+        **_fields(counts, "true_positives", "false_negatives", "true_negatives", "false_positives"),
         "sensitivity": proportion_document(counts.sensitivity if counts.present else None),
         "specificity": proportion_document(counts.specificity if counts.absent else None),
-        "accuracy": proportion_document(counts.accuracy),
+        **_fields(counts, "accuracy"),
     }
 
 
 def _point(point: OperatingPoint) -> dict[str, Any]:
-    threshold = point.threshold if math.isfinite(point.threshold) else None
-    return {"rule": point.rule, "threshold": threshold, "counts": _counts(point.counts)}
+    return {**_fields(point, "rule", "threshold"), "counts": _counts(point.counts)}
 
 
 def _reliability(curve: ReliabilityCurve) -> dict[str, Any]:
-    brier = curve.brier
     return {
-        "brier": brier.score,
-        "reliability": brier.reliability,
-        "resolution": brier.resolution,
-        "uncertainty": brier.uncertainty,
-        "expected_calibration_error": curve.expected_calibration_error,
-        "bins": [
-            {
-                "low": item.low,
-                "high": item.high,
-                "probability": item.probability,
-                "observed": proportion_document(item.observed),
-            }
-            for item in curve.bins
-        ],
+        "brier": curve.brier.score,
+        **_fields(curve.brier, "reliability", "resolution", "uncertainty"),
+        **_fields(curve, "expected_calibration_error"),
+        "bins": [_fields(item, "low", "high", "probability", "observed") for item in curve.bins],
     }
 
 
@@ -194,51 +174,25 @@ def _errors(errors: SizeErrors) -> dict[str, Any]:
     return {
         "quantity": errors.quantity,
         "targets": len(errors.codes),
-        "bias": errors.bias,
-        "bias_interval": interval_document(errors.bias_interval),
-        "rmse": errors.rmse,
-        "largest": errors.largest,
+        **_fields(errors, "bias", "bias_interval", "rmse", "largest"),
         "covered_by_90_percent_intervals": proportion_document(errors.covered),
         "not_identified": errors.not_identified,
     }
 
 
-def _number(number: AgreementValue) -> dict[str, Any]:
-    value = number.value if number.value is not None and math.isfinite(number.value) else None
-    return {"value": value, "interval": interval_document(number.interval), "remark": number.remark}
-
-
 def _agreement(agreement: Agreement) -> dict[str, Any]:
     return {
-        "quantity": agreement.quantity,
-        "between": agreement.between,
-        "targets": agreement.targets,
-        "operators": agreement.operators,
-        "repeats": agreement.repeats,
-        "form": agreement.form,
-        "correlation": _number(agreement.correlation),
-        "coefficient": _number(agreement.coefficient),
+        **_fields(agreement, "quantity", "between", "targets", "operators", "repeats", "form"),
+        "correlation": _fields(agreement.correlation, "value", "interval", "remark"),
+        "coefficient": _fields(agreement.coefficient, "value", "interval", "remark"),
     }
 
 
 def _comparison(device_comparison: DeviceComparison) -> dict[str, Any]:
-    areas = device_comparison.areas
+    areas = ("first_auc", "second_auc", "difference", "interval", "p", "method", "remark")
     return {
-        "first": device_comparison.first,
-        "second": device_comparison.second,
-        "targets": device_comparison.targets,
-        "remark": device_comparison.remark,
-        "areas": None
-        if areas is None
-        else {
-            "first_auc": areas.first_auc,
-            "second_auc": areas.second_auc,
-            "difference": areas.difference,
-            "interval": interval_document(areas.interval),
-            "p": areas.p,
-            "method": areas.method,
-            "remark": areas.remark,
-        },
+        **_fields(device_comparison, "first", "second", "targets", "remark"),
+        "areas": None if device_comparison.areas is None else _fields(device_comparison.areas, *areas),
         "limits_of_agreement": {name: _limits(limit) for name, limit in device_comparison.limits.items()},
     }
 
@@ -246,8 +200,7 @@ def _comparison(device_comparison: DeviceComparison) -> dict[str, Any]:
 def _limits(bland_altman: BlandAltman) -> dict[str, Any]:
     bias, limits = limit_intervals(bland_altman)
     return {
-        "targets": bland_altman.targets,
-        "bias": bland_altman.bias,
+        **_fields(bland_altman, "targets", "bias"),
         "bias_interval": interval_document(bias),
         "limits": list(bland_altman.limits()),
         "limit_intervals": [interval_document(limit) for limit in limits],
