@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tsis.catalog import list_probes, load_probe, parse_probe, probe_variant
+from tsis.catalog import default_prior_toml, list_probes, load_probe, parse_probe, probe_variant
 from tsis.errors import InputError, NotCalibratedError
-from tsis.files import one_line, read_parsed
+from tsis.files import one_line, parse_toml, read_parsed
 from tsis.model import Glass, Layer, Led, require_one_of, require_pixel_scale
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from tsis.calibration import UsableCalibration
     from tsis.model import Probe
@@ -51,6 +50,33 @@ AimDeg = Annotated[
     float | None, typer.Option("--aim-deg", help="Aim of all lamps above the horizontal instead, degrees.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")]
+
+
+def _print_prior(kind: str) -> Callable[[bool], None]:
+    def shown(requested: bool) -> None:
+        if requested:
+            typer.echo(default_prior_toml(kind), nl=False)
+            raise typer.Exit
+
+    return shown
+
+
+def _show_prior(kind: str) -> Any:
+    help_text = "Print the default prior as a file to start from, and stop."
+    return typer.Option("--show-prior", help=help_text, is_eager=True, callback=_print_prior(kind))
+
+
+PriorFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--prior",
+        metavar="FILE",
+        help="TOML file of what is believed before any press; --show-prior prints one to start from.",
+        show_default="the default prior",
+    ),
+]
+ShowPrior = Annotated[bool, _show_prior("inclusion")]
+ShowHardnessPrior = Annotated[bool, _show_prior("hardness")]
 
 
 def chosen_scale(calibration: UsableCalibration | None, given: str | None) -> tuple[float, float] | None:
@@ -102,7 +128,6 @@ def _one_per_press(option: str, given: Sequence[float], count: int, what: str) -
 ENDING = ".toml"
 LARGEST_FILE_BYTES = 64 * 2**10
 MOST_LAYERS, MOST_LAMPS = 20, 100
-LONGEST_KEY = 16  # parts
 NAME = re.compile(r"\w[\w .,()+-]{0,59}")  # which every table, page and file shows as it is
 KEYS = ("radius_mm", "layers", "face_curvature_mm", "sides", "glass", "leds", "assumed")
 
@@ -168,11 +193,7 @@ def read_probe(file: Path) -> Probe:
 
 
 def _parsed(text: str) -> Probe:
-    _require_short_keys(text)
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number of 5000 digits is no error of TOML's
-        raise InputError(f"a probe must be TOML; got: {one_line(error)}") from error
+    document = parse_toml(text, what="a probe")
     entries = {name: value for name, value in document.items() if isinstance(value, dict)}
     if len(document) != 1 or len(entries) != 1:
         got = f"{one_line(', '.join(document)):.80}" if document else "nothing"
@@ -185,15 +206,6 @@ def _parsed(text: str) -> Probe:
     if name in list_probes():
         raise InputError(f"the name {name!r} is that of a probe of the catalog; choose another, as [my-{name}]")
     return parse_probe(name, _checked(entry))
-
-
-def _require_short_keys(text: str) -> None:
-    """Refuse a.b.c.d. ... without end, over which the parser takes the square of its length."""
-    run = 0
-    for part in text.split("."):
-        run = 0 if any(mark in part for mark in "\n=,[]") else run + 1
-        if run > LONGEST_KEY:
-            raise InputError(f"keys must have at most {LONGEST_KEY} parts; got a longer one")
 
 
 def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
