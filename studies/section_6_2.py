@@ -149,6 +149,8 @@ def without_errors(virtual: VirtualProbe, rng: np.random.Generator) -> VirtualPr
         pattern_sd=0.0,
         repeatability_sd=0.0,
         shading_sd=0.0,
+        read_noise_grey=0.0,
+        shot_noise_grey=0.0,
     )
     quiet = replace(virtual.sensor, read_noise_grey=0.0, shot_noise_grey=0.0)
     return VirtualProbe(virtual.probe, rng=rng, sensor=quiet, calibration=steady)

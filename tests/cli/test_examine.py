@@ -270,7 +270,13 @@ def test_the_calibration_names_the_probe(
 
 
 @pytest.mark.usefixtures("frames")
-def test_a_calibration_of_another_probe_is_refused(run_tsis: RunTsis, tmp_path: Path) -> None:
+def test_a_calibration_of_another_probe_is_refused(
+    run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def built(*_: object, **__: object) -> None:
+        raise AssertionError("the surrogate is built before the calibration is looked at")
+
+    monkeypatch.setattr("tsis.inclusion._estimate.build_full_contact_surrogate", built)
     (tmp_path / "calibration.json").write_bytes(_known(probe="tsis-domed"))
     options = ("--calibration", "calibration.json", "--force-n", "1", "--scale-mm", "0.05", "--probe", "tsis-2011")
     finished = run_tsis("examine", "press.png", *options)

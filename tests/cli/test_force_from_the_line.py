@@ -125,7 +125,6 @@ def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
 
     monkeypatch.setattr("tsis.cli._examine.estimate_with_progress", estimate)
     monkeypatch.setattr("tsis.inclusion.estimate", estimate)
-    monkeypatch.setattr("tsis.records._estimation.build_full_contact_surrogate", lambda *_, **__: None)
     for name, radius_px in (("a.png", 20.0), ("b.png", 30.0), ("plain.png", 26.0)):
         _frame(tmp_path / name, radius_px)
     noise = np.random.default_rng(1)

@@ -3,11 +3,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
+import typer.main
 
 import tsis
+from tsis.cli._app import COMMANDS, app
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -55,6 +57,40 @@ def test_an_interrupt_is_said(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch
     assert finished.code == 130
     assert finished.err == "Interrupted; nothing half-written is left.\n"
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_help_of_the_program_shows_the_first_paragraph_of_each_command(name: str) -> None:
+    """The summary stands beside the command's own help, so that help imports nothing."""
+    parser: Any = typer.main.get_command(app)
+    own = parser.commands[name]
+    assert own.name == name
+    assert " ".join(own.help.split("\n\n")[0].split()) == COMMANDS[name].summary
+    assert COMMANDS[name].example.startswith(f"tsis {name}") or own.epilog or own.commands
+
+
+HEAVY = ("numba", "cv2", "scipy", "sqlalchemy", "nicegui", "matplotlib")
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("code", ["import tsis", "main('--version')", "main('--help')", "main()"])
+def test_a_start_imports_no_numerical_library(code: str) -> None:
+    program = f"""
+import sys
+
+def main(*arguments):
+    from tsis.cli import main
+    sys.argv = ["tsis", *arguments]
+    try:
+        main()
+    except SystemExit as stop:
+        assert not stop.code
+
+{code}
+print([name for name in {HEAVY} if name in sys.modules])
+"""
+    finished = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert finished.stdout.splitlines()[-1] == "[]"
 
 
 def test_without_a_command_help_is_shown(run_tsis: RunTsis) -> None:

@@ -166,6 +166,28 @@ def test_a_prior_of_ones_own_is_respected(
     assert dict(result.prior_sd) == narrow.sd
 
 
+def test_progress_counts_the_slabs_of_a_new_surrogate(
+    lump: tuple[TactileImage, TactileImage], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps: list[tuple[int, int]] = []
+    few = Degrees(diameter=2, depth=2, contrast=1, tissue=1, thickness=1, baseline=2)
+    built = partial(build_full_contact_surrogate, degrees=few, cached=False)
+    monkeypatch.setattr(posterior, "build_full_contact_surrogate", built)
+    with pytest.raises(NotCalibratedError, match="calibration must be that of the probe"):
+        estimate(
+            lump[0],
+            probe=PROBE,
+            calibration=replace(ANSWER, probe="tsis-domed"),
+            progress=lambda *step: steps.append(step),
+        )
+    assert steps == [], "refused before anything is solved"
+    estimate(lump[0], probe=PROBE, calibration=ANSWER, progress=lambda *step: steps.append(step))
+    done, total = zip(*steps, strict=True)
+    assert len(set(total)) == 1
+    assert list(done) == sorted(done)
+    assert done[-1] == total[0]
+
+
 def test_a_modulus_that_the_press_cannot_tell_is_said(found: Estimate) -> None:
     assert "young_kpa_not_identified" in found.flags
     assert any("modulus is not identifiable" in note for note in found.notes)

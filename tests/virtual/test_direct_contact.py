@@ -37,6 +37,14 @@ def rig_of(seed: int = 1, **options: Any) -> DirectContactRig:
     return DirectContactRig(PROBE, rng=np.random.default_rng(seed), **given | options)
 
 
+def test_a_calibration_that_contradicts_the_sensor_is_refused() -> None:
+    loud = replace(EXACT, read_noise_grey=4.0)
+    with pytest.raises(InputError, match=r"read_noise_grey of the calibration must be that of the sensor, 0.5; got 4"):
+        rig_of(calibration=loud)
+    rig = DirectContactRig(PROBE, rng=np.random.default_rng(1), calibration=loud, solve=by_table)
+    assert (rig.sensor.read_noise_grey, rig.calibration) == (4.0, loud)
+
+
 def test_a_seed_gives_the_same_frames_and_another_seed_others() -> None:
     first, again, other = (rig_of(seed).press(SPHERE, force_n=0.7).grey for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, again)

@@ -39,6 +39,12 @@ IDEAL = replace(
 )
 
 
+QUIET: dict[str, Any] = {
+    "read_noise_grey": 0.0,
+    "shot_noise_grey": 0.0,
+}  # of sensor and calibration
+
+
 def virtual(seed: int, calibration: Calibration | None = None, sensor: Sensor = SMALL) -> VirtualProbe:
     return VirtualProbe(
         PROBE,
@@ -68,9 +74,43 @@ def test_without_contact_it_reads_the_background() -> None:
     assert frame.grey.std() == pytest.approx(np.sqrt(SMALL.read_noise_grey**2 + 1 / 12), rel=0.1)
 
 
+@pytest.mark.parametrize("read_noise_grey", [0.5, 3.0])
+def test_the_noise_of_frames_is_that_of_the_calibration(read_noise_grey: float) -> None:
+    """Two presses without other errors differ by noise alone: read noise, photon noise and rounding."""
+    stated = replace(IDEAL, read_noise_grey=read_noise_grey, shot_noise_grey=0.1)
+    probe = VirtualProbe(
+        PROBE, rng=np.random.default_rng(31), light=LightMap.uniform(), calibration=stated, resolution=COARSE
+    )
+    assert probe.calibration == stated
+    dark = np.diff([probe.no_contact().grey for _ in range(2)], axis=0)
+    assert dark.std() / np.sqrt(2) == pytest.approx(np.sqrt(read_noise_grey**2 + 1 / 12), rel=0.02)
+    first, second = (probe.press(LUMP, force_n=1.0).grey for _ in range(2))
+    light = probe.light(LUMP, force_n=1.0)
+    bright = (light > 0.2 * light.max()) & (light < 200.0)  # far from black and from clipping
+    noise = np.sqrt(read_noise_grey**2 + 0.1 * light[bright].mean() + 1 / 12)
+    assert (first - second)[bright].std() / np.sqrt(2) == pytest.approx(noise, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("read_noise_grey", 3.0), ("shot_noise_grey", 0.1), ("background_grey", 9.0)]
+)
+def test_a_calibration_that_contradicts_the_sensor_is_refused(name: str, value: float) -> None:
+    other: dict[str, Any] = {name: value}
+    with pytest.raises(InputError, match=rf"{name} of the calibration must be that of the sensor, .*; got {value:g}"):
+        virtual(1, replace(IDEAL, **other))
+    assert virtual(1, replace(IDEAL, **other), replace(SMALL, **other)).no_contact().grey.shape == (64, 96)
+
+
+def test_neither_sensor_nor_calibration_can_be_replaced() -> None:
+    probe = virtual(1)
+    for name in ("sensor", "calibration"):
+        with pytest.raises(AttributeError):
+            setattr(probe, name, getattr(probe, name))
+
+
 def test_without_errors_it_is_the_rendered_press() -> None:
-    quiet = replace(SMALL, read_noise_grey=0.0, shot_noise_grey=0.0)
-    frame = virtual(1, IDEAL, quiet).press(LUMP, force_n=1.0)
+    quiet = replace(SMALL, **QUIET)
+    frame = virtual(1, replace(IDEAL, **QUIET), quiet).press(LUMP, force_n=1.0)
     field = press(PROBE, LUMP, force_n=1.0, resolution=COARSE)
     expected = np.clip(np.rint(render(field, quiet, IDEAL) + quiet.background_grey), 0.0, 255.0)
     np.testing.assert_array_equal(frame.grey, expected)
@@ -78,7 +118,7 @@ def test_without_errors_it_is_the_rendered_press() -> None:
 
 def test_its_stiffness_is_that_of_all_layers() -> None:
     """Pressing in other units is the same as pressing with every layer stiffer by one factor."""
-    answer, quiet = with_error("probe_young_sd", 0.3), replace(SMALL, read_noise_grey=0.0, shot_noise_grey=0.0)
+    answer, quiet = replace(with_error("probe_young_sd", 0.3), **QUIET), replace(SMALL, **QUIET)
     probe = virtual(4, answer, quiet)
     factor = probe._stiffness
     assert abs(factor - 1) > 0.1
@@ -118,16 +158,17 @@ def off_axis() -> Phantom:
 
 
 def test_by_default_it_is_lit_by_its_own_lamps() -> None:
-    quiet = replace(SMALL, read_noise_grey=0.0, shot_noise_grey=0.0)
+    quiet = replace(SMALL, **QUIET)
     light = irradiance(PROBE)
-    answer = replace(IDEAL, light=light.near_undented())
+    answer = replace(IDEAL, **QUIET, light=light.near_undented())
     probe = VirtualProbe(PROBE, rng=np.random.default_rng(1), sensor=quiet, calibration=answer, resolution=COARSE)
     field = press(PROBE, LUMP, force_n=0.1, resolution=COARSE)
     falling = light.on(field, saturation_kpa=answer.saturation_kpa)
     expected = np.clip(np.rint(render(field, quiet, answer, light=falling) + quiet.background_grey), 0.0, 255.0)
     found = probe.press(LUMP, force_n=0.1).grey
     np.testing.assert_array_equal(found, expected)
-    assert (found != virtual(1, IDEAL, quiet).press(LUMP, force_n=0.1).grey).mean() > 0.5, "not even light"
+    even = virtual(1, replace(IDEAL, **QUIET), quiet).press(LUMP, force_n=0.1).grey
+    assert (found != even).mean() > 0.5
 
 
 def test_the_nominal_gain_leaves_room_for_the_brightest_place() -> None:
@@ -147,9 +188,9 @@ def test_the_contact_model_can_be_falsified() -> None:
         probe = VirtualProbe(
             PROBE,
             rng=np.random.default_rng(1),
-            sensor=replace(SMALL, read_noise_grey=0.0, shot_noise_grey=0.0, full_scale=4095.0),
+            sensor=replace(SMALL, **QUIET, full_scale=4095.0),
             light=LightMap.uniform(),
-            calibration=IDEAL,
+            calibration=replace(IDEAL, **QUIET),
             contact_model=model,
             resolution=COARSE,
         )

@@ -1,4 +1,4 @@
-"""What ships with the package: probes, phantoms and spheres, as TOML files that a user can copy and replace."""
+"""What ships with the package: probes, phantoms, spheres and priors, as TOML files that a user can copy and replace."""
 
 from tsis.catalog._entries import (
     list_phantoms,
@@ -12,16 +12,20 @@ from tsis.catalog._entries import (
     probe_toml,
     probe_variant,
 )
+from tsis.catalog._priors import default_prior_toml, parse_prior, read_prior_file
 
 __all__ = [
+    "default_prior_toml",
     "list_phantoms",
     "list_probes",
     "list_spheres",
     "load_phantom",
     "load_probe",
     "load_sphere",
+    "parse_prior",
     "parse_probe",
     "phantom_variant",
     "probe_toml",
     "probe_variant",
+    "read_prior_file",
 ]

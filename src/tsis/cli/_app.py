@@ -12,47 +12,116 @@ from typing import Annotated, Any, NoReturn, TextIO
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli._console import console, login
-from tsis.cli._demo import demo
-from tsis.cli._design import design
-from tsis.cli._examine import examine
 from tsis.cli._exit_codes import BAD_INPUT, INTERRUPTED
-from tsis.cli._hardness import hardness
-from tsis.cli._serve import serve
-from tsis.cli._simulate import simulate
-from tsis.cli._sweep import app as sweep
-from tsis.cli.acquire import acquire
-from tsis.cli.calibrate import app as calibrate
-from tsis.cli.match import app as match
-from tsis.cli.optics import app as optics
-from tsis.cli.records import app as records
-from tsis.cli.study import app as study
+from tsis.cli._lazy import CommandEntry, LazyCommands
 from tsis.errors import TsisError, TsisWarning
 
 _show_python_warning = warnings.showwarning
 
+COMMANDS = {
+    "demo": CommandEntry(
+        "tsis.cli._demo",
+        "demo",
+        "Press a phantom with the virtual probe, estimate the inclusion, and write a page that shows it.",
+        "tsis demo --phantom size-8 --seed 3 --out first-press",
+    ),
+    "console": CommandEntry(
+        "tsis.cli._console",
+        "console",
+        "Open the console: see through a camera or the virtual probe, keep presses, estimate, calibrate, report.",
+        "tsis console --phantom size-8",
+    ),
+    "acquire": CommandEntry(
+        "tsis.cli.acquire",
+        "acquire",
+        "Save a snapshot of a target, or record a sequence, from a camera or the virtual probe.",
+        "tsis acquire --camera aravis: --target 3 --set exposure_ms=10",
+    ),
+    "examine": CommandEntry(
+        "tsis.cli._examine",
+        "examine",
+        "Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated.",
+        "tsis examine press.png --reference untouched.png --scale-mm 0.051 --invert",
+    ),
+    "track": CommandEntry(
+        "tsis.cli._track",
+        "track",
+        "Follow the light of a press through a sequence of frames, and tell whether the press has settled.",
+        "tsis track frame-*.png --reference untouched.png --scale-mm 0.051 --interval-s 0.1",
+    ),
+    "simulate": CommandEntry(
+        "tsis.cli._simulate",
+        "simulate",
+        "Press a probe on a phantom by finite elements: pressure and displacement over the face.",
+        "tsis simulate --phantom depth-8 --force-n 0.7 --json",
+    ),
+    "design": CommandEntry(
+        "tsis.cli._design",
+        "design",
+        "Tell what a probe and its presses would say about inclusions, and how other designs compare.",
+        "tsis design --probe tsis-domed --compare dome --compare forces --out design",
+    ),
+    "hardness": CommandEntry(
+        "tsis.cli._hardness",
+        "hardness",
+        "Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness.",
+        "tsis hardness --demo --out first-touch",
+    ),
+    "serve": CommandEntry(
+        "tsis.cli._serve",
+        "serve",
+        "Serve the virtual probe's frames as a GigE Vision camera, until Ctrl-C.",
+        "tsis serve --phantom size-8 --force-n 0.7",
+    ),
+    "calibrate": CommandEntry(
+        "tsis.cli.calibrate",
+        "app",
+        "Calibrate a probe, step by step; without --camera the virtual bench shows how. Its options: "
+        f"tsis calibrate guide --help. {RESEARCH_USE_ONLY}",
+    ),
+    "login": CommandEntry("tsis.cli._console", "login", "Names and passwords for a console that listens on a network."),
+    "match": CommandEntry(
+        "tsis.cli.match",
+        "app",
+        "Match two point files: tsis match A B. A file that is called as a command below is given as ./bench. "
+        f"{RESEARCH_USE_ONLY}",
+    ),
+    "detect": CommandEntry(
+        "tsis.cli._detect",
+        "app",
+        f"Classify targets of a store by measured properties: none, and two kinds of inclusions. {RESEARCH_USE_ONLY}",
+    ),
+    "network": CommandEntry(
+        "tsis.cli._network",
+        "app",
+        "Estimate inclusions by networks that were trained on simulated presses, as the dissertation does. "
+        f"{RESEARCH_USE_ONLY}",
+    ),
+    "optics": CommandEntry("tsis.cli.optics", "app", f"Light in the probe. {RESEARCH_USE_ONLY}"),
+    "records": CommandEntry(
+        "tsis.cli.records",
+        "app",
+        f"Targets with their presses and estimates: kept, verified, computed again, exported. {RESEARCH_USE_ONLY}",
+    ),
+    "study": CommandEntry(
+        "tsis.cli.study",
+        "app",
+        "Blinded studies: targets under codes, readings, then the truth and what it says; plans of a search. "
+        f"{RESEARCH_USE_ONLY}",
+    ),
+    "sweep": CommandEntry(
+        "tsis.cli._sweep", "app", "Press many phantoms and keep the results as one data set of Parquet files."
+    ),
+}
+
 app = typer.Typer(
     name="tsis",
+    cls=LazyCommands.of(COMMANDS),
     help=f"Open software for optical tactile imaging. {RESEARCH_USE_ONLY}",
     epilog="Start with: tsis demo",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command(epilog="Example: tsis demo --phantom size-8 --seed 3 --out first-press")(demo)
-app.command(epilog="Example: tsis console --phantom size-8")(console)
-app.command(epilog="Example: tsis acquire --camera aravis: --target 3 --set exposure_ms=10")(acquire)
-app.command(epilog="Example: tsis examine press.png --reference untouched.png --scale-mm 0.051 --invert")(examine)
-app.command(epilog="Example: tsis simulate --phantom depth-8 --force-n 0.7 --json")(simulate)
-app.command(epilog="Example: tsis design --probe tsis-domed --compare dome --compare forces --out design")(design)
-app.command(epilog="Example: tsis hardness --demo --out first-touch")(hardness)
-app.command(epilog="Example: tsis serve --phantom size-8 --force-n 0.7")(serve)
-app.add_typer(calibrate)
-app.add_typer(login)
-app.add_typer(match)
-app.add_typer(optics)
-app.add_typer(records)
-app.add_typer(study)
-app.add_typer(sweep)
 
 
 def _show_version(wanted: bool) -> None:

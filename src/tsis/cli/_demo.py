@@ -10,14 +10,16 @@ import numpy as np
 import typer
 
 from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
-from tsis.catalog import phantom_variant
+from tsis.catalog import phantom_variant, read_prior_file
 from tsis.cli._options import (
     AsJson,
     DepthMm,
     DiameterMm,
     ForcesN,
     PhantomName,
+    PriorFile,
     ProbeOption,
+    ShowPrior,
     YoungKpa,
     chosen_probe,
     require_no_file,
@@ -46,6 +48,8 @@ def demo(
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
     seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
+    prior: PriorFile = None,
+    show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
     keep: SaveOption = False,
     store: StoreOption = None,
@@ -61,7 +65,8 @@ def demo(
     truth, forces = _truth(target), _named(force_n)
     if keep:
         require_no_file("--keep", probe)
-    chosen, prior = chosen_probe(probe), InclusionPrior()
+    chosen = chosen_probe(probe)
+    assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
     destination = chosen_destination(keep, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = irradiance(chosen, progress=advance)
@@ -70,7 +75,7 @@ def demo(
     references = _presses(virtual, target.without_inclusion(), forces, "reference")
     images = _presses(virtual, target, forces, "target")
     result = estimate_with_progress(
-        images, probe=chosen, calibration=virtual.calibration, reference=references, prior=prior
+        images, probe=chosen, calibration=virtual.calibration, reference=references, prior=assumed
     )
     provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
     pressed = f"{chosen.name}, {' and '.join(forces)}"
@@ -80,7 +85,7 @@ def demo(
         subtitle=f"{pressed}, each with a reference press on plain tissue; simulated frames",
         targets=images,
         references=references,
-        prior=prior,
+        prior=assumed,
         ring_edges_mm=ring_edges(chosen),
         truth=truth,
         provenance=provenance,
@@ -94,7 +99,7 @@ def demo(
         probe=chosen.name,
         calibration=calibration,
         frames={"target": images, "plain": references, "untouched": [untouched]},
-        options={"prior": asdict(prior)},
+        options={"prior": asdict(assumed)},
         name=target.name,
         truth=truth or {},
     )
@@ -102,7 +107,7 @@ def demo(
         document=envelope("demo", **provenance, estimate=estimate_document(result, truth)),
         page=page,
         tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
-        notes=(*estimate_messages(result), *_outside_the_prior(truth or {}, prior)),
+        notes=(*estimate_messages(result), *_outside_the_prior(truth or {}, assumed)),
         files={
             **{frame.name: png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": png_bytes(untouched),

@@ -11,10 +11,12 @@ from matplotlib.figure import Figure
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tsis.cli._options import AsJson, ProbeOption, chosen_probe
+from tsis.catalog import read_prior_file
+from tsis.cli._options import AsJson, PriorFile, ProbeOption, ShowPrior, chosen_probe
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.errors import InputError
+from tsis.inclusion import InclusionPrior
 from tsis.inclusion.design import MOST_EVALUATIONS
 from tsis.report import (
     HEADINGS,
@@ -81,6 +83,8 @@ def design(
     traced_light: Annotated[
         bool, typer.Option("--traced-light", help="Light by the probe's lamps, traced; else even light.")
     ] = False,
+    prior: PriorFile = None,
+    show_prior: ShowPrior = False,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -99,6 +103,7 @@ def design(
         compared=tuple(aspect.value for aspect in compared) if compared else QUICK_DEGREES,
         criterion=criterion.value,
         traced=traced_light,
+        prior=InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior),
         evaluations=None if not search else MOST_EVALUATIONS if evaluations is None else evaluations,
     )
     with progress_bar("solving presses (kept for next time)") as progress:

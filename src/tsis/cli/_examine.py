@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,8 +12,11 @@ from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration import read_usable_calibration
+from tsis.catalog import read_prior_file
 from tsis.cli._options import (
     AsJson,
+    PriorFile,
+    ShowPrior,
     calibrated_probe,
     chosen_probe,
     chosen_scale,
@@ -30,6 +33,10 @@ from tsis.inclusion import InclusionPrior, ring_edges
 from tsis.instrument import read_image
 from tsis.report import (
     analyse_image,
+    compare_presses,
+    comparison_document,
+    comparison_notes,
+    comparison_tables,
     contact_report,
     envelope,
     estimate_document,
@@ -43,7 +50,8 @@ from tsis.report import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import Estimate, Probe, TactileImage
+    from tsis.model import Calibration, Estimate, Probe, TactileImage
+    from tsis.report import PressComparison
 
 
 UNNAMED = "tsis-2011"  # the probe of calibrations that name none of the catalog
@@ -91,6 +99,19 @@ def examine(
             show_default=f"the calibration's, else {UNNAMED}",
         ),
     ] = None,
+    relative: Annotated[
+        bool,
+        typer.Option(
+            "--relative",
+            help="Read relative size and depth, and with two forces and a calibration relative hardness, against "
+            "--reference, else against --plain.",
+        ),
+    ] = False,
+    shape: Annotated[
+        bool, typer.Option("--shape", help="Read ellipse, roundness and outline of what lights, against the same.")
+    ] = False,
+    prior: PriorFile = None,
+    show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-examine"
     ),
@@ -104,21 +125,27 @@ def examine(
     if keep:
         require_no_file("--keep", probe)
     chosen = None if probe is None else chosen_probe(probe)
-    if calibration is None and (plain or plain_force_n):
+    compared = relative or shape
+    if compared:
+        _require_comparable(reference, plain, scale_mm, calibration, invert=invert)
+    if calibration is None and not compared and (plain or plain_force_n):
         raise InputError("--plain needs --calibration: without it no inclusion is estimated")
     if plain_force_n and not plain:
         raise InputError("--plain-force-n needs --plain, the presses whose force it tells")
-    if calibration is not None and (reference is not None or invert or match_lamps):
+    if calibration is not None and ((reference is not None and not compared) or invert or match_lamps):
         raise InputError(
             "--reference, --invert and --match-light are not used with --calibration: its background level is "
             "subtracted instead (for a press on plain tissue use --plain)"
         )
     if match_lamps and reference is None:
         raise InputError("--match-light needs --reference, the frame that it scales")
-    if calibration is None and force_n:
+    if calibration is None and force_n and not compared:
         raise InputError("--force-n needs --calibration: without it a force tells nothing")
     if keep and calibration is None:
         raise InputError("--keep needs --calibration: without it there is no estimate to keep")
+    if prior is not None and calibration is None:
+        raise InputError("--prior needs --calibration: without it no inclusion is estimated")
+    assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
     given = None if calibration is None else read_usable_calibration(calibration)
     scale = chosen_scale(given, scale_mm)
     by_line = given is not None and not force_n and given.calibration.force_line is not None
@@ -141,7 +168,12 @@ def examine(
         "calibration": None if given is None else given.citation(),
     }
     if given is None:
-        publish(_contacts(frames, untouched, provenance, invert=invert, match=match_lamps), out, as_json=as_json)
+        comparison = None
+        if compared:
+            on_tissue = read_frames(plain or [], _plain_forces(plain_force_n, force_n, len(plain or [])), scale)
+            comparison = _compared(frames, untouched, on_tissue, None, relative=relative, shape=shape)
+        outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps, comparison=comparison)
+        publish(outcome, out, as_json=as_json)
     else:
         from tsis.records import SavableResult, require_savable  # loads the libraries of records
 
@@ -158,18 +190,77 @@ def examine(
         response = max(response, reference_response, key=lambda item: item.force_sd)
         if by_line:
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
-        by, prior = chosen or calibrated_probe(response.probe, unnamed=UNNAMED), InclusionPrior()
-        result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_plain, prior=prior)
-        outcome = _inclusion(result, pressed, on_plain, by, prior, provenance)
+        by = chosen or calibrated_probe(response.probe, unnamed=UNNAMED)
+        result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_plain, prior=assumed)
+        comparison = None
+        if compared:
+            bare = None if untouched is None else given.pressed([replace(untouched, force_n=0.0)])[0][0]
+            comparison = _compared(pressed, bare, on_plain, response, relative=relative, shape=shape)
+        outcome = _inclusion(result, pressed, on_plain, by, assumed, provenance, comparison)
         keepable = SavableResult(
             kind="inclusion",
             estimate=result,
             probe=by.name,
             calibration=given.calibration,
             frames={"target": frames, "plain": reference_frames},
-            options={"prior": asdict(prior)},
+            options={"prior": asdict(assumed)},
         )
         publish_and_save(outcome, out, destination, keepable, as_json=as_json)
+
+
+def _plain_forces(
+    plain_force_n: Sequence[float] | None, force_n: Sequence[float] | None, presses: int
+) -> Sequence[float | None]:
+    """Force of each press on plain tissue, None where nobody gave any."""
+    return (
+        reference_forces(plain_force_n or (), force_n or (), presses) if plain_force_n or force_n else [None] * presses
+    )
+
+
+def _require_comparable(
+    reference: Path | None,
+    plain: list[Path] | None,
+    scale_mm: str | None,
+    calibration: Path | None,
+    *,
+    invert: bool,
+) -> None:
+    """Refuse frames from which nothing can be compared."""
+    if reference is None and not plain:
+        raise InputError(
+            "--relative and --shape compare each image: give the untouched probe as --reference, or presses on plain "
+            "tissue as hard as the images as --plain"
+        )
+    if calibration is None and reference is not None and plain:
+        raise InputError("--relative and --shape compare with one kind of reference: give --reference or --plain")
+    if calibration is None and scale_mm is None:
+        raise InputError("--relative and --shape need --scale-mm: they are lengths and areas in millimetres")
+    if invert:
+        raise InputError("--relative and --shape read light that grows where the probe is pressed; leave out --invert")
+
+
+def _compared(
+    frames: Sequence[TactileImage],
+    untouched: TactileImage | None,
+    on_plain: Sequence[TactileImage],
+    calibration: Calibration | None,
+    *,
+    relative: bool,
+    shape: bool,
+) -> PressComparison:
+    references, against = (on_plain, "plain tissue") if untouched is None else ([untouched], "untouched probe")
+    return compare_presses(frames, references, against=against, calibration=calibration, relative=relative, shape=shape)
+
+
+def _rich(comparison: PressComparison | None) -> list[Table]:
+    """Tables of a comparison for people."""
+    shown = []
+    for item in () if comparison is None else comparison_tables(comparison):
+        table = Table(*item.headings, title=escape(item.title))
+        for row in item.rows:
+            table.add_row(*(escape(cell) for cell in row))
+        shown.append(table)
+    return shown
 
 
 def _contacts(
@@ -179,6 +270,7 @@ def _contacts(
     *,
     invert: bool,
     match: bool,
+    comparison: PressComparison | None = None,
 ) -> CommandOutcome:
     findings = [
         analyse_image(
@@ -194,6 +286,7 @@ def _contacts(
             {"name": finding.image.name, "features": features_document(finding.features, finding.contact)}
             for finding in findings
         ],
+        **({} if comparison is None else comparison_document(comparison)),
         refused=[{"estimate": name, "reason": reason} for name, reason in REFUSED],
         provenance=provenance,
     )
@@ -203,9 +296,11 @@ def _contacts(
         for row in finding_rows(finding):
             table.add_row(*row)
         tables.append(table)
+    tables += _rich(comparison)
     notes = [note for finding in findings for note in finding_notes(finding)]
+    notes += [] if comparison is None else comparison_notes(comparison)
     notes += [f"Not estimated: {name}: {reason}." for name, reason in REFUSED]
-    page = contact_report(findings, refused=REFUSED, provenance=provenance)
+    page = contact_report(findings, refused=REFUSED, provenance=provenance, comparison=comparison)
     return CommandOutcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))
 
 
@@ -216,6 +311,7 @@ def _inclusion(
     probe: Probe,
     prior: InclusionPrior,
     provenance: dict[str, Any],
+    comparison: PressComparison | None,
 ) -> CommandOutcome:
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
     page = inclusion_report(
@@ -227,7 +323,14 @@ def _inclusion(
         prior=prior,
         ring_edges_mm=ring_edges(probe),
         provenance=provenance,
+        comparison=comparison,
     )
-    document = envelope("examine", estimate=estimate_document(result), provenance=provenance)
+    compared = {} if comparison is None else comparison_document(comparison)
+    document = envelope("examine", estimate=estimate_document(result), **compared, provenance=provenance)
     table = estimate_table(result, title=names)
-    return CommandOutcome(document=document, page=page, tables=(table,), notes=estimate_messages(result))
+    return CommandOutcome(
+        document=document,
+        page=page,
+        tables=(table, *_rich(comparison)),
+        notes=(*estimate_messages(result), *(() if comparison is None else comparison_notes(comparison))),
+    )

@@ -14,9 +14,11 @@ from rich.table import Table
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
-from tsis.catalog import load_sphere
+from tsis.catalog import load_sphere, read_prior_file
 from tsis.cli._options import (
     AsJson,
+    PriorFile,
+    ShowHardnessPrior,
     calibrated_probe,
     chosen_probe,
     chosen_scale,
@@ -81,6 +83,8 @@ def hardness(
         str | None, typer.Option(help="Press a sphere of the catalog virtually instead: cl2000x or cl2003x.")
     ] = None,
     demo: Annotated[bool, typer.Option("--demo", help=f"The same as --virtual {DEMO}.")] = False,
+    prior: PriorFile = None,
+    show_prior: ShowHardnessPrior = False,
     seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-hardness"
@@ -95,13 +99,16 @@ def hardness(
     paths = images or []
     if keep:
         require_no_file("--keep", probe)
+    assumed = HardnessPrior() if prior is None else read_prior_file(prior, HardnessPrior)
     if demo or virtual is not None:
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
         if any(value is not None for value in given):
             raise InputError("--virtual and --demo press by themselves: give no images, scale, radius or calibration")
         chosen, name = chosen_probe(probe or UNNAMED), virtual or DEMO
         destination = chosen_destination(keep, store, kind, number)
-        _virtual(name, chosen, force_n or DEMO_FORCES, seed, out, destination=destination, as_json=as_json)
+        _virtual(
+            name, chosen, force_n or DEMO_FORCES, seed, out, prior=assumed, destination=destination, as_json=as_json
+        )
         return
     if not paths:
         raise InputError("give the images of two presses, or --demo for a run without hardware")
@@ -130,7 +137,7 @@ def hardness(
         "radius_sd_mm": radius_sd_mm,
         "reference": known.pressed(raw_balls)[0],
         "reference_radius_mm": ball_radius_mm,
-        **_defaults(),
+        **_options(assumed),
     }
     outcome, result = _outcome(frames, chosen, response, options, cites=known.citation())
     keepable = SavableResult(
@@ -144,9 +151,9 @@ def hardness(
     publish_and_save(outcome, out, destination, keepable, as_json=as_json)
 
 
-def _defaults() -> dict[str, Any]:
-    """What every estimate here takes, said to it and written down, so that another release can take the same."""
-    return {"prior": HardnessPrior(), "blur_mm": BLUR_MM, "drift_sd": DRIFT_SD}
+def _options(prior: HardnessPrior) -> dict[str, Any]:
+    """Options of every estimate here, which are written down, so that another release can take the same."""
+    return {"prior": prior, "blur_mm": BLUR_MM, "drift_sd": DRIFT_SD}
 
 
 def _written_down(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -162,6 +169,7 @@ def _virtual(
     seed: int,
     out: Path,
     *,
+    prior: HardnessPrior,
     destination: Destination | None,
     as_json: bool,
 ) -> None:
@@ -175,7 +183,7 @@ def _virtual(
     files = {CALIBRATION_FILE: calibration_bytes(simulated_probe)}
     files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
     simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
-    options = _defaults()
+    options = _options(prior)
     outcome, result = _outcome(
         frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
     )
@@ -204,8 +212,7 @@ def _outcome(
     cites: dict[str, Any] | None = None,
 ) -> tuple[CommandOutcome, Estimate]:
     with progress_bar("solving the contact of this probe (kept for next time)") as progress:
-        table = build_contact_table(probe, progress=progress)
-    result = estimate(frames, probe=probe, calibration=calibration, **options)
+        result = estimate(frames, probe=probe, calibration=calibration, progress=progress, **options)
     title = f"Hardness by direct contact with {probe.name}"
     shown = Table("quantity", "value", title=escape(title))
     rows = hardness_rows(result)
@@ -222,7 +229,12 @@ def _outcome(
             provenance=provenance,
         ),
         page=hardness_report(
-            result, title=title, images=frames, table=table, provenance=provenance, truth_kpa=truth_kpa
+            result,
+            title=title,
+            images=frames,
+            table=build_contact_table(probe),
+            provenance=provenance,
+            truth_kpa=truth_kpa,
         ),
         tables=(shown,),
         notes=tuple(hardness_notes(result)),

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tsis.catalog import list_probes, load_probe, parse_probe, probe_variant
+from tsis.catalog import default_prior_toml, list_probes, load_probe, parse_probe, probe_variant
 from tsis.errors import InputError, NotCalibratedError
 from tsis.files import one_line, parse_toml, read_parsed
 from tsis.instrument import read_image
 from tsis.model import Glass, Layer, Led, require_one_of, require_pixel_scale
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from tsis.calibration import UsableCalibration
     from tsis.model import Probe, TactileImage
@@ -51,6 +51,33 @@ AimDeg = Annotated[
     float | None, typer.Option("--aim-deg", help="Aim of all lamps above the horizontal instead, degrees.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")]
+
+
+def _print_prior(kind: str) -> Callable[[bool], None]:
+    def shown(requested: bool) -> None:
+        if requested:
+            typer.echo(default_prior_toml(kind), nl=False)
+            raise typer.Exit
+
+    return shown
+
+
+def _show_prior(kind: str) -> Any:
+    help_text = "Print the default prior as a file to start from, and stop."
+    return typer.Option("--show-prior", help=help_text, is_eager=True, callback=_print_prior(kind))
+
+
+PriorFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--prior",
+        metavar="FILE",
+        help="TOML file of what is believed before any press; --show-prior prints one to start from.",
+        show_default="the default prior",
+    ),
+]
+ShowPrior = Annotated[bool, _show_prior("inclusion")]
+ShowHardnessPrior = Annotated[bool, _show_prior("hardness")]
 
 
 def chosen_scale(calibration: UsableCalibration | None, given: str | None) -> tuple[float, float] | None:
@@ -167,7 +194,7 @@ def read_probe(file: Path) -> Probe:
 
 
 def _parsed(text: str) -> Probe:
-    document = parse_toml(text, "a probe")
+    document = parse_toml(text, what="a probe")
     entries = {name: value for name, value in document.items() if isinstance(value, dict)}
     if len(document) != 1 or len(entries) != 1:
         got = f"{one_line(', '.join(document)):.80}" if document else "nothing"

@@ -16,7 +16,6 @@ from rich.table import Table
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._progress import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import INTERVAL_LEVEL
 from tsis.report import free_folder, json_bytes, sd_text, withheld_reason, write_folder
 
@@ -136,10 +135,11 @@ def estimate_with_progress(
     reference: Sequence[TactileImage],
     prior: InclusionPrior,
 ) -> Estimate:
-    """Estimate; the first time for a probe its surrogate is built, which takes seconds and is kept."""
+    """Estimate an inclusion; a bar shows how the surrogate of a new probe or prior is built."""
     with progress_bar("solving the press for this probe (kept for next time)") as progress:
-        build_full_contact_surrogate(probe, prior.box(), progress=progress)
-    return estimate(images, probe=probe, calibration=calibration, reference=reference, prior=prior)
+        return estimate(
+            images, probe=probe, calibration=calibration, reference=reference, prior=prior, progress=progress
+        )
 
 
 def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:

@@ -20,7 +20,6 @@ Parsed = TypeVar("Parsed")
 
 LARGEST_FILE_BYTES = 512 * 2**20
 LARGEST_OBJECT_BYTES = 8 * 2**20
-LONGEST_TOML_KEY = 16  # parts
 MOST_VALUES, DEEPEST = 200_000, 64
 _PLAIN_BYTES = 8 * 2**20  # beyond it JSON must be ASCII, as it is when tsis writes it: else a letter may take 4 bytes
 _LONGEST_SHOWN = 120
@@ -124,6 +123,38 @@ def read_parsed(path: Path, parse: Callable[[str], Parsed], *, most: int = LARGE
         raise FileInputError(f"{printable_path(path)}: {error}") from error
     except UnicodeDecodeError as error:
         raise FileInputError(f"{printable_path(path)} must be text in UTF-8; it is not") from error
+
+
+LONGEST_KEY = 16  # parts
+
+
+def parse_toml(text: str, *, what: str) -> dict[str, Any]:
+    """The values of a TOML text, which errors call ``what``.
+
+    Raises
+    ------
+    InputError
+        When it is no TOML, or a key has more than 16 parts.
+
+    Examples
+    --------
+    >>> parse_toml("presence = 0.1", what="a prior")
+    {'presence': 0.1}
+    """
+    _require_short_keys(text, what)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of 5000 digits is no error of TOML's
+        raise InputError(f"{what} must be TOML; got: {one_line(error)}") from error
+
+
+def _require_short_keys(text: str, what: str) -> None:
+    """Refuse a.b.c.d. ... without end, over which the parser takes the square of its length."""
+    run = 0
+    for part in text.split("."):
+        run = 0 if any(mark in part for mark in "\n=,[]") else run + 1
+        if run > LONGEST_KEY:
+            raise InputError(f"{what} must be TOML with keys of at most {LONGEST_KEY} parts; got a longer one")
 
 
 def read_head(path: Path, length: int = 64) -> bytes:
@@ -249,22 +280,3 @@ def text_lines(content: bytes, *, most: int) -> Iterator[tuple[int, str]]:
             yield number, line.decode("utf-8-sig" if number == 1 else "utf-8").rstrip("\r\n")
         except UnicodeDecodeError as error:
             raise FileInputError(f"line {number} must be text in UTF-8; it holds other bytes") from error
-
-
-def parse_toml(text: str, called: str) -> dict[str, Any]:
-    """The tables of a TOML text; ``called`` names it in errors.
-
-    Raises
-    ------
-    InputError
-        When it is no TOML, or a key is nested without end, which costs the parser the square of its length.
-    """
-    run = 0
-    for part in text.split("."):
-        run = 0 if any(mark in part for mark in "\n=,[]") else run + 1
-        if run > LONGEST_TOML_KEY:
-            raise InputError(f"{called} must be TOML with keys of at most {LONGEST_TOML_KEY} parts; got a longer one")
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number of 5000 digits is no error of TOML's
-        raise InputError(f"{called} must be TOML; got: {one_line(error)}") from error

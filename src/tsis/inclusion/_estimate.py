@@ -53,7 +53,7 @@ from tsis.model import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from tsis.inclusion.posterior import InclusionPosterior
     from tsis.mechanics.surrogate import Box, FullContactSurrogate
@@ -99,6 +99,7 @@ def estimate(
     calibration: Calibration,
     reference: TactileImage | Sequence[TactileImage] | None = None,
     prior: InclusionPrior | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Estimate:
     """Estimate an inclusion under the probe's axis, with honest intervals.
 
@@ -119,6 +120,9 @@ def estimate(
         Presses of the same probe on plain tissue nearby; they narrow size and depth.
     prior
         Ranges of the inclusion and beliefs about the tissue; `InclusionPrior` by default.
+    progress
+        Called with (slabs solved, slabs in all) while the surrogate of a new probe or prior is built, which takes
+        seconds once. Wrong arguments are refused before.
 
     Returns
     -------
@@ -142,7 +146,10 @@ def estimate(
     prior = InclusionPrior() if prior is None else prior
     require_type("prior", prior, InclusionPrior)
     digests = require_image_series(targets + references)
-    surrogate = _surrogate(probe, prior.box())
+    box = prior.box()
+    surrogate = (
+        _surrogate(probe, box) if progress is None else build_full_contact_surrogate(probe, box, progress=progress)
+    )
     require_valid_forces(targets + references, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
 

@@ -17,6 +17,7 @@ from tsis.plots._matching import TRIAL_COLOURS, curves_over_levels, point_sets, 
 from tsis.plots._optics import guide_index, guide_light, light_on_face, light_out_of_the_top, mode_profiles, ray_picture
 from tsis.plots._probe import probe_section
 from tsis.plots._relative import repeated_readings
+from tsis.plots._tracking import light_over_time, light_path
 
 __all__ = [
     "LABELS",
@@ -37,6 +38,8 @@ __all__ = [
     "hysteresis_loops",
     "light_on_face",
     "light_out_of_the_top",
+    "light_over_time",
+    "light_path",
     "marginal",
     "mode_profiles",
     "modulus",

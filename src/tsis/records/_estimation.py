@@ -13,7 +13,6 @@ from tsis.catalog import load_probe
 from tsis.errors import RecordsError
 from tsis.hardness import HardnessPrior
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.records._values import ESTIMATES
 
 if TYPE_CHECKING:
@@ -102,10 +101,10 @@ def estimate_stored(
     probe, (options, notes) = load_probe(request.probe), migrate_options(request.kind, request.options)
     call = dict(options) | ({"prior": _prior(request.kind, options["prior"])} if "prior" in options else {})
     if request.kind == ESTIMATES[0]:
-        if progress is not None:
-            build_full_contact_surrogate(probe, call.get("prior", InclusionPrior()).box(), progress=progress)
         response = max(response, other, key=lambda item: item.force_sd)
-        result = tsis.inclusion.estimate(ready, probe=probe, calibration=response, reference=reference, **call)
+        result = tsis.inclusion.estimate(
+            ready, probe=probe, calibration=response, reference=reference, progress=progress, **call
+        )
     else:
         result = tsis.hardness.estimate(
             ready, probe=probe, calibration=response, reference=reference, progress=progress, **call

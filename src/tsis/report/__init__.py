@@ -68,6 +68,14 @@ from tsis.report._records import (
     verdict,
     verification_notes,
 )
+from tsis.report._relative import (
+    PressComparison,
+    compare_presses,
+    comparison_document,
+    comparison_notes,
+    comparison_tables,
+)
+from tsis.report._tracking import PressTrack, track_document, track_notes, track_press, track_report, track_rows
 
 __all__ = [
     "ENDINGS",
@@ -81,6 +89,8 @@ __all__ = [
     "DesignQuestion",
     "Page",
     "Picture",
+    "PressComparison",
+    "PressTrack",
     "StoreAddress",
     "Table",
     "address",
@@ -91,8 +101,12 @@ __all__ = [
     "calibration_page",
     "calibration_report",
     "calibration_rows",
+    "compare_presses",
     "compared_designs",
     "comparison",
+    "comparison_document",
+    "comparison_notes",
+    "comparison_tables",
     "contact_report",
     "content_rows",
     "design_caption",
@@ -131,6 +145,11 @@ __all__ = [
     "specification_notes",
     "specification_rows",
     "store_verification_document",
+    "track_document",
+    "track_notes",
+    "track_press",
+    "track_report",
+    "track_rows",
     "verdict",
     "verification_notes",
     "withheld_reason",

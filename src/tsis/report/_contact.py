@@ -11,6 +11,7 @@ from tsis.errors import TsisError
 from tsis.imaging import features, find_contact, height_surface, match_light, signal, subtract_background
 from tsis.plots import relief, ring_profile, tactile_image
 from tsis.report._page import Card, Page, Picture, Table, html
+from tsis.report._relative import comparison_notes, comparison_pictures, comparison_tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from tsis.imaging import Contact, Features, RadialProfile
     from tsis.model import TactileImage
+    from tsis.report._relative import PressComparison
 
 
 ODD_FRACTION = 1e-3  # of the pixels
@@ -47,6 +49,7 @@ def contact_report(
     *,
     refused: Sequence[tuple[str, str]],
     provenance: Mapping[str, Any],
+    comparison: PressComparison | None = None,
 ) -> bytes:
     """One HTML page of contact features: images with outline, surface, profile, numbers, and what was refused.
 
@@ -58,21 +61,32 @@ def contact_report(
         Estimates that cannot be made from these files, each with the reason.
     provenance
         Versions, files and options.
+    comparison
+        Relative readings and shapes of the same images.
     """
     return html(
         Page(
             title="Contact found in tactile images",
             subtitle=", ".join(finding.image.name for finding in findings),
             cards=_cards(findings[0].features) if len(findings) == 1 else (),
-            notes=tuple(note for finding in findings for note in finding_notes(finding)),
-            pictures=tuple(picture for finding in findings for picture in _pictures(finding)),
-            tables=tuple(
-                Table(
-                    title=f"Features of {finding.image.name}",
-                    headings=("quantity", "value"),
-                    rows=finding_rows(finding),
-                )
-                for finding in findings
+            notes=(
+                *(note for finding in findings for note in finding_notes(finding)),
+                *(() if comparison is None else comparison_notes(comparison)),
+            ),
+            pictures=(
+                *(picture for finding in findings for picture in _pictures(finding)),
+                *(() if comparison is None else comparison_pictures(comparison)),
+            ),
+            tables=(
+                *(() if comparison is None else comparison_tables(comparison)),
+                *(
+                    Table(
+                        title=f"Features of {finding.image.name}",
+                        headings=("quantity", "value"),
+                        rows=finding_rows(finding),
+                    )
+                    for finding in findings
+                ),
             ),
             refused=tuple(refused),
             provenance=provenance,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -62,6 +62,8 @@ class DesignQuestion:
         Whether the lamps light the face; else it is lit evenly.
     evaluations
         Stacks of layers that a search for better ones may solve, in [1, 25]; no search when None.
+    prior
+        Ranges of inclusions over which errors are means, and what is believed of the tissue.
 
     Raises
     ------
@@ -77,11 +79,13 @@ class DesignQuestion:
     criterion: str = "all"
     traced: bool = False
     evaluations: int | None = None
+    prior: InclusionPrior = field(default_factory=InclusionPrior)
 
     def __post_init__(self) -> None:
         require_type("probe", self.probe, Probe)
         for aspect in self.compared:
             require_one_of("aspect", aspect, ASPECTS)
+        require_type("prior", self.prior, InclusionPrior)
         require_one_of("criterion", self.criterion, CRITERIA)
         if self.evaluations is not None:
             require_integer("evaluations", self.evaluations, 1, MOST_EVALUATIONS)
@@ -131,7 +135,7 @@ class DesignAnalysis:
         return self.designs[0]
 
 
-SENSOR, PRIOR = Sensor(), InclusionPrior()
+SENSOR = Sensor()
 
 
 def design_calibration() -> Calibration:
@@ -154,7 +158,7 @@ def compared_designs(
     return compare_designs(
         question.protocols,
         of=question.probe,
-        prior=PRIOR,
+        prior=question.prior,
         calibration=design_calibration(),
         sensor=SENSOR,
         traced=question.traced,
@@ -170,7 +174,7 @@ def searched_design(
         return None
     return optimise_design(
         question.planned,
-        prior=PRIOR,
+        prior=question.prior,
         calibration=design_calibration(),
         sensor=SENSOR,
         criterion=question.criterion,
@@ -202,7 +206,7 @@ def design_document(design: DesignAnalysis) -> dict[str, Any]:
         criterion=question.criterion,
         designs=[_document(design) for design in design.designs],
         optimum=None if best is None else _optimum_document(best),
-        prior=asdict(PRIOR),
+        prior=asdict(question.prior),
         calibration=asdict(design_calibration()),
         sensor=asdict(SENSOR),
         light="traced" if question.traced else "even",
@@ -224,7 +228,7 @@ def design_caption(designs: Sequence[Design]) -> str:
 
 def design_notes(design: DesignAnalysis) -> tuple[str, ...]:
     """What to know besides the table: before any press, what the columns mean, limits broken, what binds the best."""
-    before = PRIOR.sd
+    before = design.question.prior.sd
     broken = {
         f"{design.protocol.name}: {message}" for design in design.designs for message in design.limits.broken.values()
     }
@@ -252,7 +256,7 @@ def design_page(design: DesignAnalysis) -> Page:
     return Page(
         title="What it would tell",
         subtitle=design.planned.protocol.described,
-        cards=(*(_card(design.planned, name) for name in SHORT), _best_card(design)),
+        cards=(*(_card(design, name) for name in SHORT), _best_card(design)),
         notes=design_notes(design),
         pictures=(
             Picture(
@@ -269,9 +273,10 @@ def design_page(design: DesignAnalysis) -> Page:
     )
 
 
-def _card(design: Design, name: str) -> Card:
+def _card(response: DesignAnalysis, name: str) -> Card:
+    design = response.planned
     title, unit, digits = SHORT[name]
-    error, before = design.information.rmse[name], PRIOR.sd[name]
+    error, before = design.information.rmse[name], response.question.prior.sd[name]
     return Card(
         title=f"{title}, as planned",
         value=f"± {error:.{digits}f} {unit}",

@@ -13,6 +13,7 @@ from tsis.plots import marginal, trade_off
 from tsis.report._document import estimate_messages, probability_text, sd_text, withheld_reason
 from tsis.report._frames import change_picture, force_of, frame_picture, profile_picture, surface_picture
 from tsis.report._page import Card, Page, Picture, html
+from tsis.report._relative import comparison_notes, comparison_pictures, comparison_tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from tsis.inclusion import InclusionPrior
     from tsis.model import Estimate, TactileImage
+    from tsis.report._relative import PressComparison
 
 
 LIKELY = 0.95  # probability of an inclusion from which nobody need doubt it
@@ -39,6 +41,7 @@ def inclusion_report(
     ring_edges_mm: NDArray[np.float64],
     truth: Mapping[str, float] | None = None,
     provenance: Mapping[str, Any] | None = None,
+    comparison: PressComparison | None = None,
 ) -> bytes:
     """One HTML page: images, surface, posterior with the truth if known, and where all of it came from.
 
@@ -60,6 +63,8 @@ def inclusion_report(
         True parameters of a virtual phantom.
     provenance
         Anything to add to the estimate's own provenance.
+    comparison
+        Relative readings and shapes of the same presses.
     """
     target, reference = _shown(targets, references)
     return html(
@@ -67,13 +72,15 @@ def inclusion_report(
             title=title,
             subtitle=subtitle,
             cards=inclusion_cards(estimate, truth),
-            notes=estimate_messages(estimate),
+            notes=(*estimate_messages(estimate), *(() if comparison is None else comparison_notes(comparison))),
             pictures=(
                 marginals_picture(estimate, prior, truth),
                 *_image_pictures(target, reference),
                 profile_picture({"target": targets, "plain tissue": references}, ring_edges_mm),
                 trade_off_picture(estimate, truth),
+                *(() if comparison is None else comparison_pictures(comparison)),
             ),
+            tables=() if comparison is None else comparison_tables(comparison),
             provenance={**(provenance or {}), **estimate.provenance},
         )
     )

@@ -77,7 +77,7 @@ def parse_plan_text(text: str) -> Plan:
     >>> plan.presses, plan.shards, plan.sampled
     (1024, 16, ('diameter_mm', 'depth_mm', 'young_kpa'))
     """
-    return plan_from_document(parse_toml(text, "a plan"))
+    return plan_from_document(parse_toml(text, what="a plan"))
 
 
 def plan_from_document(document: Mapping[str, Any]) -> Plan:

@@ -105,17 +105,27 @@ class DirectContactRig:
         self._light = LightMap.uniform() if light is None else light
         require_type("light", self._light, LightMap)
         require_type("resolution", resolution, SphereResolution)
-        sensor = Sensor() if sensor is None else sensor
         if calibration is None:
+            sensor = Sensor() if sensor is None else sensor
             calibration = direct_contact_calibration(sensor, probe=probe, light=light)
         # The errors of a rig are those of a virtual probe, which draws and checks them.
         self._rig = VirtualProbe(probe, rng=rng, sensor=sensor, light=self._light, calibration=calibration)
-        self.probe, self.sensor, self.calibration = probe, sensor, calibration
+        self.probe = probe
         self._radius_sd_mm = require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
         self._drift_sd = require_number("drift_sd", drift_sd, 0.0, 1.0, hint="a share of one")
         self._offset_sd_mm = require_number("offset_sd_mm", offset_sd_mm, 0.0, 5.0, hint="millimetres")
         self._rng, self._resolution, self._solve = rng, resolution, solve
         self._written = dict[SoftSphere, float]()
+
+    @property
+    def sensor(self) -> Sensor:
+        """The camera, whose noise and background every frame has."""
+        return self._rig.sensor
+
+    @property
+    def calibration(self) -> Calibration:
+        """What the laboratory knows of probe and camera; its noise and background are the sensor's."""
+        return self._rig.calibration
 
     @property
     def stiffness(self) -> float:

@@ -31,6 +31,7 @@ RESOLUTIONS: dict[str, Resolution | FiniteResolution] = {
 }  # by strain
 LARGEST_FORCE_N = 20.0  # commanded; the press itself takes more, so that no drawn error runs into its limit
 DARKEST = 0.02  # of the mean light
+SENSOR_VALUES = ("read_noise_grey", "shot_noise_grey", "background_grey")  # which a calibration states too
 
 
 class VirtualProbe:
@@ -49,13 +50,14 @@ class VirtualProbe:
     rng
         Source of every error; a seed gives the same probe and the same frames.
     sensor
-        The camera.
+        The camera; without it one with the noise and the background of the calibration, or the default one.
     light
         Light that reaches the face from inside: traced for this probe when None, which takes some seconds once;
         `LightMap.uniform` for even light.
     calibration
-        Answer of grey level to pressure as the laboratory believes it, with the sizes of the errors; by default it
-        knows the light.
+        Response of grey level to pressure as the laboratory believes it, with the sizes of the errors; by default that
+        of the sensor and the light. Noise and background are properties of the sensor: where both are given, they must
+        agree.
     contact_model
         What makes light leave the probe: ``"rough"``, ``"smooth"``, ``"curvature"`` or a value of
         `tsis.imaging._contact_models`. The estimates assume rough contact.
@@ -71,7 +73,8 @@ class VirtualProbe:
     UnknownNameError
         When there is no such strain or contact model.
     InputError
-        When an argument is of the wrong kind, or the light is that of another face.
+        When an argument is of the wrong kind, the light is that of another face, or the calibration states another
+        noise or background than the sensor has.
 
     Examples
     --------
@@ -97,13 +100,15 @@ class VirtualProbe:
         require_type("probe", probe, Probe)
         require_type("rng", rng, np.random.Generator)
         self.probe = probe
-        self.sensor = Sensor() if sensor is None else sensor
-        require_type("sensor", self.sensor, Sensor)
+        if sensor is not None:
+            require_type("sensor", sensor, Sensor)
+        if calibration is not None:
+            require_type("calibration", calibration, Calibration)
+        self._sensor = _agreed_sensor(sensor, calibration)
         self._light = irradiance(probe) if light is None else _checked_light(light, probe)
         if calibration is None:
-            calibration = replace(nominal_calibration(self.sensor, self._light), probe=probe.name)
-        self.calibration = calibration
-        require_type("calibration", self.calibration, Calibration)
+            calibration = replace(nominal_calibration(self._sensor, self._light), probe=probe.name)
+        self._calibration = calibration
         self._contact_model = as_contact_model(contact_model)
         self._rng = rng
         self._strain = require_one_of("strain", strain, RESOLUTIONS)
@@ -113,6 +118,16 @@ class VirtualProbe:
         self._emphasis = self.calibration.shading_sd * rng.standard_normal()
         self._pattern = self._ring_pattern(self.calibration.pattern_sd)
         self._stiffness = float(np.exp(self.calibration.probe_young_sd * rng.standard_normal()))
+
+    @property
+    def sensor(self) -> Sensor:
+        """The camera, whose noise and background every frame has."""
+        return self._sensor
+
+    @property
+    def calibration(self) -> Calibration:
+        """What the laboratory knows of probe and camera; its noise and background are the sensor's."""
+        return self._calibration
 
     def press(self, phantom: Phantom, *, force_n: float) -> TactileImage:
         """Press the phantom with a commanded force in newtons, in [1e-4, 20], and take a frame.
@@ -213,6 +228,22 @@ def _stiffened(phantom: Phantom, factor: float) -> Phantom:
         inclusion=lumps[0] if lumps else None,
         more_inclusions=tuple(lumps[1:]),
     )
+
+
+def _agreed_sensor(sensor: Sensor | None, calibration: Calibration | None) -> Sensor:
+    """The given sensor, which the calibration must not contradict; else one as the calibration states it."""
+    if calibration is None:
+        return Sensor() if sensor is None else sensor
+    stated = {name: getattr(calibration, name) for name in SENSOR_VALUES}
+    if sensor is None:
+        return Sensor(**stated)
+    for name, value in stated.items():
+        if value != getattr(sensor, name):
+            raise InputError(
+                f"{name} of the calibration must be that of the sensor, {getattr(sensor, name):g}; got {value:g} "
+                "(leave the sensor out, or replace the value in one of the two)"
+            )
+    return sensor
 
 
 def _checked_light(light: Irradiance | LightMap, probe: Probe) -> Irradiance | LightMap:

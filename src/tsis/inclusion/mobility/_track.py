@@ -23,7 +23,7 @@ from tsis.inclusion.relative import (
 from tsis.model import as_images, freeze_arrays
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -113,6 +113,7 @@ def mobility(
     against: str,
     calibration: Calibration | None = None,
     threshold_grey: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Mobility:
     """Follow the centroid of the light through a sequence of frames, from one to the next by the source's (6.14).
 
@@ -122,6 +123,8 @@ def mobility(
         At least two frames of one camera and one force, in the order of time.
     reference, against, calibration, threshold_grey
         As for `relative_size`.
+    progress
+        Called with (frames read, frames in all).
 
     Returns
     -------
@@ -148,12 +151,19 @@ def mobility(
     """
     frames = as_images("images", images)
     _check_sequence(frames)
-    changes = [change_of_light(frame, reference, against=against, calibration=calibration) for frame in frames]
-    lit = [lit_part(change, threshold_grey) for change in changes]
-    position = np.array([_position_mm(part, frame) for part, frame in zip(lit, frames, strict=True)])
+    positions, spread, flags_of = list[tuple[float, float]](), list[float](), list[tuple[str, ...]]()
+    for number, frame in enumerate(frames):  # one at a time: a sequence is long, and its changes are larger than it
+        change = change_of_light(frame, reference, against=against, calibration=calibration)
+        part = lit_part(change, threshold_grey)
+        positions.append(_position_mm(part, frame))
+        flags_of.append(part.flags)
+        if part.centroid_px:
+            spread.append(centroid_noise_mm(part, change, frame))
+        if progress is not None:
+            progress(number + 1, len(frames))
+    position = np.array(positions)
     step = np.hypot(*np.diff(position, axis=0).T)
     observed = np.isfinite(position[:, 0])
-    spread = [centroid_noise_mm(*item) for item in zip(lit, changes, frames, strict=True) if item[0].centroid_px]
     noise = float(np.mean(spread)) if spread else 0.0
     any_step = bool(np.isfinite(step).any())
     excursion = float(pdist(position[observed]).max()) if any_step else None
@@ -162,7 +172,7 @@ def mobility(
         "repeated_frames": any(np.array_equal(item.grey, other.grey) for item, other in pairwise(frames)),
         "no_movement": excursion is not None and excursion <= CLEAR_MOVEMENT * noise,
     }
-    flags = [flag for part in lit for flag in part.flags if flag != "no_contact" or not observed.any()]
+    of_parts = [flag for flags in flags_of for flag in flags if flag != "no_contact" or not observed.any()]
     return Mobility(
         position_mm=position,
         step_mm=step,
@@ -178,7 +188,7 @@ def mobility(
             equal_light_assumption(calibration),
             "Probe and force stay the same: a probe that slides moves the light as an object does.",
         ),
-        flags=tuple(dict.fromkeys([*flags, *(flag for flag, is_so in wrong.items() if is_so)])),
+        flags=tuple(dict.fromkeys([*of_parts, *(flag for flag, is_so in wrong.items() if is_so)])),
     )
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.special import erfinv
 
 from tsis.errors import InputError
 from tsis.imaging import radial_profile
@@ -43,6 +44,7 @@ OUTPUT_RADIUS_MM = 8.0  # of radius; further out the rim of a 12 mm face outshin
 RINGS = 20
 MOST_RINGS = 1000
 CHUNK = 4096  # profiles refined at a time: 26 MB with the usual rings
+BRIGHTEST = 0.999  # of saturation, beyond which light no longer grows with pressure
 FINE = 40  # radii in each ring on which the area's outline is found: to 0.3 % of its radius
 CHANGED_FRACTION = 0.05  # of plain tissue's mean: a change that counts as deformed; errors of force stay below
 PRESSED_FRACTION = 0.5  # of plain tissue's mean: what counts as deformed when nothing is subtracted
@@ -270,6 +272,47 @@ def frame_outputs(
     ImageMismatchError
         When the frames do not belong together.
     """
+    rings = _rings_of_frames(images, reference, reading, calibration)
+    return reading(rings[:-1], rings[-1])
+
+
+def pressure_outputs(
+    images: TactileImage | Sequence[TactileImage],
+    reference: TactileImage,
+    reading: OutputReading,
+    *,
+    calibration: Calibration,
+) -> NDArray[np.float64]:
+    """The three outputs of frames in the units of the simulated pressure, by the response of the calibration.
+
+    Parameters
+    ----------
+    images, reference, reading, calibration
+        As for `frame_outputs`.
+
+    Returns
+    -------
+    Outputs of shape (n, 3): kPa, mN and mm², as `simulated_outputs` has them of ``"pressure_kpa"``.
+
+    Raises
+    ------
+    InputError, ImageMismatchError
+        As `frame_outputs`.
+    """
+    grey = _rings_of_frames(images, reference, reading, calibration)
+    fraction = grey / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
+    slope = np.sqrt(np.pi) / 2.0  # of the error function's argument, so that the gain is the slope at no pressure
+    rings = calibration.saturation_kpa / slope * erfinv(np.clip(fraction, -BRIGHTEST, BRIGHTEST))
+    return reading(rings[:-1], rings[-1])
+
+
+def _rings_of_frames(
+    images: TactileImage | Sequence[TactileImage],
+    reference: TactileImage,
+    reading: OutputReading,
+    calibration: Calibration,
+) -> NDArray[np.float64]:
+    """Ring means in grey levels at even light of each frame, the reference last; shape (n + 1, rings)."""
     require_type("calibration", calibration, Calibration)
     require_type("reading", reading, OutputReading)
     frames = [*as_images("images", images), *as_images("reference", reference)]
@@ -286,7 +329,7 @@ def frame_outputs(
             f"every ring to {reading.edges_mm[-1]:g} mm must have lit pixels in the picture that are not clipped; "
             f"got {unseen} of {rings.shape[1]} rings without (lower the exposure or the reach)"
         )
-    return reading(rings[:-1], rings[-1])
+    return rings
 
 
 def _ring_means(frame: TactileImage, edges_mm: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:

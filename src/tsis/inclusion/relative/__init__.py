@@ -1,7 +1,7 @@
 """Relative estimates of section 6.2: numbers that are only good for comparing presses with each other."""
 
 from tsis.inclusion.relative._estimates import relative_depth, relative_hardness, relative_size
-from tsis.inclusion.relative._light import LightChange, LitPart, change_of_light, lit_part
+from tsis.inclusion.relative._light import LightChange, LitPart, change_of_light, lit_part, matching_references
 from tsis.inclusion.relative._reading import (
     COMPARED_WITH,
     SPHERE_ASSUMPTION,
@@ -22,6 +22,7 @@ __all__ = [
     "change_of_light",
     "equal_light_assumption",
     "lit_part",
+    "matching_references",
     "notes_of",
     "ratios",
     "relative_depth",

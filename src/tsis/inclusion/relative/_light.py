@@ -157,6 +157,39 @@ def _check_force(image: TactileImage, reference: TactileImage, against: str) -> 
         )
 
 
+def matching_references(
+    image: TactileImage, references: Sequence[TactileImage], *, against: str
+) -> tuple[TactileImage, ...]:
+    """The references with which an image may be compared: all of the untouched probe, else those pressed as hard.
+
+    A press on plain tissue fits where its force lies within 5 % of the image's, or where one of the two is unknown.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    UnknownNameError
+        When ``against`` is neither of its two values.
+    """
+    require_one_of("kind of reference", against, (UNTOUCHED, PLAIN))
+    force = image.force_n
+    fitting = tuple(
+        frame
+        for frame in references
+        if against == UNTOUCHED
+        or force is None
+        or frame.force_n is None
+        or abs(frame.force_n - force) <= SAME_FORCE * force
+    )
+    if not fitting:
+        forces = " and ".join(f"{frame.force_n:g} N" for frame in references) or "none"
+        raise InputError(
+            f"{image.name or 'an image'} must be compared with the untouched probe, or with a press on plain tissue at "
+            f"its force {'' if force is None else f'{force:g} N '}within {100 * SAME_FORCE:g} %; got {forces}"
+        )
+    return fitting
+
+
 SOURCE_THRESHOLD = 5.0 / 255.0  # of full scale: the source's k = 5 of 8 bits
 LEAST_WIDTH_PX = 5.0  # the blur makes a disc of about half this width of one noisy pixel
 

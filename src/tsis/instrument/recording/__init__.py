@@ -1,5 +1,6 @@
 """Sequences of frames on disk, lossless, with an index that accounts for every frame."""
 
+from tsis.instrument.recording._index import read_recording_index
 from tsis.instrument.recording._record import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
@@ -24,5 +25,6 @@ __all__ = [
     "FurtherColumns",
     "LosslessVideo",
     "RecordingReport",
+    "read_recording_index",
     "record",
 ]

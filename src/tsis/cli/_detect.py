@@ -1,0 +1,239 @@
+"""``tsis detect``: train a classifier on targets of a store whose truth is known, and classify other targets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli._options import AsJson
+from tsis.cli._output import CommandResult, Out, show_result
+from tsis.cli._progress import progress_bar
+from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
+from tsis.detection.classify import (
+    Classifier,
+    ClassifierSettings,
+    ClassSplit,
+    TrainingSet,
+    cross_validate,
+    read_classifier,
+    target_evidence,
+    train_classifier,
+    write_classifier,
+)
+from tsis.errors import InputError, TsisError, import_extra
+from tsis.files import LARGEST_TARGET
+from tsis.inclusion import PARAMETERS
+from tsis.model import LARGEST_SEED, Inclusion
+from tsis.report import envelope, require_absent
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from tsis.detection.classify import TargetEvidence, Validation
+    from tsis.records import TargetRecord
+    from tsis.records.store import Store
+
+
+app = typer.Typer(
+    name="detect",
+    no_args_is_help=True,
+    help=f"Classify targets of a store by measured properties: none, and two kinds of inclusions. {RESEARCH_USE_ONLY}",
+)
+MOST_LISTED = 5000  # targets of one call, as of a classifier
+
+
+@app.command(epilog="Example: tsis detect train classifier.json --young-kpa 60 --none 4,9-20 --store records")
+def train(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="File of the classifier to write; it must not exist yet.")
+    ],
+    *,
+    young_kpa: Annotated[
+        float | None, typer.Option(help="The third class is stiffer than this, in kilopascals.")
+    ] = None,
+    diameter_mm: Annotated[float | None, typer.Option(help="And larger than this, in millimetres.")] = None,
+    depth_mm: Annotated[float | None, typer.Option(help="And shallower than this, in millimetres.")] = None,
+    none: Annotated[
+        str, typer.Option(help="Numbers of the targets without an inclusion, as 4,9-20; the store cannot tell them.")
+    ] = "",
+    penalty: Annotated[float, typer.Option(help="Penalty of targets on the wrong side.")] = 1.0,
+    folds: Annotated[int, typer.Option(help="Parts by which the probabilities are calibrated.")] = 5,
+    validate: Annotated[int, typer.Option(help="Parts of a cross-validation; 0 leaves it out.", min=0, max=20)] = 5,
+    seed: Annotated[int, typer.Option(help="Seed of the parts.", min=0, max=LARGEST_SEED)] = 0,
+    store: StoreFolder = None,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Train a classifier on the targets of a store of phantoms whose truth is known."""
+    require_absent(file)
+    import_extra("sklearn", feature="tsis detect", extra="classify")
+    split = ClassSplit(young_kpa=young_kpa, diameter_mm=diameter_mm, depth_mm=depth_mm)
+    settings = ClassifierSettings(penalty=penalty, folds=folds, seed=seed)
+    empty = set(_numbers("--none", none))
+    readings, truth, left_out = [], list[Inclusion | None](), []
+    with opened(store, PHANTOM, database) as records:
+        summaries = records.targets()
+        _require_there(empty, {summary.target.number for summary in summaries})
+        with progress_bar("reading targets") as advance:
+            for done, summary in enumerate(summaries):
+                target = summary.target
+                advance(done + 1, len(summaries))
+                if target.number not in empty and not set(PARAMETERS) <= set(target.truth):
+                    left_out.append(f"Target {target.number} is left out: its truth is not known.")
+                    continue
+                if target.number in empty and target.truth:
+                    raise InputError(f"--none must list targets without an inclusion; target {target.number} has one")
+                try:
+                    readings.append(_evidence(records.record(target, limit=0)))
+                except InputError as error:
+                    left_out.append(f"Target {target.number} is left out: {error}.")
+                    continue
+                true: dict[str, Any] = {name: target.truth[name] for name in PARAMETERS if name in target.truth}
+                truth.append(Inclusion(**true) if true else None)
+    if not readings:
+        raise InputError("a training needs targets with an estimate and a known truth; the store has none")
+    classifier = train_classifier(TrainingSet.of(readings, truth, split), split, settings)
+    validation = _validated(readings, truth, split, settings, validate)
+    write_classifier(classifier, file)
+    document = envelope(
+        "detect train",
+        file=str(file),
+        classes=list(split.names),
+        targets=len(readings),
+        targets_by_class=_counts(classifier),
+        validation=None if validation is None else _validation_document(validation),
+    )
+    tables = [_training_table(classifier)]
+    if validation is not None:
+        tables.append(_confusion_table(validation))
+    show_result(CommandResult(document=document, tables=tuple(tables), notes=tuple(left_out)), None, as_json=as_json)
+
+
+@app.command(epilog="Example: tsis detect apply classifier.json 3 7 --store records")
+def apply(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File that tsis detect train wrote.")],
+    numbers: Annotated[
+        list[int], typer.Argument(metavar="N...", help="Numbers of targets, as tsis records list shows them.")
+    ],
+    *,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Tell the probability of each class for targets of a store, by their estimates in force."""
+    import_extra("sklearn", feature="tsis detect", extra="classify")
+    classifier = read_classifier(file)
+    with opened(store, kind, database) as records:
+        results = [(number, classifier.classify(_evidence_of(records, number))) for number in numbers]
+    table = Table("target", *classifier.split.names, "likeliest", title="Probabilities of the classes")
+    for number, item in results:
+        cells = (f"{value:.3f}" for value in item.probabilities.values())
+        table.add_row(str(number), *cells, escape(item.likeliest))
+    document = envelope(
+        "detect apply",
+        classes=list(classifier.split.names),
+        targets=[
+            {
+                "number": number,
+                "probabilities": dict(item.probabilities),
+                "at_mean": dict(item.at_mean),
+                "likeliest": item.likeliest,
+            }
+            for number, item in results
+        ],
+    )
+    show_result(CommandResult(document=document, tables=(table,), notes=classifier.notes), out, as_json=as_json)
+
+
+def _evidence_of(records: Store, number: int) -> TargetEvidence:
+    try:
+        return _evidence(records.record(records.target(number), limit=0))
+    except InputError as error:
+        raise InputError(f"target {number}: {error}") from error
+
+
+def _evidence(dossier: TargetRecord) -> TargetEvidence:
+    """What the estimate in force says; `InputError` where there is none that may be used."""
+    results = [stored.estimate for stored in dossier.in_force if stored.kind == "inclusion"]
+    if not results:
+        raise InputError("it has no estimate of an inclusion")
+    try:
+        return target_evidence(results[0])
+    except TsisError as error:
+        raise InputError(str(error).rstrip(".")) from error
+
+
+def _numbers(option: str, text: str) -> Iterable[int]:
+    """Numbers of targets, as ``4,9-20``."""
+    result: list[int] = []
+    for part in filter(None, text.replace(" ", "").split(",")):
+        first, _, last = part.partition("-")
+        if not (first.isdecimal() and (last or first).isdecimal() and len(part) < 24):
+            raise InputError(f"{option} must be numbers of targets, as 4,9-20; got {text!r:.80}")
+        low, high = int(first), int(last or first)
+        if not 1 <= low <= high <= LARGEST_TARGET or high - low >= MOST_LISTED:
+            raise InputError(f"{option} must be ranges that ascend from 1 on; got {part!r}")
+        result += range(low, high + 1)
+    return result
+
+
+def _require_there(numbers: set[int], present: set[int]) -> None:
+    missing = sorted(numbers - present)
+    if missing:
+        raise InputError(f"--none must list targets of the store; there is no target {missing[0]}")
+
+
+def _validated(
+    readings: Sequence[TargetEvidence],
+    truth: Sequence[Inclusion | None],
+    split: ClassSplit,
+    settings: ClassifierSettings,
+    parts: int,
+) -> Validation | None:
+    if not parts:
+        return None
+    with progress_bar("cross-validating") as progress:
+        return cross_validate(readings, truth, split, settings, folds=parts, progress=progress)
+
+
+def _counts(classifier: Classifier) -> dict[str, int]:
+    labels = classifier.training.labels.tolist()
+    return {name: labels.count(label) for label, name in enumerate(classifier.split.names)}
+
+
+def _training_table(classifier: Classifier) -> Table:
+    table = Table("class", "targets", title="Training targets")
+    for name, count in _counts(classifier).items():
+        table.add_row(escape(name), str(count))
+    return table
+
+
+def _confusion_table(validation: Validation) -> Table:
+    names = validation.split.names
+    interval = validation.accuracy.interval()
+    title = (
+        f"Cross-validation: right {validation.accuracy.value:.0%}, {100 * interval.level:g} % interval "
+        f"{interval.low:.0%} to {interval.high:.0%}"
+    )
+    table = Table("true class", *(f"called {escape(name)}" for name in names), title=title)
+    for name, row in zip(names, validation.confusion.tolist(), strict=True):
+        table.add_row(escape(name), *map(str, row))
+    return table
+
+
+def _validation_document(validation: Validation) -> dict[str, Any]:
+    interval = validation.accuracy.interval()
+    return {
+        "confusion": validation.confusion.tolist(),
+        "accuracy": validation.accuracy.value,
+        "accuracy_interval": [interval.low, interval.high],
+        "log_loss": validation.log_loss,
+        "brier": validation.brier,
+    }

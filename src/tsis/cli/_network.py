@@ -1,0 +1,171 @@
+"""``tsis network``: train networks on simulated presses, and estimate inclusions from frames by them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.calibration import read_usable_calibration
+from tsis.catalog import read_prior_file
+from tsis.cli._options import (
+    AsJson,
+    PriorFile,
+    ProbeOption,
+    ShowPrior,
+    calibrated_probe,
+    chosen_probe,
+    chosen_scale,
+)
+from tsis.cli._output import CommandResult, Out, show_result
+from tsis.cli._progress import progress_bar
+from tsis.errors import InputError
+from tsis.inclusion import PARAMETERS, InclusionPrior
+from tsis.inclusion.network import read_networks, train_networks, write_networks
+from tsis.instrument import read_image
+from tsis.model import LARGEST_SEED
+from tsis.report import envelope, require_absent
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.inclusion.network import TrainedNetworks
+
+
+app = typer.Typer(
+    name="network",
+    no_args_is_help=True,
+    help=(
+        "Estimate inclusions by networks that were trained on simulated presses, as the dissertation does. "
+        f"{RESEARCH_USE_ONLY}"
+    ),
+)
+UNNAMED = "tsis-2011"  # the probe of calibrations that name none of the catalog
+SPREAD = (
+    "sd is the spread of the networks and no uncertainty of the estimate: tsis examine gives one with its interval.",
+    "The modulus is hardly better than the middle of its range: three numbers of one press do not hold it.",
+)
+
+
+@app.command(epilog="Example: tsis network train networks.json --probe tsis-2011 --force-n 1")
+def train(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File of the networks to write; it must not exist yet.")],
+    *,
+    probe: ProbeOption = "tsis-2011",
+    force_n: Annotated[float, typer.Option(help="Force of the presses in newtons.")] = 1.0,
+    samples: Annotated[int, typer.Option(help="Inclusions to simulate.")] = 134,
+    networks: Annotated[int, typer.Option(help="How many networks to train.")] = 100,
+    hidden: Annotated[
+        list[int] | None, typer.Option(help="Units of a hidden layer; repeat it for more layers.", show_default="10")
+    ] = None,
+    method: Annotated[str, typer.Option(help="scg: scaled conjugate gradients; lm: Levenberg-Marquardt.")] = "scg",
+    seed: Annotated[int, typer.Option(help="Seed of inclusions and first weights.", min=0, max=LARGEST_SEED)] = 1,
+    prior: PriorFile = None,
+    show_prior: ShowPrior = False,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate presses on inclusions of the prior, and train networks on three outputs of each."""
+    require_absent(file)
+    chosen = chosen_probe(probe)
+    assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
+    with progress_bar("simulating presses, then training networks") as progress:
+        trained = train_networks(
+            chosen,
+            rng=np.random.default_rng(seed),
+            force_n=force_n,
+            prior=assumed,
+            samples=samples,
+            networks=networks,
+            hidden=tuple(hidden or (10,)),
+            method=method,
+            solving=progress,
+            progress=progress,
+        )
+    write_networks(trained, file)
+    document = envelope("network train", file=str(file), seed=seed, samples=samples, method=method, **_about(trained))
+    table = Table("quantity", "value", title="Trained networks")
+    for row in (
+        ("file", str(file)),
+        ("probe", trained.probe),
+        ("force", f"{trained.force_n:g} N"),
+        ("networks", str(len(trained.networks))),
+        ("simulated inclusions", str(samples)),
+    ):
+        table.add_row(*row)
+    show_result(CommandResult(document=document, tables=(table,), notes=(f"Prior: {assumed}.",)), None, as_json=as_json)
+
+
+@app.command(
+    epilog=(
+        "Example: tsis network apply networks.json press.png --plain plain.png --calibration probe.json "
+        "--scale-mm 0.0336,0.0392 --force-n 1"
+    )
+)
+def apply(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File that tsis network train wrote.")],
+    images: Annotated[list[Path], typer.Argument(help="Frames of presses over inclusions, at the training's force.")],
+    *,
+    plain: Annotated[Path, typer.Option(help="The same press on plain tissue.")],
+    calibration: Annotated[Path, typer.Option(help="Calibration file of the probe.")],
+    force_n: Annotated[
+        float | None, typer.Option(help="Force of all presses in newtons; left out with a force line.")
+    ] = None,
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face; left out with a calibration that holds it.")
+    ] = None,
+    probe: Annotated[
+        str | None,
+        typer.Option(
+            help="Name in the catalog, or a file of your own, as mine.toml.",
+            show_default=f"the calibration's, else {UNNAMED}",
+        ),
+    ] = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Estimate diameter, depth and modulus of inclusions from frames by trained networks."""
+    trained, given = read_networks(file), read_usable_calibration(calibration)
+    scale = chosen_scale(given, scale_mm)
+    if scale is None or (force_n is None and given.calibration.force_line is None):
+        raise InputError(
+            "networks need --scale-mm and --force-n, where the calibration holds neither scale nor force line"
+        )
+    frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in (*images, plain)]
+    pressed, response = given.pressed(frames)
+    chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
+    outputs = trained.outputs(pressed[:-1], pressed[-1], probe=chosen, calibration=response)
+    result = trained(outputs)
+    outside = trained.outside(outputs)
+    notes = (
+        *SPREAD,
+        *(f"The {name} output lies outside those of the training: the networks extrapolate." for name in outside),
+    )
+    table = Table("press", *PARAMETERS, title="Mean and sd over the networks")
+    presses = []
+    for number, path in enumerate(images):
+        mean, sd = result[:, number].mean(axis=0), result[:, number].std(axis=0)
+        table.add_row(path.name, *(f"{item:.3g} ± {other:.2g}" for item, other in zip(mean, sd, strict=True)))
+        presses.append({"press": path.name, "outputs": outputs[number].tolist(), **_parameters(mean, sd)})
+    document = envelope(
+        "network apply", presses=presses, outside=list(outside), networks=_about(trained), calibration=given.citation()
+    )
+    show_result(CommandResult(document=document, tables=(table,), notes=notes), out, as_json=as_json)
+
+
+def _parameters(mean: NDArray[np.float64], sd: NDArray[np.float64]) -> dict[str, Any]:
+    values = zip(PARAMETERS, mean.tolist(), sd.tolist(), strict=True)
+    return {"parameters": {name: {"mean": item, "sd_of_networks": other} for name, item, other in values}}
+
+
+def _about(trained: TrainedNetworks) -> dict[str, Any]:
+    return {
+        "probe": trained.probe,
+        "force_n": trained.force_n,
+        "reach_mm": trained.reach_mm,
+        "networks": len(trained.networks),
+        "prior": dict(trained.prior),
+    }

@@ -1,0 +1,138 @@
+"""``tsis track``: how far the light of a press moves over a sequence of frames, and whether the press has settled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.calibration import read_usable_calibration
+from tsis.calibration.settling import LONGEST_HOLD_S
+from tsis.cli._options import AsJson, chosen_scale
+from tsis.cli._output import CommandOutcome, publish
+from tsis.cli._progress import progress_bar
+from tsis.errors import InputError
+from tsis.instrument import read_image
+from tsis.instrument.recording import read_recording_index
+from tsis.model import require_number
+from tsis.report import envelope, track_document, track_notes, track_press, track_report, track_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.calibration import UsableCalibration
+    from tsis.model import TactileImage
+
+
+MOST_FRAMES = 2000
+
+
+def track(
+    frames: Annotated[
+        list[Path],
+        typer.Argument(help="Frames of one press in the order of time, or the folder that tsis acquire recorded."),
+    ],
+    *,
+    reference: Annotated[Path | None, typer.Option(help="Frame of the untouched probe to compare with.")] = None,
+    plain: Annotated[
+        list[Path] | None,
+        typer.Option(help="Press on plain tissue as hard as the frames, to compare with instead; repeat it for more."),
+    ] = None,
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    interval_s: Annotated[
+        float | None,
+        typer.Option(help="Time from frame to frame in seconds; a recorded folder has its own times."),
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration file of the probe: its scale, and how unevenly the face is lit.")
+    ] = None,
+    threshold_grey: Annotated[
+        float | None, typer.Option(help="Grey level above which a pixel counts as lit.", show_default="5 of 255")
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option(help="Remaining change below which a press has settled, of its settled value.")
+    ] = 0.01,
+    longest_s: Annotated[
+        float, typer.Option(help="Longest time constant of the tissue to be reckoned with, seconds.")
+    ] = LONGEST_HOLD_S,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-track"),
+    as_json: AsJson = False,
+) -> None:
+    """Follow the light of a press through a sequence of frames, and tell whether the press has settled."""
+    if (reference is None) == (not plain):
+        raise InputError(
+            "a sequence is compared with one kind of reference: give the untouched probe as --reference, or presses on "
+            "plain tissue as --plain"
+        )
+    given = None if calibration is None else read_usable_calibration(calibration)
+    scale = chosen_scale(given, scale_mm)
+    if scale is None:
+        raise InputError("a movement needs --scale-mm, or a --calibration that holds the scale")
+    paths, times = _sequence(frames, interval_s)
+    with progress_bar("reading frames") as advance:
+        images = []
+        for number, path in enumerate(paths):
+            images.append(_read(path, scale, given))
+            advance(number + 1, len(paths))
+    others = [_read(path, scale, given) for path in (plain or []) + ([] if reference is None else [reference])]
+    with progress_bar("following the light") as advance:
+        result = track_press(
+            images,
+            others,
+            against="untouched probe" if reference is not None else "plain tissue",
+            time_s=times,
+            calibration=None if given is None else given.response,
+            threshold_grey=threshold_grey,
+            tolerance=tolerance,
+            longest_s=longest_s,
+            progress=advance,
+        )
+    provenance: dict[str, Any] = {
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "images": [{"name": image.name, **image.settings} for image in images],
+        "reference": [{"name": image.name, **image.settings} for image in others],
+        "mm_per_pixel": list(scale),
+        "calibration": None if given is None else given.citation(),
+    }
+    table = Table("quantity", "value", title="What the sequence says")
+    for row in track_rows(result):
+        table.add_row(*row)
+    subtitle = f"{len(images)} frames, {images[0].name} to {images[-1].name}"
+    outcome = CommandOutcome(
+        document=envelope("track", **track_document(result), provenance=provenance),
+        page=track_report(result, subtitle=subtitle, provenance=provenance),
+        tables=(table,),
+        notes=track_notes(result),
+    )
+    publish(outcome, out, as_json=as_json)
+
+
+def _sequence(frames: Sequence[Path], interval_s: float | None) -> tuple[list[Path], list[float] | None]:
+    """Files of the frames, and their times where they are known."""
+    if interval_s is not None:
+        require_number("--interval-s", interval_s, 1e-4, 1e4, hint="seconds")
+    times = None
+    if len(frames) == 1 and frames[0].is_dir():
+        index = read_recording_index(frames[0])
+        frames, times = [path for path, _ in index], [arrived_s for _, arrived_s in index]
+        if interval_s is not None:
+            raise InputError("--interval-s is not used with a recorded folder, which has the times of its frames")
+    elif interval_s is not None:
+        times = [interval_s * number for number in range(len(frames))]
+    if len(frames) > MOST_FRAMES:
+        raise InputError(f"frames must be at most {MOST_FRAMES}; got {len(frames)}: give every second one, or fewer")
+    return list(frames), times
+
+
+def _read(path: Path, scale: tuple[float, float], known: UsableCalibration | None) -> TactileImage:
+    """A frame, less the light of the untouched probe where the calibration holds it."""
+    image = read_image(path, mm_per_pixel=scale)
+    return (
+        image if known is None or known.calibration.reference is None else known.calibration.reference.corrected(image)
+    )

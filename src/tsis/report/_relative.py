@@ -1,0 +1,205 @@
+"""What presses say beside each other: relative size, depth and hardness, and the shape of what lights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from tsis.inclusion.relative import (
+    RelativeReading,
+    change_of_light,
+    matching_references,
+    relative_depth,
+    relative_hardness,
+    relative_size,
+)
+from tsis.inclusion.shape import ObjectShape, object_shape
+from tsis.plots import tactile_image
+from tsis.report._page import Picture, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from tsis.model import Calibration, TactileImage
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PressComparison:
+    """Readings of presses that are only good for comparing them with each other.
+
+    Attributes
+    ----------
+    against
+        What the references show: ``"untouched probe"`` or ``"plain tissue"``.
+    relative
+        Relative readings by a name each: of one press, or of two with one force above the other.
+    shapes
+        Shape of what each press lights, by the name of the frame.
+    changes
+        What each press changed, by the name of the frame.
+    missing
+        One sentence for each reading that the frames do not suffice for.
+    """
+
+    against: str
+    relative: tuple[tuple[str, RelativeReading], ...]
+    shapes: tuple[tuple[str, ObjectShape], ...]
+    changes: tuple[tuple[str, TactileImage], ...]
+    missing: tuple[str, ...] = ()
+
+
+def compare_presses(
+    images: Sequence[TactileImage],
+    references: Sequence[TactileImage],
+    *,
+    against: str,
+    calibration: Calibration | None = None,
+    relative: bool = True,
+    shape: bool = True,
+) -> PressComparison:
+    """Read relative estimates and shapes of presses, each against the references that were pressed as hard.
+
+    Parameters
+    ----------
+    images
+        Presses as the camera delivered them, each with its scale.
+    references
+        Frames of the untouched probe, or presses on plain tissue.
+    against
+        Which of the two: ``"untouched probe"`` or ``"plain tissue"``.
+    calibration
+        Relative hardness needs it: its gain turns grey levels into pressure.
+    relative, shape
+        What to read.
+
+    Raises
+    ------
+    InputError, ImageMismatchError
+        As `tsis.inclusion.relative.relative_size`; when no reference was pressed as hard as an image.
+    """
+    fitting = [matching_references(image, references, against=against) for image in images]
+    readings, shapes, changes = [], [], []
+    for image, own in zip(images, fitting, strict=True):
+        if relative:
+            readings += [
+                (image.name, read(image, own, against=against, calibration=calibration))
+                for read in (relative_size, relative_depth)
+            ]
+        if shape:
+            shapes.append((image.name, object_shape(image, own, against=against, calibration=calibration)))
+        changes.append((image.name, change_of_light(image, own, against=against, calibration=calibration).image))
+    rising = sorted(zip(images, fitting, strict=True), key=lambda pair: pair[0].force_n or 0.0)
+    pairs = [(item, other) for item, other in pairwise(rising) if (item[0].force_n or 0.0) < (other[0].force_n or 0.0)]
+    missing = _missing(pairs, calibration) if relative else ()
+    if relative and not missing and calibration is not None:
+        for (first, item), (second, other) in pairs:
+            reading = relative_hardness(
+                first, second, reference=item, second_reference=other, against=against, calibration=calibration
+            )
+            readings.append((f"{first.name}, {second.name}", reading))
+    return PressComparison(
+        against=against, relative=tuple(readings), shapes=tuple(shapes), changes=tuple(changes), missing=missing
+    )
+
+
+def _missing(pairs: Sequence[Any], calibration: Calibration | None) -> tuple[str, ...]:
+    if calibration is None:
+        return ("Relative hardness is not read: it needs a calibration, whose gain turns grey levels into pressure.",)
+    if not pairs:
+        return ("Relative hardness is not read: it needs two presses on one target with different known forces.",)
+    return ()
+
+
+def comparison_document(press_comparison: PressComparison) -> dict[str, Any]:
+    """The readings as plain values, under ``relative`` and ``shape``."""
+    document: dict[str, Any] = {}
+    if press_comparison.relative:
+        document["relative"] = {
+            "against": press_comparison.against,
+            "readings": [{"presses": name, **_plain(reading)} for name, reading in press_comparison.relative],
+            "missing": list(press_comparison.missing),
+        }
+    if press_comparison.shapes:
+        shapes = [
+            {"press": name, **_plain(shape), "notes": list(shape.notes)} for name, shape in press_comparison.shapes
+        ]
+        document["shape"] = {"against": press_comparison.against, "presses": shapes}
+    return document
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    return {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def comparison_tables(press_comparison: PressComparison) -> tuple[Table, ...]:
+    """A table of the relative readings, and one of the shapes."""
+    tables = []
+    if press_comparison.relative:
+        rows = tuple((name, reading.quantity, _reading(reading)) for name, reading in press_comparison.relative)
+        tables.append(
+            Table(
+                title=f"Relative readings against {press_comparison.against}",
+                headings=("press", "quantity", "value"),
+                rows=rows,
+            )
+        )
+    for name, shape in press_comparison.shapes:
+        tables.append(Table(title=f"Shape in {name}", headings=("quantity", "value"), rows=_shape_rows(shape)))
+    return tuple(tables)
+
+
+def _reading(reading: RelativeReading) -> str:
+    return "nothing to read" if reading.value is None else f"{reading.value:.4g} {reading.unit}"
+
+
+def _shape_rows(shape: ObjectShape) -> tuple[tuple[str, str], ...]:
+    if shape.area_mm2 is None or shape.centre_mm is None or shape.semi_axes_mm is None:
+        return (("shape", "nothing stands out of the noise"),)
+    long, short = shape.semi_axes_mm
+    return (
+        ("area", f"{shape.area_mm2:.4g} mm²"),
+        ("centre from the axis", f"({shape.centre_mm[0]:.2f}, {shape.centre_mm[1]:.2f}) mm"),
+        ("semi-axes", f"{long:.3g} and {short:.3g} mm"),
+        ("direction of the long axis", f"{shape.angle_deg:.3g} degrees"),
+        ("eccentricity", f"{shape.eccentricity:.3g}"),
+        ("circularity", f"{shape.circularity:.3g}"),
+        ("threshold", f"{shape.levels.threshold_grey:.3g} grey levels"),
+    )
+
+
+def comparison_notes(press_comparison: PressComparison) -> tuple[str, ...]:
+    """What the readings rest on, what is wrong with a press, and what was not read."""
+    values: list[tuple[str, RelativeReading | ObjectShape]] = [*press_comparison.relative, *press_comparison.shapes]
+    messages = [f"Assumed: {assumption}" for _, value in values for assumption in value.assumptions]
+    messages += [f"{name}: {note}" for name, value in values for note in value.notes]
+    return tuple(dict.fromkeys([*messages, *press_comparison.missing]))
+
+
+def comparison_pictures(press_comparison: PressComparison) -> tuple[Picture, ...]:
+    """The change of light of each press whose shape was read, with its outline."""
+    changes = dict(press_comparison.changes)
+    return tuple(_outline(name, changes[name], shape) for name, shape in press_comparison.shapes)
+
+
+def _outline(name: str, change: TactileImage, shape: ObjectShape) -> Picture:
+    def draw(figure: Figure) -> None:
+        ax = tactile_image(change, figure.subplots(), low=0.0)
+        axis, scale = change.axis(), change.scale()
+        if len(shape.contour_mm):
+            ax.plot(
+                shape.contour_mm[:, 0] + axis[0] * scale[0],
+                shape.contour_mm[:, 1] + axis[1] * scale[1],
+                color="white",
+                linewidth=1.0,
+            )
+
+    return Picture(
+        title=f"Shape in {name}",
+        draw=draw,
+        size=(6.0, 4.2),
+        alt=f"Change of light in {name} with the outline by the two-means threshold",
+        caption=f"Change of light against the {shape.against}; outline by the two-means threshold in white.",
+    )

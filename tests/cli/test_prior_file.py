@@ -1,0 +1,158 @@
+"""``--prior``: what is believed before a press, from a file instead of the default."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import asdict
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import tsis
+from tsis.calibration.file import read_calibration
+from tsis.catalog import default_prior_toml, read_prior_file
+from tsis.errors import FileInputError, InputError, UnknownNameError
+from tsis.hardness import HardnessPrior
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.instrument import read_image
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.cli.conftest import RunTsis
+
+SURE = "presence = 0.9\npoisson_sd = 0.02\n"  # another prior over the same box, whose surrogate is there
+
+
+@pytest.mark.parametrize(("kind", "prior"), [("inclusion", InclusionPrior()), ("hardness", HardnessPrior())])
+def test_the_shipped_file_is_the_default_prior_with_every_key(kind: str, prior: Any, tmp_path: Path) -> None:
+    text = default_prior_toml(kind)
+    assert set(tomllib.loads(text)) == set(asdict(prior))
+    (tmp_path / "prior.toml").write_text(text, encoding="utf-8")
+    assert read_prior_file(tmp_path / "prior.toml", type(prior)) == prior
+    with pytest.raises(UnknownNameError, match="no prior is called 'size'"):
+        default_prior_toml("size")
+
+
+@pytest.mark.parametrize("command", ["examine", "demo", "design", "hardness"])
+def test_commands_show_the_prior_to_start_from(run_tsis: RunTsis, command: str) -> None:
+    finished = run_tsis(command, "--show-prior")
+    assert finished.code == 0, finished.err
+    assert finished.out == default_prior_toml("hardness" if command == "hardness" else "inclusion")
+    assert "--prior" in run_tsis(command, "--help").out
+
+
+def test_the_demo_estimates_with_the_prior_of_the_file(run_tsis: RunTsis, tmp_path: Path) -> None:
+    """The estimate is that of the call in Python with `InclusionPrior`, on the frames that the demo wrote."""
+    (tmp_path / "mine.toml").write_text(SURE)
+    press = ("demo", "--phantom", "size-8", "--seed", "713", "--json")
+    results = {}
+    for name, options in {"mine": ("--prior", "mine.toml"), "default": ()}.items():
+        finished = run_tsis(*press, "--out", name, *options)
+        assert finished.code == 0, finished.err
+        results[name] = json.loads(finished.out)["estimate"]
+    assert results["mine"]["provenance"]["prior"] == json.loads(
+        json.dumps(asdict(InclusionPrior(**tomllib.loads(SURE))))
+    )
+    assert "probability 0.9" in results["mine"]["prior"]
+    assert results["mine"]["parameters"] != results["default"]["parameters"]
+    again = {}
+    known = read_calibration(tmp_path / "mine" / "calibration.json").response
+    assert known is not None
+    for kind in ("target", "reference"):
+        again[kind] = [
+            read_image(tmp_path / "mine" / f"{kind}-{force:g}N.png", mm_per_pixel=(0.0336, 0.0392), force_n=force)
+            for force in (0.5, 1.0)
+        ]
+    expected = estimate(
+        again["target"],
+        probe=tsis.load_probe("tsis-domed"),
+        calibration=known,
+        reference=again["reference"],
+        prior=InclusionPrior(presence=0.9, poisson_sd=0.02),
+    )
+    for name, samples in expected.samples.items():
+        assert results["mine"]["parameters"][name]["mean"] == pytest.approx(samples.mean())
+
+
+def test_the_design_is_judged_by_the_prior_of_the_file(run_tsis: RunTsis, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("offset_sd_mm = 0.0\n")
+    command = ("design", "--probe", "tsis-2011", "--force-n", "1", "--compare", "reference", "--json")
+    errors = []
+    for options in (("--prior", "mine.toml"), ()):
+        finished = run_tsis(*command, *options)
+        assert finished.code == 0, finished.err
+        document = json.loads(finished.out)
+        errors.append(document["designs"][0]["expected_rmse"])
+    assert errors[0] != errors[1], "an inclusion that is known to lie on the axis is another question"
+    assert errors[0]["diameter_mm"] <= errors[1]["diameter_mm"] + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("diametre_mm = [1, 15]", "no value of the prior is called 'diametre_mm'; did you mean 'diameter_mm'?"),
+        ("diameter_mm = [5, 2]", "the high end of diameter_mm must"),
+        ("diameter_mm = 5.0", "diameter_mm"),
+        ("diameter_mm = [5, 'six']", "diameter_mm must be a number, or a range as [1.0, 15.0]"),
+        ("presence = true", "presence must be a number"),
+        ("presence = 2.0", "presence must lie in [0.001, 0.999]"),
+        ("young_kpa = [2, 120]", "young_kpa must lie above tissue_young_kpa"),
+        ("thickness_mm = 20.0", "the largest depth_mm + diameter_mm must be less than thickness_mm"),
+        ("presence = ", "a prior must be TOML"),
+        ("[prior]\npresence = 0.5", "no value of the prior is called 'prior'"),
+        ("presence" + ".a" * 40 + " = 1", "a prior must be TOML with keys of at most 16 parts"),
+    ],
+)
+def test_what_is_no_prior_is_refused_by_name(run_tsis: RunTsis, tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "mine.toml").write_text(text)
+    finished = run_tsis("demo", "--prior", "mine.toml")
+    assert finished.code == 2
+    assert finished.err.startswith("Error: 'mine.toml': ")
+    assert message in finished.err
+    assert finished.err.count("\n") == 1
+    assert {path.name for path in tmp_path.iterdir()} == {"mine.toml"}
+    with pytest.raises(FileInputError):
+        read_prior_file(tmp_path / "mine.toml", InclusionPrior)
+
+
+def test_a_prior_without_an_estimate_or_a_file_is_refused(run_tsis: RunTsis, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(SURE)
+    finished = run_tsis("examine", "press.png", "--prior", "mine.toml")
+    assert (finished.code, finished.err) == (
+        2,
+        "Error: --prior needs --calibration: without it no inclusion is estimated\n",
+    )
+    for command in ("demo", "design", "hardness"):
+        finished = run_tsis(command, "--prior", "missing.toml")
+        assert finished.code == 2
+        assert "missing.toml" in finished.err
+
+
+def test_the_hardness_is_estimated_with_the_prior_of_the_file(
+    run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Any] = []
+
+    class Rig:
+        calibration = SimpleNamespace(name="rig")
+
+        def __init__(self, *_: object, **__: object) -> None: ...
+
+        def press_path(self, *_: object, **__: object) -> list[Any]:
+            return []
+
+    def estimated(*_: object, prior: HardnessPrior, **__: object) -> None:
+        given.append(prior)
+        raise InputError("enough")
+
+    monkeypatch.setattr("tsis.cli._hardness.DirectContactRig", Rig)
+    monkeypatch.setattr("tsis.cli._hardness.ProbeCalibration", lambda **_: None)
+    monkeypatch.setattr("tsis.cli._hardness.calibration_bytes", lambda _: b"")
+    monkeypatch.setattr("tsis.cli._hardness.estimate", estimated)
+    (tmp_path / "mine.toml").write_text("young_kpa = [5.0, 2000.0]\npoisson = [0.48, 0.495]\n")
+    for options in (("--prior", "mine.toml"), ()):
+        assert run_tsis("hardness", "--demo", *options).err == "Error: enough\n"
+    assert given == [HardnessPrior(young_kpa=(5.0, 2000.0), poisson=(0.48, 0.495)), HardnessPrior()]
