@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from benchmarks.hostile.loader import Loader
 
 from tsis.errors import RecordsError
+from tsis.files import read_chain
 from tsis.study import (
     LOG_FILE,
     import_readings,
     new_study,
     open_study,
     printed_targets,
-    read_chain,
     read_seal,
     verify_study,
 )

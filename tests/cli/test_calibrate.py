@@ -256,7 +256,7 @@ def test_sealed_values_are_a_calibration_that_examine_takes(run_tsis: RunTsis, t
         ("{", "must be a readable JSON file"),
         ("[1]", "must hold a JSON object; got list"),
         ("{}", "name"),
-        ('{"name": 3}', "calibration.name must be of type str"),
+        ('{"name": 3}', "calibration.name must be text"),
         ('{"name": "x", "gain": 3}', "must hold only known values; got ['gain']"),
         ('{"name": "x", "response": {"gain_grey_per_kpa": NaN, "saturation_kpa": 20}}', "gain_grey_per_kpa"),
         ('{"name": "x", "response": {"gain_grey_per_kpa": -1, "saturation_kpa": 20}}', "gain_grey_per_kpa"),

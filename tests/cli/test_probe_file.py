@@ -29,7 +29,7 @@ layers = [{ thickness_mm = 8.0, young_kpa = 30.0 }]
 @pytest.mark.parametrize("name", list_probes())
 def test_every_probe_of_the_catalog_comes_back_from_a_file(tmp_path: Path, name: str) -> None:
     known = load_probe(name)
-    text = probe_toml(known).replace(f"[{name}]", "[mine]")
+    text = probe_toml(known).replace(f"[{name}", "[mine")  # and its glass, a table of its own
     (tmp_path / "mine.TOML").write_text(text, encoding="utf-8")
     found = chosen_probe(str(tmp_path / "mine.TOML"))
     assert found.name == "mine"

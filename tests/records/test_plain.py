@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from tests.records.sample import sample_dossier
 
 from tsis.errors import FileInputError, InputError
+from tsis.files import free_to_plain
 from tsis.model import Estimate
 from tsis.records import (
     StoredEstimate,
     StoredPress,
     Target,
     estimate_to_plain,
-    free_to_plain,
     press_to_plain,
     target_to_plain,
 )

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from tsis.catalog import load_probe
 from tsis.errors import InputError
+from tsis.files import json_bytes
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.design import compare_designs, protocol_of
 from tsis.report import (
@@ -18,7 +19,6 @@ from tsis.report import (
     design_document,
     design_page,
     design_rows,
-    json_bytes,
 )
 from tsis.report._design import design_calibration
 

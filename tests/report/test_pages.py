@@ -12,6 +12,7 @@ from rich.console import Console
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._output import estimate_table
+from tsis.files import json_bytes
 from tsis.inclusion import InclusionPrior
 from tsis.model import Estimate, TactileImage
 from tsis.plots import ring_profile
@@ -21,7 +22,6 @@ from tsis.report import (
     estimate_document,
     finding_notes,
     inclusion_report,
-    json_bytes,
     sd_text,
 )
 from tsis.report._document import probability_text

@@ -1,20 +1,21 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import IO, TYPE_CHECKING
 
 import pytest
 from tests.study.made import made_study
 
 from tsis.errors import RecordsError
-from tsis.files import Disk
-from tsis.study import LOG_FILE
-from tsis.study._log import Draft, append_log, read_log
+from tsis.files import Disk, LogDraft
+from tsis.study import LOG_FILE, DeviceReading, enter_readings, open_study
+from tsis.study._log import append_log, read_log
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.study._log import Chain
+    from tsis.files import LogChain
 
 
 class FailingDisk(Disk):
@@ -27,9 +28,9 @@ class FailingDisk(Disk):
         if step == self._step:
             raise OSError(28, "No space left on device")
 
-    def create(self, path: Path, *, private: bool = False) -> IO[bytes]:
-        self._fail("create")
-        return super().create(path, private=private)
+    def reopen(self, path: Path) -> IO[bytes]:
+        self._fail("reopen")
+        return super().reopen(path)
 
     def write(self, file: IO[bytes], content: bytes) -> None:
         if self._step == "write":
@@ -41,16 +42,12 @@ class FailingDisk(Disk):
         self._fail("sync")
         super().sync(file)
 
-    def rename(self, draft: Path, path: Path) -> None:
-        self._fail("rename")
-        super().rename(draft, path)
+
+def note(chain: LogChain) -> list[LogDraft]:
+    return [LogDraft(actor="Ada", action="said", content={"lines": chain.lines})]
 
 
-def note(chain: Chain) -> list[Draft]:
-    return [Draft(actor="Ada", action="said", content={"lines": chain.lines})]
-
-
-@pytest.mark.parametrize("step", ["create", "write", "sync", "rename"])
+@pytest.mark.parametrize("step", ["reopen", "write", "sync"])
 def test_a_full_disk_at_any_step_leaves_the_log_as_it_was(tmp_path: Path, step: str) -> None:
     folder = made_study(tmp_path / "study").folder
     before = (folder / LOG_FILE).read_bytes()
@@ -81,3 +78,15 @@ def test_nothing_is_added_to_a_log_that_does_not_fit(tmp_path: Path) -> None:
     with pytest.raises(RecordsError, match="line 1 was changed"):
         append_log(folder, note)
     assert (folder / LOG_FILE).read_bytes() == changed
+
+
+def test_readings_are_entered_without_reading_the_log_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = made_study(tmp_path / "study")
+    code, other = study.plan.codes[:2]
+    reading = DeviceReading(device="thumb", operator="Ada", code=code, repeat=1, score=1.0)
+    study = enter_readings(study, [reading], actor="Ada")
+    monkeypatch.setattr("tsis.files._hash_chain.read_bytes", None)
+    after = enter_readings(study, [replace(reading, code=other)], actor="Ada")
+    monkeypatch.undo()
+    assert after == open_study(study.folder)
+    assert [each.code for each in after.readings] == [code, other]

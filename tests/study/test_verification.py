@@ -140,7 +140,8 @@ def test_a_head_that_is_none(published: Path, head: str) -> None:
 
 
 def test_lines_that_fit_and_that_no_study_writes_are_found(tmp_path: Path) -> None:
-    from tsis.study._log import Draft, append_log
+    from tsis.files import LogDraft
+    from tsis.study._log import append_log
 
     study = unblind(read_study(tmp_path, present=5, blank=5), by="Ada")
     known = study.readings[0].plain()
@@ -151,7 +152,7 @@ def test_lines_that_fit_and_that_no_study_writes_are_found(tmp_path: Path) -> No
         ("deleted", {}),
         ("analysed", {"folder": "../..", "files": {"passwd": "0"}}),
     ):
-        append_log(study.folder, lambda _chain, a=action, c=content: [Draft(actor="Eve", action=a, content=c)])  # type: ignore[misc]
+        append_log(study.folder, lambda _chain, a=action, c=content: [LogDraft(actor="Eve", action=a, content=c)])  # type: ignore[misc]
     found = verify_study(study.folder)
     assert [fault.line for fault in found.faults] == [14, 15, 16, 17]
     assert "after the unblinding; it is not counted" in found.faults[0].what
@@ -159,12 +160,13 @@ def test_lines_that_fit_and_that_no_study_writes_are_found(tmp_path: Path) -> No
 
 
 def test_a_reading_twice_or_of_nothing_is_found(tmp_path: Path) -> None:
-    from tsis.study._log import Draft, append_log
+    from tsis.files import LogDraft
+    from tsis.study._log import append_log
 
     study = read_study(tmp_path, present=5, blank=5)
     plain = study.readings[0].plain()
     for content in (plain, plain | {"code": "T-2222"}, plain | {"score": "high"}, {}):
-        append_log(study.folder, lambda _chain, c=content: [Draft(actor="Eve", action="reading", content=c)])  # type: ignore[misc]
+        append_log(study.folder, lambda _chain, c=content: [LogDraft(actor="Eve", action="reading", content=c)])  # type: ignore[misc]
     whats = [fault.what for fault in verify_study(study.folder).faults]
     assert [what.split("reading ")[-1] for what in whats] == [
         "that is there already",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import re
 import tomllib
 from dataclasses import asdict, replace
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
+
+import tomli_w
 
 from tsis.model import FOUR_LEDS, Glass, Inclusion, Layer, Led, Phantom, Probe, SoftSphere, require_one_of
 
@@ -107,7 +107,6 @@ def load_sphere(name: str) -> SoftSphere:
     return SoftSphere(name=name, **_table("spheres")[require_one_of("sphere", name, list_spheres())])
 
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 UNNAMED = "probe"
 
 
@@ -136,19 +135,18 @@ def probe_toml(probe: Probe) -> str:
         { azimuth_deg = 270.0 },
     ]
     """
-    name = probe.name or UNNAMED
-    lines = [f"[{name if _BARE.fullmatch(name) else _text(name)}]", f"radius_mm = {float(probe.radius_mm)!r}"]
+    table: dict[str, Any] = {"radius_mm": float(probe.radius_mm)}
     if probe.face_curvature_mm is not None:
-        lines.append(f"face_curvature_mm = {float(probe.face_curvature_mm)!r}")
+        table["face_curvature_mm"] = float(probe.face_curvature_mm)
     if probe.sides != "free":
-        lines.append(f"sides = {_text(probe.sides)}")
-    lines += ["layers = [", *(f"    {_inline(asdict(layer))}," for layer in probe.layers), "]"]
+        table["sides"] = probe.sides
+    table["layers"] = [_numbers(asdict(layer)) for layer in probe.layers]
     if probe.glass != Glass():
-        lines.append(f"glass = {_inline(asdict(probe.glass))}")
-    lines += ["leds = [", *(f"    {_inline(_changed(led))}," for led in probe.leds), "]"]
+        table["glass"] = _numbers(asdict(probe.glass))
+    table["leds"] = [_numbers(_changed(led)) for led in probe.leds]
     if probe.assumed:
-        lines.append(f"assumed = [{', '.join(map(_text, probe.assumed))}]")
-    return "\n".join(lines) + "\n"
+        table["assumed"] = list(probe.assumed)
+    return tomli_w.dumps({probe.name or UNNAMED: table})
 
 
 def _changed(led: Led) -> dict[str, float]:
@@ -157,14 +155,8 @@ def _changed(led: Led) -> dict[str, float]:
     return {name: value for name, value in asdict(led).items() if name == "azimuth_deg" or value != usual[name]}
 
 
-def _inline(values: Mapping[str, float]) -> str:
-    return "{ " + ", ".join(f"{name} = {float(value)!r}" for name, value in values.items()) + " }"
-
-
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace(
-        "\x7f", "\\u007f"
-    )  # DEL alone is allowed in JSON and not in TOML
+def _numbers(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items()}
 
 
 def phantom_variant(name: str, diameter_mm: float | None, depth_mm: float | None, young_kpa: float | None) -> Phantom:

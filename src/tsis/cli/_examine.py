@@ -282,6 +282,7 @@ def _contacts(
     ]
     document = envelope(
         "examine",
+        "contacts",
         images=[
             {"name": finding.image.name, "features": features_document(finding.features, finding.contact)}
             for finding in findings

@@ -15,9 +15,10 @@ from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._progress import progress_bar
+from tsis.files import json_bytes
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.model import INTERVAL_LEVEL
-from tsis.report import free_folder, json_bytes, sd_text, withheld_reason, write_folder
+from tsis.report import free_folder, sd_text, withheld_reason, write_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -37,9 +38,14 @@ def people() -> Console:
 
 
 def print_json(document: Mapping[str, Any]) -> None:
-    """Write a result to standard output, and nothing else there."""
-    sys.stdout.write(json_bytes(document).decode())
+    """Write a result, which `tsis.report.envelope` made, to standard output, and nothing else there."""
+    sys.stdout.write(result_bytes(document).decode())
     sys.stdout.flush()
+
+
+def result_bytes(document: Mapping[str, Any]) -> bytes:
+    """Content of a result's file; `KeyError` where the document names no schema."""
+    return json_bytes({"schema": document["schema"], **document})
 
 
 def print_notice(console: Console) -> None:
@@ -65,7 +71,7 @@ def publish(outcome: CommandOutcome, out: Path, *, as_json: bool) -> None:
 
 def write_outcome(outcome: CommandOutcome, out: Path) -> Path:
     """Write the folder ``out`` (or the next free name), whole or not at all; which one it is."""
-    files = {**outcome.files, RESULT: json_bytes(outcome.document), "index.html": outcome.page}
+    files = {**outcome.files, RESULT: result_bytes(outcome.document), "index.html": outcome.page}
     return write_folder(free_folder(out), files)
 
 
@@ -114,7 +120,7 @@ def show_result(answer: CommandResult, out: Path | None, *, as_json: bool) -> No
     if out is not None:
         requested = free_folder(out)  # refused before anything is drawn
         files = {f"{name}.png": _png(draw()) for name, draw in answer.figures.items()}
-        folder = write_folder(requested, {**files, "result.json": json_bytes(document)})
+        folder = write_folder(requested, {**files, RESULT: result_bytes(document)})
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
         return

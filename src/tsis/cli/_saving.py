@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from tsis.cli._output import RESULT, print_outcome, publish, write_outcome
+from tsis.cli._output import RESULT, print_outcome, publish, result_bytes, write_outcome
 from tsis.cli._store import DATABASE, PHANTOM, opened
 from tsis.errors import InputError, TsisError
 from tsis.files import LARGEST_TARGET, write_durably
-from tsis.report import json_bytes
 
 if TYPE_CHECKING:
     from tsis.cli._output import CommandOutcome
@@ -101,7 +100,7 @@ def publish_and_save(
         outcome = replace(
             outcome, document={**outcome.document, "kept": saved}, notes=(*outcome.notes, *saved_notes(saved))
         )
-        write_durably(folder / RESULT, json_bytes(outcome.document))
+        write_durably(folder / RESULT, result_bytes(outcome.document))
     except TsisError as error:
         print_outcome(outcome, folder, as_json=as_json)
         stop_not_saved(error, str(folder))

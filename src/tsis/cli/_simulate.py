@@ -82,7 +82,7 @@ def _catalog(*, as_json: bool) -> None:
     if as_json:
         probes = {name: asdict(load_probe(name)) for name in list_probes()}
         phantoms = {name: asdict(load_phantom(name)) for name in list_phantoms()}
-        print_json(envelope("simulate", probes=probes, phantoms=phantoms))
+        print_json(envelope("simulate", "list", probes=probes, phantoms=phantoms))
         return
     console = people()
     console.print("Probes:", ", ".join(list_probes()))

@@ -108,6 +108,7 @@ def _say_how_much(plan: Plan, workers: int | None, *, as_json: bool) -> None:
         print_json(
             envelope(
                 "sweep run",
+                "plan",
                 dry_run=True,
                 phantoms=plan.samples,
                 presses=plan.presses,

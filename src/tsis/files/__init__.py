@@ -14,11 +14,34 @@ from tsis.files._atomic import (
     remove_unfinished,
     write_durably,
 )
-from tsis.files._cache import DIGEST_BYTES, cache_folder, cached_sha256, content_key, read_cached_arrays, write_cached
+from tsis.files._cache import (
+    DIGEST_BYTES,
+    cache_folder,
+    cached_sha256,
+    content_key,
+    read_cached_arrays,
+    write_cached,
+    write_cached_arrays,
+)
+from tsis.files._codec import free_to_plain, from_plain, to_plain
 from tsis.files._csv import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows
+from tsis.files._hash_chain import (
+    FIRST_HASH,
+    NO_ENTRIES,
+    LogChain,
+    LogDraft,
+    LogEntry,
+    append_entries,
+    link_entries,
+    link_faults,
+    linked,
+    read_chain,
+    read_chain_file,
+)
 from tsis.files._image_checks import LARGEST_PIXELS, fault, pixels_alone, png_fault, rows_missing, size_fault
-from tsis.files._json import SHA256, canonical, digest, digest_of_any, parsed
+from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_of_any, json_bytes, parsed
 from tsis.files._names import LARGEST_TARGET, snapshot_stems, target_folder
+from tsis.files._packed import require_bounded_maps, without_maps
 from tsis.files._reading import (
     as_path,
     file_size,
@@ -37,17 +60,23 @@ from tsis.files._reading import (
 __all__ = [
     "DIGEST_BYTES",
     "DISK",
+    "FIRST_HASH",
     "FORMULA_STARTS",
     "LARGEST_CSV_BYTES",
     "LARGEST_PIXELS",
     "LARGEST_TARGET",
+    "NO_ENTRIES",
     "PRIVATE_FILE",
     "PRIVATE_FOLDER",
     "SHA256",
     "UNFINISHED",
     "CsvRow",
     "Disk",
+    "LogChain",
+    "LogDraft",
+    "LogEntry",
     "add_files",
+    "append_entries",
     "arrays_of",
     "as_path",
     "atomic_file",
@@ -56,10 +85,17 @@ __all__ = [
     "cached_sha256",
     "canonical",
     "content_key",
+    "content_sha256",
     "digest",
     "digest_of_any",
     "fault",
     "file_size",
+    "free_to_plain",
+    "from_plain",
+    "json_bytes",
+    "link_entries",
+    "link_faults",
+    "linked",
     "make_folder_durably",
     "npy_layout",
     "one_line",
@@ -73,16 +109,22 @@ __all__ = [
     "printable_path",
     "read_bytes",
     "read_cached_arrays",
+    "read_chain",
+    "read_chain_file",
     "read_csv_rows",
     "read_head",
     "read_object",
     "read_parsed",
     "remove_unfinished",
+    "require_bounded_maps",
     "rows_missing",
     "size_fault",
     "snapshot_stems",
     "target_folder",
     "text_lines",
+    "to_plain",
+    "without_maps",
     "write_cached",
+    "write_cached_arrays",
     "write_durably",
 ]

@@ -62,6 +62,16 @@ class Disk:
         with path.open("rb" if os.name == "posix" else "r+b") as file:
             self.sync(file)
 
+    def reopen(self, path: Path) -> IO[bytes]:
+        """Open a file that there is for more writing."""
+        return path.open("r+b")
+
+    def read_from(self, path: Path, start: int) -> bytes:
+        """The content of a file from a place on."""
+        with path.open("rb") as file:
+            file.seek(start)
+            return file.read()
+
     def rename(self, draft: Path, path: Path) -> None:
         """Give the file its name, in place of what had it."""
         draft.replace(path)
@@ -145,6 +155,35 @@ def write_durably(
             disk.remove(draft)
         raise
     disk.sync_folder(path.parent)
+
+
+def append_durably(path: Path, content: bytes, *, after: int | None = None, disk: Disk = DISK) -> None:
+    """Write ``content`` at the end of a file; when this returns it is on the disk.
+
+    Parameters
+    ----------
+    path, content
+        Which file, and what to add to it.
+    after
+        How many of its bytes stay; None for all of them.
+    disk
+        By which steps it gets there.
+
+    Raises
+    ------
+    OSError
+        When it cannot be written; then the file ends as before. A power loss may leave a part of ``content``.
+    """
+    with disk.reopen(path) as file:
+        end = file.seek(0, os.SEEK_END) if after is None else file.seek(after)
+        try:
+            file.truncate()
+            disk.write(file, content)
+            disk.sync(file)
+        except BaseException:
+            with suppress(OSError):
+                file.truncate(end)
+            raise
 
 
 def make_folder_durably(folder: Path, *, disk: Disk = DISK, private: bool = False) -> None:

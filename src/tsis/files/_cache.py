@@ -7,23 +7,26 @@ is never used. A cache that cannot be written is no error: the result is compute
 from __future__ import annotations
 
 import hashlib
-import json
+import io
 import os
 import stat
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import platformdirs
 
 from tsis.errors import FileInputError
 from tsis.files._archive import arrays_of
 from tsis.files._atomic import write_durably
+from tsis.files._codec import free_to_plain
+from tsis.files._json import content_sha256
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 
 DIGEST_BYTES = 32
@@ -37,7 +40,7 @@ def cache_folder() -> Path:
 
 def content_key(content: Mapping[str, Any]) -> str:
     """A name for ``content`` (JSON values): equal content gives an equal name on every machine."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True, default=float).encode()).hexdigest()[:32]
+    return content_sha256(free_to_plain(content, "content"))[:32]
 
 
 def read_cached(kind: str, key: str) -> bytes | None:
@@ -63,6 +66,13 @@ def read_cached_arrays(kind: str, key: str) -> dict[str, NDArray[Any]] | None:
         return arrays_of(stored)
     except FileInputError:
         return None
+
+
+def write_cached_arrays(kind: str, key: str, arrays: Mapping[str, ArrayLike]) -> None:
+    """Store arrays by name as one npz file; readers see all of it or nothing."""
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **{name: np.asarray(values) for name, values in arrays.items()})
+    write_cached(kind, key, buffer.getvalue())
 
 
 def write_cached(kind: str, key: str, payload: bytes) -> None:

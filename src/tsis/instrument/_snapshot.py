@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError
-from tsis.files import as_path, printable_path, snapshot_stems, target_folder, write_durably
+from tsis.files import as_path, json_bytes, printable_path, snapshot_stems, target_folder, write_durably
 from tsis.instrument._image_files import whole_levels
 from tsis.model import require_one_of
 
@@ -158,4 +157,4 @@ def _sidecar(
         "sha256": {ending: hashlib.sha256(content).hexdigest() for ending, content in contents.items()},
         **about,
     }
-    return (json.dumps(document, indent=2, default=str) + "\n").encode()
+    return json_bytes(document)

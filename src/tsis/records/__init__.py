@@ -3,7 +3,6 @@
 from tsis.records._deidentify import DAMAGED, deidentified
 from tsis.records._estimation import PRIORS, REFERENCES, EstimationRequest, estimate_stored, require_options
 from tsis.records._plain import estimate_to_plain, press_to_plain, target_to_plain
-from tsis.records._plain_fields import free_to_plain
 from tsis.records._provenance import environment
 from tsis.records._recompute import Recomputation, Shift, recompute
 from tsis.records._saving import SavableResult, require_savable, save_results, saved_notes
@@ -45,7 +44,6 @@ __all__ = [
     "environment",
     "estimate_stored",
     "estimate_to_plain",
-    "free_to_plain",
     "parse_force",
     "parse_truth",
     "press_to_plain",

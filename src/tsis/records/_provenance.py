@@ -10,7 +10,7 @@ from importlib import metadata, resources
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
-from tsis.records._plain_fields import free_to_plain
+from tsis.files import free_to_plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

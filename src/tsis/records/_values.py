@@ -13,6 +13,7 @@ from tsis.errors import InputError
 from tsis.files import LARGEST_TARGET, SHA256
 from tsis.model import (
     INCLUSION_RANGES,
+    Estimate,
     require_image_numbers,
     require_integer,
     require_number,
@@ -22,8 +23,6 @@ from tsis.model import (
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-
-    from tsis.model import Estimate
 
 
 KINDS = ("phantom", "subject")  # of stores; what is known of one must never get into the other
@@ -37,6 +36,7 @@ ROLES = tuple(ROLE_NAMES)  # of presses; a ball is for hardness
 ESTIMATES = ("inclusion", "hardness")
 LONGEST_NAME, LONGEST_NOTE = 200, 4000
 LARGEST_SIDE_PX = 65_535
+LARGEST_VERSION = 2**53
 TRUTH_RANGE = (-1e9, 1e9)  # of any name
 _NOT_SHOWN_BUT_FINE = re.compile(r"[\n\u200c\u200d]")  # ends of lines; what joins letters of Persian, and emoji
 
@@ -106,6 +106,7 @@ class Target:
         require_text("name", self.name, LONGEST_NAME)
         require_text("note", self.note, LONGEST_NOTE)
         require_moment("made", self.made)
+        require_integer("version", self.version, 1, LARGEST_VERSION)
         require_type("truth", self.truth, Mapping)
         if self.truth and self.kind == "subject":
             raise InputError(f"truth must be empty for a subject, of whom nothing is known; got {dict(self.truth)}")
@@ -195,6 +196,7 @@ class StoredPress:
     def __post_init__(self) -> None:
         require_one_of("role", self.role, ROLES)
         require_moment("taken", self.taken)
+        require_integer("version", self.version, 1, LARGEST_VERSION)
         if not isinstance(self.frame, str) or not SHA256.fullmatch(self.frame):
             raise InputError(f"frame must be the SHA-256 of a stored file; got {self.frame!r:.80}")
         for name in ("rows", "columns"):

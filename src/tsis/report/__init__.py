@@ -28,11 +28,11 @@ from tsis.report._design import (
     searched_design,
 )
 from tsis.report._document import (
+    RESULT_SCHEMAS,
     envelope,
     estimate_document,
     estimate_messages,
     features_document,
-    json_bytes,
     sd_text,
     withheld_reason,
 )
@@ -84,6 +84,7 @@ __all__ = [
     "MASKED",
     "PAGE_FORMS",
     "QUICK_DEGREES",
+    "RESULT_SCHEMAS",
     "Card",
     "DesignAnalysis",
     "DesignQuestion",
@@ -132,7 +133,6 @@ __all__ = [
     "html",
     "import_message",
     "inclusion_report",
-    "json_bytes",
     "measured_values",
     "recomputation_document",
     "recomputation_message",

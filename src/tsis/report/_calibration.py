@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.file import calibration_sha256, to_plain
+from tsis.calibration.file import calibration_sha256
+from tsis.files import to_plain
 from tsis.plots import dot_board, force_residuals, force_sums, hysteresis_loops
 from tsis.report._document import envelope
 from tsis.report._page import Card, Page, Picture, Table, html

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, fields
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,9 +23,72 @@ NOT_TRUSTED = "Diameter, depth and modulus are not to be trusted, for a reason n
 NOT_SCALAR = ("profile", "patch")
 
 
-def envelope(command: str, **content: Any) -> dict[str, Any]:
-    """What every result file starts with."""
-    return {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "command": command, **content}
+RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
+    {
+        "tsis-acquire-describe": 1,
+        "tsis-acquire-list": 1,
+        "tsis-acquire-record": 1,
+        "tsis-acquire-snapshot": 1,
+        "tsis-acquire-watch": 1,
+        "tsis-calibrate": 1,
+        "tsis-calibrate-seal": 1,
+        "tsis-calibrate-show": 1,
+        "tsis-console": 1,
+        "tsis-demo": 1,
+        "tsis-design": 1,
+        "tsis-examine": 1,
+        "tsis-examine-contacts": 1,
+        "tsis-hardness": 1,
+        "tsis-logins": 1,
+        "tsis-match": 1,
+        "tsis-match-bench": 1,
+        "tsis-optics-angles": 1,
+        "tsis-optics-modes": 1,
+        "tsis-optics-propagate": 1,
+        "tsis-optics-trace": 1,
+        "tsis-records-edit": 1,
+        "tsis-records-export": 1,
+        "tsis-records-import": 1,
+        "tsis-records-list": 1,
+        "tsis-records-recompute": 1,
+        "tsis-records-send": 1,
+        "tsis-records-show": 1,
+        "tsis-records-verify": 1,
+        "tsis-simulate": 1,
+        "tsis-simulate-list": 1,
+        "tsis-study-analyse": 1,
+        "tsis-study-export": 1,
+        "tsis-study-import": 1,
+        "tsis-study-new": 1,
+        "tsis-study-plan": 1,
+        "tsis-study-run": 1,
+        "tsis-study-show": 1,
+        "tsis-study-verify": 1,
+        "tsis-sweep-run": 1,
+        "tsis-sweep-run-plan": 1,
+        "tsis-sweep-verify": 1,
+    }
+)  # version by name; a version counts up when a name in the document goes or changes its meaning
+
+
+def envelope(command: str, part: str = "", /, **content: Any) -> dict[str, Any]:
+    """A JSON result: its schema with the version, the notice, the program's version and the command, then its content.
+
+    Parameters
+    ----------
+    command
+        Its words, e.g. ``"records list"``.
+    part
+        Which of the command's results it is, where it has several.
+
+    Examples
+    --------
+    >>> envelope("records list", targets=[])["schema"]
+    {'name': 'tsis-records-list', 'version': 1}
+    """
+    name = "-".join(["tsis", *command.split(), *([part] if part else [])])
+    schema = {"name": name, "version": RESULT_SCHEMAS[name]}
+    return {"schema": schema, "notice": RESEARCH_USE_ONLY, "tsis": __version__, "command": command, **content}
 
 
 def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = None) -> dict[str, Any]:
@@ -108,18 +171,3 @@ def profile_document(profile: RadialProfile) -> dict[str, Any]:
         "count": profile.count.tolist(),
         "clipped_count": profile.clipped_count.tolist(),
     }
-
-
-def json_bytes(document: Mapping[str, Any]) -> bytes:
-    """UTF-8 JSON that any parser reads: no NaN."""
-    return (json.dumps(document, indent=2, allow_nan=False, default=_json_value) + "\n").encode()
-
-
-def _json_value(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    if hasattr(value, "__dataclass_fields__"):
-        return asdict(value)
-    return dict(value)  # read-only mappings

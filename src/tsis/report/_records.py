@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from tsis.files import free_to_plain
 from tsis.report._page import Table
 from tsis.report.target import count_of
 
@@ -55,8 +56,6 @@ def _shift_rows(recomputation: Recomputation) -> list[tuple[str, ...]]:
 
 def recomputation_document(target: Target, recomputation: Recomputation) -> dict[str, Any]:
     """The same as plain values for JSON."""
-    from tsis.records import free_to_plain  # loads the libraries of records, which have loaded by then
-
     return {
         "target": target.number,
         "kind": recomputation.before.kind,

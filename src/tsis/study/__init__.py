@@ -6,7 +6,7 @@
 """
 
 from tsis.study._folder import ANALYSED, PLAN, Study, enter_readings, open_study, read_seal
-from tsis.study._log import LOG_FILE, read_chain
+from tsis.study._log import LOG_FILE
 from tsis.study._making import new_study, printed_targets, random_targets
 from tsis.study._plan import ANALYSED_READING, TARGETS
 from tsis.study._pressing import RunResult, press_study
@@ -39,7 +39,6 @@ __all__ = [
     "press_study",
     "printed_targets",
     "random_targets",
-    "read_chain",
     "read_seal",
     "read_truth_table",
     "require_short_name",

@@ -5,13 +5,13 @@ from __future__ import annotations
 import getpass
 import os
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tsis.errors import InputError, RecordsError
-from tsis.files import as_path, printable_path, read_bytes
+from tsis.files import LogChain, LogDraft, as_path, printable_path, read_bytes
 from tsis.model import require_number
-from tsis.study._log import LOG_FILE, Chain, Draft, append_log, read_log
+from tsis.study._log import LOG_FILE, append_log, read_log
 from tsis.study._plan import StudyPlan, parse_study_plan
 from tsis.study._seal import SealedTruth, commitment, parse_seal
 from tsis.study._values import DeviceReading, parse_reading, require_short_name
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from tsis.study._log import Entry
+    from tsis.files import LogEntry
 
 
 PLAN, SEAL = "study.json", "sealed.json"
@@ -45,11 +45,11 @@ class Study:
 
     folder: Path
     plan: StudyPlan
-    chain: Chain
+    chain: LogChain
     readings: tuple[DeviceReading, ...]
 
     @property
-    def unblinded(self) -> Entry | None:
+    def unblinded(self) -> LogEntry | None:
         """Who unblinded it and when; None while it is blind."""
         return next((entry for entry in self.chain.entries if entry.action == UNBLINDED), None)
 
@@ -118,7 +118,7 @@ def read_seal(study: Study) -> tuple[SealedTruth, bool]:
     return seal, commitment(content) == committed(study.chain, study.plan)
 
 
-def committed(chain: Chain, plan: StudyPlan) -> str:
+def committed(chain: LogChain, plan: StudyPlan) -> str:
     """SHA-256 of the truth as the log's first line has it, where it can be read; else as the plan has it."""
     first = chain.entries[0] if chain.entries else None
     reported = first.content.get("truth_sha256") if first is not None and first.action == CREATED else None
@@ -150,12 +150,12 @@ def enter_readings(
     """
     require_short_name("actor", actor)
 
-    def drafts(chain: Chain) -> list[Draft]:
+    def drafts(chain: LogChain) -> list[LogDraft]:
         if any(entry.action == UNBLINDED for entry in chain.entries):
             raise RecordsError("readings must come before a study is unblinded; this one is, so nothing was entered")
         require_plan_unchanged(study.folder, chain)
         codes = frozenset(study.plan.codes)
-        given = {reading.key for reading in _readings(chain, study.plan)}
+        given = {reading.key for reading in _readings(chain, study.plan, study)}
         for reading in readings:
             if reading.code not in codes:
                 raise InputError(f"code must be one of this study's; got {reading.code!r:.40}")
@@ -165,14 +165,14 @@ def enter_readings(
                     f"{reading.device!r:.60}, repeat {reading.repeat}, already"
                 )
             given.add(reading.key)
-        head = [] if imported is None else [Draft(actor=actor, action=IMPORTED, content=imported)]
-        return [*head, *(Draft(actor=actor, action=READING, content=reading.plain()) for reading in readings)]
+        head = [] if imported is None else [LogDraft(actor=actor, action=IMPORTED, content=imported)]
+        return [*head, *(LogDraft(actor=actor, action=READING, content=reading.plain()) for reading in readings)]
 
-    append_log(study.folder, drafts)
-    return open_study(study.folder)
+    chain = append_log(study.folder, drafts, log_chain=study.chain)
+    return replace(study, chain=chain, readings=_readings(chain, study.plan, study))
 
 
-def require_plan_unchanged(folder: Path, chain: Chain) -> None:
+def require_plan_unchanged(folder: Path, chain: LogChain) -> None:
     """Refuse a study whose plan is not the one that the log begins with."""
     first = chain.entries[0] if chain.entries else None
     if first is None or first.content.get("study_sha256") != commitment(read_bytes(folder / PLAN)):
@@ -181,14 +181,14 @@ def require_plan_unchanged(folder: Path, chain: Chain) -> None:
         )
 
 
-def before_unblinding(chain: Chain) -> tuple[Entry, ...]:
+def before_unblinding(chain: LogChain) -> tuple[LogEntry, ...]:
     """The lines up to the first that unblinds."""
     lines = chain.entries
     end = next((index for index, entry in enumerate(lines) if entry.action == UNBLINDED), len(lines))
     return lines[:end]
 
 
-def _threshold(entry: Entry, device: str) -> float:
+def _threshold(entry: LogEntry, device: str) -> float:
     try:
         return require_number("threshold", entry.content.get("threshold"), -1e12, 1e12)
     except InputError as error:
@@ -199,10 +199,15 @@ def _threshold(entry: Entry, device: str) -> float:
         ) from error
 
 
-def _readings(chain: Chain, plan: StudyPlan) -> tuple[DeviceReading, ...]:
+def _readings(chain: LogChain, plan: StudyPlan, study: Study | None = None) -> tuple[DeviceReading, ...]:
+    """Readings of a log; those of a ``study`` study are not parsed again when the log continues that of the study."""
     document: dict[tuple[str, str, str, int], DeviceReading] = {}
-    codes = set(plan.codes)
-    for entry in before_unblinding(chain):
+    codes, start = set(plan.codes), 0 if study is None else len(study.chain.entries)
+    if study is not None and start and chain.entries[start - 1 : start] == study.chain.entries[-1:]:
+        document = {reading.key: reading for reading in study.readings}
+    else:
+        start = 0
+    for entry in before_unblinding(chain)[start:]:
         if entry.action == READING:
             try:
                 reading = parse_reading(entry.content)

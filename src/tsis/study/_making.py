@@ -13,11 +13,11 @@ import numpy as np
 from tsis.__about__ import __version__
 from tsis.catalog import load_phantom, load_probe
 from tsis.errors import InputError, RecordsError
-from tsis.files import as_path, atomic_folder, one_line, printable_path
+from tsis.files import NO_ENTRIES, LogDraft, as_path, atomic_folder, link_entries, one_line, printable_path
 from tsis.inclusion import InclusionPrior
 from tsis.model import LARGEST_SEED, Inclusion, Phantom, require_integer, require_number, require_type
 from tsis.study._folder import CREATED, PLAN, SEAL, open_study, user
-from tsis.study._log import LOG_FILE, Chain, Draft, link_entries
+from tsis.study._log import LOG_FILE
 from tsis.study._plan import StudyPlan, coded
 from tsis.study._seal import SealedTruth, commitment
 from tsis.study._values import TargetTruth, require_short_name
@@ -191,9 +191,10 @@ def new_study(
     )
     planned = plan.content()
     begun = {"study_sha256": commitment(planned), "truth_sha256": plan.commitment, "tsis": __version__}
-    nothing = Chain(entries=(), lines=0, breaks={})
     first = link_entries(
-        nothing, [Draft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)], plan.made
+        NO_ENTRIES,
+        [LogDraft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)],
+        plan.made,
     )
     try:
         with atomic_folder(position) as draft:

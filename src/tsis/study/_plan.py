@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,7 +12,7 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.catalog import list_probes
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import SHA256, parse_object
+from tsis.files import SHA256, from_plain, json_bytes, parse_object
 from tsis.model import LARGEST_SEED, require_integer, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -154,31 +153,26 @@ class StudyPlan:
 
     def content(self) -> bytes:
         """The file."""
-        return (
-            json.dumps(
-                {
-                    "format": FORMAT,
-                    "version": VERSION,
-                    "notice": RESEARCH_USE_ONLY,
-                    "tsis": self.tsis,
-                    "name": self.name,
-                    "made": self.made.isoformat(),
-                    "seed": self.seed,
-                    "probe": self.probe,
-                    "forces_n": list(self.forces_n),
-                    "with_reference": self.with_reference,
-                    "repeats": self.repeats,
-                    "threshold": self.threshold,
-                    "judged_by": ANALYSED_READING,
-                    "undecided": UNDECIDED,
-                    "codes": list(self.codes),
-                    "truth_sha256": self.commitment,
-                },
-                indent=2,
-                allow_nan=False,
-            )
-            + "\n"
-        ).encode()
+        return json_bytes(
+            {
+                "format": FORMAT,
+                "version": VERSION,
+                "notice": RESEARCH_USE_ONLY,
+                "tsis": self.tsis,
+                "name": self.name,
+                "made": self.made.isoformat(),
+                "seed": self.seed,
+                "probe": self.probe,
+                "forces_n": list(self.forces_n),
+                "with_reference": self.with_reference,
+                "repeats": self.repeats,
+                "threshold": self.threshold,
+                "judged_by": ANALYSED_READING,
+                "undecided": UNDECIDED,
+                "codes": list(self.codes),
+                "truth_sha256": self.commitment,
+            }
+        )
 
 
 def parse_study_plan(content: bytes, name: str) -> StudyPlan:
@@ -192,7 +186,10 @@ def parse_study_plan(content: bytes, name: str) -> StudyPlan:
     try:
         reference = parse_object(content, name, values=2_000_000)
         require_study_format(reference, FORMAT, VERSION)
-        return _plan(reference)
+        names = {
+            field.name: "truth_sha256" if field.name == "commitment" else field.name for field in fields(StudyPlan)
+        }
+        return from_plain(StudyPlan, {name: reference[given] for name, given in names.items()}, "study")
     except FileInputError as error:  # which names the file
         raise RecordsError(str(error)) from error
     except InputError as error:
@@ -207,19 +204,3 @@ def require_study_format(reference: Mapping[str, Any], form: str, version: int) 
         raise InputError(f"format must be {form!r}; got {reference.get('format')!r:.60}")
     if reference.get("version") != version:
         raise InputError(f"version must be {version}; got {reference.get('version')!r:.60} (use the tsis that made it)")
-
-
-def _plan(reference: Mapping[str, Any]) -> StudyPlan:
-    return StudyPlan(
-        name=reference["name"],
-        seed=reference["seed"],
-        probe=reference["probe"],
-        forces_n=tuple(reference["forces_n"]),
-        with_reference=reference["with_reference"],
-        repeats=reference["repeats"],
-        threshold=reference["threshold"],
-        codes=tuple(reference["codes"]),
-        commitment=reference["truth_sha256"],
-        made=datetime.fromisoformat(reference["made"]),
-        tsis=reference["tsis"],
-    )

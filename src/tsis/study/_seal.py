@@ -7,13 +7,12 @@ in the plan shows every later change. A salt that chance gave keeps anybody from
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import parse_object
+from tsis.files import json_bytes, parse_object
 from tsis.study._plan import require_study_format
 from tsis.study._values import TargetTruth, parse_target_truth
 
@@ -52,7 +51,7 @@ class SealedTruth:
             "seed": self.seed,
             "targets": {code: truth.plain() for code, truth in self.truths.items()},
         }
-        return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()
+        return json_bytes(document, indent=1)
 
 
 def commitment(content: bytes) -> str:

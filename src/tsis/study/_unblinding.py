@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING
 
 from tsis.__about__ import __version__
 from tsis.errors import RecordsError
+from tsis.files import LogDraft
 from tsis.study._folder import ANALYSED, UNBLINDED, open_study, read_seal
-from tsis.study._log import Draft, append_log
+from tsis.study._log import append_log
 from tsis.study._values import require_short_name
 from tsis.study._verification import verify_study
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from tsis.files import LogChain
     from tsis.study._folder import Study
-    from tsis.study._log import Chain
 
 
 def unblind(study: Study, *, by: str) -> Study:
@@ -48,11 +49,11 @@ def unblind(study: Study, *, by: str) -> Study:
         raise RecordsError("a study must have a reading before it is unblinded; this one has none (tsis study run)")
     result = verify_study(study.folder)
 
-    def drafts(chain: Chain) -> list[Draft]:
+    def drafts(chain: LogChain) -> list[LogDraft]:
         if any(entry.action == UNBLINDED for entry in chain.entries):
             return []
         faults = [fault.key for fault in result.faults]
-        return [Draft(actor=by, action=UNBLINDED, content={"faults": faults, "tsis": __version__})]
+        return [LogDraft(actor=by, action=UNBLINDED, content={"faults": faults, "tsis": __version__})]
 
     append_log(study.folder, drafts, damaged=True)
     return open_study(study.folder)
@@ -82,7 +83,7 @@ def enter_analysis(study: Study, *, by: str, folder: str, files: Mapping[str, st
     entries = {"folder": folder, "files": dict(files), "tsis": __version__}
     append_log(
         study.folder,
-        lambda _chain: [Draft(actor=require_short_name("by", by), action=ANALYSED, content=entries)],
+        lambda _chain: [LogDraft(actor=require_short_name("by", by), action=ANALYSED, content=entries)],
         damaged=True,
     )
     return open_study(study.folder)

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
+from tsis.files import from_plain, to_plain
 from tsis.model import Inclusion, Phantom, require_integer, require_number, require_one_of, require_pair, require_type
 
 if TYPE_CHECKING:
@@ -104,21 +105,8 @@ class DeviceReading:
         return self.code, self.device, self.operator, self.repeat
 
     def plain(self) -> dict[str, Any]:
-        """As plain values, for the log."""
-        return {
-            "code": self.code,
-            "device": self.device,
-            "operator": self.operator,
-            "repeat": self.repeat,
-            "score": self.score,
-            "rank": self.rank,
-            "reason": self.reason,
-            "values": dict(self.values),
-            "sd": dict(self.sd),
-            "interval_90": {name: list(ends) for name, ends in self.interval_90.items()},
-            "flags": list(self.flags),
-            "evidence": dict(self.evidence),
-        }
+        """As JSON values, for the log."""
+        return to_plain(self)
 
 
 def parse_reading(reference: Mapping[str, Any]) -> DeviceReading:
@@ -129,12 +117,7 @@ def parse_reading(reference: Mapping[str, Any]) -> DeviceReading:
     InputError
         When it holds something else.
     """
-    try:
-        return DeviceReading(**reference)
-    except (TypeError, AttributeError, ValueError, OverflowError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"a reading must hold what a study writes of it; wrong or missing: {error!s:.80}") from error
+    return from_plain(DeviceReading, reference, "reading")
 
 
 def require_short_name(what: str, name: object) -> str:

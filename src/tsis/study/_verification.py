@@ -18,7 +18,7 @@ from tsis.study._values import parse_reading
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.study._log import Chain, Entry
+    from tsis.files import LogChain, LogEntry
     from tsis.study._plan import StudyPlan
 
 
@@ -122,7 +122,7 @@ def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> 
     )
 
 
-def _when(fault: StudyFault, unblinded: Entry | None) -> str:
+def _when(fault: StudyFault, unblinded: LogEntry | None) -> str:
     """The line of the unblinding says what did not fit at that moment."""
     if unblinded is None:
         return ""
@@ -137,7 +137,7 @@ def _plan(path: Path) -> StudyPlan | None:
         return None
 
 
-def _file_faults(path: Path, chain: Chain) -> list[StudyFault]:
+def _file_faults(path: Path, chain: LogChain) -> list[StudyFault]:
     first = chain.entries[0] if chain.entries and chain.entries[0].action == CREATED else None
     faults = [] if first is not None else [StudyFault(file=LOG_FILE, line=1, what="does not tell how the study began")]
     begun = {} if first is None else first.content
@@ -171,7 +171,7 @@ def _changed(path: Path, digest: object, *, shown_as: str = "") -> list[StudyFau
     return [StudyFault(file=name, line=0, what="was changed: its SHA-256 is not the one in the log")]
 
 
-def _order_faults(chain: Chain, plan: StudyPlan | None) -> list[StudyFault]:
+def _order_faults(chain: LogChain, plan: StudyPlan | None) -> list[StudyFault]:
     """Lines whose hashes fit, and which no study writes."""
     faults: list[StudyFault] = []
     observed: Counter[tuple[str, str, str, int]] = Counter()
@@ -192,7 +192,7 @@ def _order_faults(chain: Chain, plan: StudyPlan | None) -> list[StudyFault]:
     return faults
 
 
-def _reading_fault(entry: Entry, plan: StudyPlan | None, observed: Counter[tuple[str, str, str, int]]) -> str:
+def _reading_fault(entry: LogEntry, plan: StudyPlan | None, observed: Counter[tuple[str, str, str, int]]) -> str:
     try:
         reading = parse_reading(entry.content)
     except InputError:
@@ -203,7 +203,7 @@ def _reading_fault(entry: Entry, plan: StudyPlan | None, observed: Counter[tuple
     return "is a reading that is there already" if observed[reading.key] > 1 else ""
 
 
-def _holds(chain: Chain, head: str) -> bool:
+def _holds(chain: LogChain, head: str) -> bool:
     requested = head.strip().lower()
     if len(requested) < LEAST_HEAD or set(requested) - set("0123456789abcdef"):
         raise InputError(f"head must be a hash that a report printed, {LEAST_HEAD} digits or more; got {head!r:.80}")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import sys
 from contextlib import contextmanager
@@ -16,7 +14,16 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, InputError, import_extra
-from tsis.files import UNFINISHED, one_line, printable_path, read_bytes, read_object, write_durably
+from tsis.files import (
+    UNFINISHED,
+    content_sha256,
+    json_bytes,
+    one_line,
+    printable_path,
+    read_bytes,
+    read_object,
+    write_durably,
+)
 from tsis.model import require_one_of
 from tsis.sweep._plan import PROFILES
 from tsis.sweep._plan_file import plan_document, plan_from_document
@@ -77,7 +84,7 @@ def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Re
         "refused": sum(file.refused for file in files or ()),
         "shards": [{"file": shard_name(file.shard), **asdict(file)} for file in files or ()],
     }
-    write_durably(folder / MANIFEST_FILE, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    write_durably(folder / MANIFEST_FILE, json_bytes(document, indent=1))
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -114,7 +121,7 @@ START = ("format", "version", "tsis", "libraries", "plan_sha256", "plan")
 
 
 def manifest_sha256(document: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(document, sort_keys=True, allow_nan=False).encode()).hexdigest()
+    return content_sha256(document, spaced=True, escaped=True)  # as in the manifests of all data sets so far
 
 
 MOST_NAMED = 5

@@ -28,8 +28,8 @@ from tsis.calibration.file import (
     read_calibration,
     write_calibration,
 )
-from tsis.calibration.file._codec import _unpacked, require_bounded_maps
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
+from tsis.files._packed import _unpacked, require_bounded_maps
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,6 +1,5 @@
 """A probe's calibration as one value and one file: versioned, hashed, readable, refused when it may not serve."""
 
-from tsis.calibration.file._codec import from_plain, to_plain
 from tsis.calibration.file._content import (
     CALIBRATION_FILE,
     CALIBRATION_FORMAT,
@@ -26,12 +25,10 @@ __all__ = [
     "calibration_bytes",
     "calibration_sha256",
     "document_sha256",
-    "from_plain",
     "parse_calibration",
     "read_calibration",
     "read_handwritten_calibration",
     "require_name",
     "require_time",
-    "to_plain",
     "write_calibration",
 ]

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.calibration.file._codec import from_plain, require_bounded_maps, to_plain, without_maps
 from tsis.calibration.file._value import ProbeCalibration
 from tsis.errors import CalibrationError, FileInputError, InputError
-from tsis.files import as_path, parse_object, printable_path, read_object, write_durably
+from tsis.files import (
+    as_path,
+    content_sha256,
+    from_plain,
+    json_bytes,
+    parse_object,
+    printable_path,
+    read_object,
+    require_bounded_maps,
+    to_plain,
+    without_maps,
+    write_durably,
+)
 
 if TYPE_CHECKING:
     import os
@@ -46,7 +55,7 @@ def calibration_bytes(calibration: ProbeCalibration) -> bytes:
         "sha256": calibration_sha256(calibration),
         "calibration": reference,
     }
-    content = (json.dumps(document, indent=2, allow_nan=False) + "\n").encode()
+    content = json_bytes(document)
     if len(content) > LARGEST_BYTES:
         raise InputError(
             f"calibration must take at most {LARGEST_BYTES} bytes, so that it can be read back; got {len(content)}"
@@ -125,22 +134,20 @@ def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
         )
     try:
         require_bounded_maps(content, "calibration")
-        calibration: ProbeCalibration = from_plain(ProbeCalibration, content, "calibration")
+        given = from_plain(ProbeCalibration, content, "calibration")
     except InputError as error:
         raise FileInputError(f"{name}: {error}") from error
     except CalibrationError as error:
         raise CalibrationError(f"{name}: {error}") from error
-    return calibration
+    return given
 
 
 def document_sha256(content: Any) -> str | None:
+    """SHA-256 of a calibration's JSON values; None for NaN or endless nesting, which nothing here ever wrote."""
     try:
-        canonical = json.dumps(
-            _as_floats(without_maps(content)), sort_keys=True, separators=(",", ":"), allow_nan=False
-        )
-    except (ValueError, OverflowError, RecursionError):  # NaN or nesting without end, which nothing here ever wrote
+        return content_sha256(_as_floats(without_maps(content)), escaped=True)  # as in all calibration files so far
+    except (ValueError, OverflowError, RecursionError):
         return None
-    return hashlib.sha256(canonical.encode()).hexdigest()
 
 
 def _as_floats(content: Any) -> Any:

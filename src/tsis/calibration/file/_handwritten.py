@@ -5,10 +5,9 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.file._codec import from_plain
 from tsis.calibration.file._value import ProbeCalibration
 from tsis.errors import FileInputError, InputError
-from tsis.files import printable_path, read_object
+from tsis.files import from_plain, printable_path, read_object
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -44,9 +43,9 @@ def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:
     now = datetime.now(UTC).replace(microsecond=0)
     dated: dict[str, Any] = {**content, "made": now.isoformat(), "expires": (now + timedelta(days=days)).isoformat()}
     try:
-        calibration: ProbeCalibration = from_plain(ProbeCalibration, dated, "calibration")
+        given = from_plain(ProbeCalibration, dated, "calibration")
     except InputError as error:
         raise FileInputError(f"{printable_path(path)}: {error}") from error
-    if all(getattr(calibration, part) is None for part in BY_HAND):
+    if all(getattr(given, part) is None for part in BY_HAND):
         raise FileInputError(f"{printable_path(path)} must hold at least one of {', '.join(BY_HAND)}; got none")
-    return calibration
+    return given

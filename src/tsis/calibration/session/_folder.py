@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import secrets
 import shutil
 from dataclasses import dataclass, replace
@@ -15,13 +14,21 @@ from tsis.calibration.file import (
     CALIBRATION_FILE,
     calibration_bytes,
     calibration_sha256,
-    from_plain,
     read_calibration,
-    to_plain,
 )
 from tsis.calibration.session._setup import SessionSetup, plan_steps
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
-from tsis.files import as_path, one_line, printable_path, read_bytes, read_object, write_durably
+from tsis.files import (
+    as_path,
+    from_plain,
+    json_bytes,
+    one_line,
+    printable_path,
+    read_bytes,
+    read_object,
+    to_plain,
+    write_durably,
+)
 from tsis.instrument import png_bytes, read_image
 from tsis.model import TactileImage, require_number, require_type
 
@@ -98,7 +105,7 @@ class SessionFolder:
         document = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "terms": to_plain(terms)}
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            write_durably(self.path / TERMS, (json.dumps(document, indent=2) + "\n").encode())
+            write_durably(self.path / TERMS, json_bytes(document))
         except OSError as error:
             raise self._refused(error) from error
 
@@ -115,7 +122,7 @@ class SessionFolder:
         if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
             raise FileInputError(f"{printable_path(file)} must be a {FORMAT} of version {VERSION}; got another format")
         try:
-            terms: SessionSetup = from_plain(SessionSetup, document.get("terms"), "terms")
+            terms = from_plain(SessionSetup, document.get("terms"), "terms")
         except InputError as error:
             raise FileInputError(f"{printable_path(file)} must be the terms of a session; got: {error}") from error
         return terms

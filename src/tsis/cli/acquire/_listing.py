@@ -29,7 +29,9 @@ def list_cameras(*, as_json: bool) -> None:
         findings = find_cameras()
     if as_json:
         print_json(
-            envelope("acquire", found=[asdict(item) for item in findings.cameras], missing=dict(findings.missing))
+            envelope(
+                "acquire", "list", found=[asdict(item) for item in findings.cameras], missing=dict(findings.missing)
+            )
         )
         return
     console = people()
@@ -57,6 +59,7 @@ def show_camera(connect_camera: Callable[[], Camera], *, as_json: bool) -> None:
         print_json(
             envelope(
                 "acquire",
+                "describe",
                 camera=name,
                 modes=[{"mode": mode.label, **asdict(mode)} for mode in modes],
                 settings=[

@@ -113,7 +113,7 @@ def _print(
 ) -> None:
     if as_json:
         document = {"folder": str(folder.resolve()), "camera": acquisition.name, "recording": asdict(report)}
-        print_json(envelope("acquire", **document, **about))
+        print_json(envelope("acquire", "record", **document, **about))
         return
     console = people()
     console.print(

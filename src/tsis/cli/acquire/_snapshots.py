@@ -116,7 +116,7 @@ def _print(
 ) -> None:
     files = {name: str(path.resolve()) for name, path in asdict(saved).items()}
     if as_json:
-        print_json(envelope("acquire", files=files, sequence=arrival.frame.sequence, **about))
+        print_json(envelope("acquire", "snapshot", files=files, sequence=arrival.frame.sequence, **about))
         return
     console = people()
     for name, file in files.items():

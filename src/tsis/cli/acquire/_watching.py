@@ -69,7 +69,7 @@ def watch_presses(
                 live.update(_line(acquisition, observed), refresh=console.is_terminal)
     if as_json:
         total = frames.pop("frames", 0)
-        print_json(envelope("acquire", frames=total, flagged={name: frames[name] for name in sorted(frames)}))
+        print_json(envelope("acquire", "watch", frames=total, flagged={name: frames[name] for name in sorted(frames)}))
         return
     print_notice(console)
 

@@ -10,12 +10,13 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.calibration.file import CALIBRATION_FILE, calibration_bytes, calibration_sha256, read_calibration, to_plain
+from tsis.calibration.file import CALIBRATION_FILE, calibration_bytes, calibration_sha256, read_calibration
 from tsis.calibration.session import DAYS, SessionFolder, calibrate
 from tsis.cli._options import AsJson
 from tsis.cli._output import CommandOutcome, people, print_json, print_notice, publish
 from tsis.cli._progress import progress_bar
 from tsis.errors import CalibrationError
+from tsis.files import to_plain
 from tsis.report import (
     calibration_document,
     calibration_notes,

@@ -17,7 +17,7 @@ from rich.table import Table
 
 from tsis.cli._exit_codes import INTERRUPTED
 from tsis.cli._options import AsJson
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import RESULT, people, print_json, print_notice, result_bytes
 from tsis.cli._progress import progress_bar
 from tsis.errors import FileInputError, InputError
 from tsis.files import printable_path, write_durably
@@ -37,7 +37,7 @@ from tsis.matching.trials import (
 )
 from tsis.model import require_one_of
 from tsis.plots import curves_over_levels
-from tsis.report import envelope, json_bytes
+from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -140,7 +140,7 @@ def write_results(
     FileInputError
         When the folder cannot be written.
     """
-    files = {"result.json": json_bytes(document), "summary.csv": _csv(levels)}
+    files = {RESULT: result_bytes(document), "summary.csv": _csv(levels)}
     for kind, figure in figures.items():
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=120)

@@ -12,9 +12,10 @@ from pydantic_core import CoreSchema, core_schema
 
 from tsis.calibration.guard import GuardFlag
 from tsis.console.services import CameraChoice, CameraState, ContactView, FrameAnalysis, JobState, PressForce
+from tsis.files import free_to_plain
 from tsis.instrument import CameraInfo, Setting
 from tsis.instrument.recording import RecordingReport
-from tsis.records import Shift, StoredPress, Target, free_to_plain
+from tsis.records import Shift, StoredPress, Target
 
 
 class Fields:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import os
 import time
 from contextlib import closing
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import TsisError
-from tsis.files import as_path, printable_path, write_durably
+from tsis.files import as_path, json_bytes, printable_path, write_durably
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -234,7 +233,7 @@ def _with_summary(
         **about,
     }
     try:
-        write_durably(path / RECORDING_SUMMARY, (json.dumps(document, indent=2, default=str) + "\n").encode())
+        write_durably(path / RECORDING_SUMMARY, json_bytes(document))
     except OSError as error:
         unwritten = f"{RECORDING_SUMMARY} could not be written: {error.strerror or error}"
         return replace(report, ended_by="; ".join(part for part in (report.ended_by, unwritten) if part))

@@ -5,7 +5,6 @@ The changes by an inclusion come from solves with and without contrast on one me
 
 from __future__ import annotations
 
-import io
 import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +15,7 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from tsis.files import content_key, read_cached_arrays, write_cached
+from tsis.files import content_key, read_cached_arrays, write_cached_arrays
 from tsis.mechanics.surrogate import _chebyshev as chebyshev
 from tsis.mechanics.surrogate._polynomial import (
     Box,
@@ -161,9 +160,7 @@ def cached_arrays(
     stored = read_cached_arrays(kind, key)
     if stored is None:
         result = solved()
-        buffer = io.BytesIO()
-        np.savez(buffer, allow_pickle=False, **result)
-        write_cached(kind, key, buffer.getvalue())
+        write_cached_arrays(kind, key, result)
         return result
     return stored
 

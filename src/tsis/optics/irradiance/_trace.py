@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
-from tsis.files import content_key, read_cached_arrays, write_cached
+from tsis.files import content_key, read_cached_arrays, write_cached_arrays
 from tsis.model import LARGEST_SEED, Probe, require_integer, require_number, require_type
 from tsis.optics import _inputs as inputs
 from tsis.optics._asperities import real_contact
@@ -102,9 +101,7 @@ def irradiance(
     with one_blas_thread():
         result = _traced(probe, rays / (len(RAISED) + 1), seed, medium, progress or (lambda _done, _total: None))
     if cached:
-        buffer = io.BytesIO()
-        np.savez(buffer, **{name: getattr(result, name) for name in Irradiance.__slots__})
-        write_cached("irradiance", key, buffer.getvalue())
+        write_cached_arrays("irradiance", key, {name: getattr(result, name) for name in Irradiance.__slots__})
     return result
 
 

@@ -10,9 +10,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.files import FORMULA_STARTS
+from tsis.files import FORMULA_STARTS, free_to_plain, json_bytes
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
-from tsis.records._plain_fields import free_to_plain
 from tsis.records.export._whole import export_folder, frame_png
 
 if TYPE_CHECKING:
@@ -244,7 +243,7 @@ def _parts(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
         "tsis": __version__,
         "files": entries,
     }
-    yield "manifest.json", (json.dumps(manifest, indent=2) + "\n").encode()
+    yield "manifest.json", json_bytes(manifest)
 
 
 def _content(record: TargetRecord) -> Iterator[tuple[str, bytes]]:

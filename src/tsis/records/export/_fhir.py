@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import base64
-import json
 import math
 from datetime import UTC
 from typing import TYPE_CHECKING
 from uuid import UUID, uuid5
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.files import SHA256
+from tsis.files import SHA256, json_bytes
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
 from tsis.records._deidentify import deidentified, shown_identity
 
@@ -203,7 +202,7 @@ def fhir_observations(record: TargetRecord, *, identified: bool = False) -> byte
     if identified and times:
         bundle["timestamp"] = max(times).astimezone(UTC).isoformat(timespec="seconds")
     bundle["entry"] = [{"fullUrl": name, "resource": resource} for name, resource in entries]
-    return (json.dumps(bundle, indent=2, allow_nan=False) + "\n").encode()
+    return json_bytes(bundle)
 
 
 def _probes(record: TargetRecord) -> list[str]:

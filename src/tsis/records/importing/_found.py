@@ -12,9 +12,8 @@ from sqlalchemy import select
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import FileInputError, InputError
-from tsis.files import printable_path
+from tsis.files import free_to_plain, printable_path
 from tsis.instrument import read_image
-from tsis.records._plain_fields import free_to_plain
 from tsis.records._values import StoredPress
 from tsis.records.store import calibration_table, frame_bytes
 

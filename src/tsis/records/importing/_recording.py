@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError
-from tsis.files import printable_path, read_bytes, read_object
+from tsis.files import from_plain, printable_path, read_bytes, read_object
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
@@ -16,7 +16,6 @@ from tsis.instrument.recording import (
     RECORDING_VERSION,
     VIDEO_NAME,
 )
-from tsis.records._plain_fields import moment, number
 from tsis.records._values import require_moment
 from tsis.records.importing._found import (
     MOST_FRAMES,
@@ -31,7 +30,6 @@ from tsis.records.importing._found import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from datetime import datetime
     from pathlib import Path
 
 
@@ -136,7 +134,7 @@ def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
     for name in ("arrived_s", FORCE):
         if name == "arrived_s" or row.get(name):
             try:
-                number({name: float(row[name])}, name, f"line {at}")
+                from_plain(float, float(row[name]), name)
             except ValueError as error:
                 raise FileInputError(
                     f"{printable_path(path)} must hold a finite {name}; line {at} has {row[name]!r:.40}"
@@ -147,7 +145,7 @@ def _full_scale(summary: dict[str, Any] | None) -> float | None:
     mode = (summary or {}).get("mode")
     if not isinstance(mode, dict) or "full_scale" not in mode:
         return None
-    return number(mode, "full_scale", "mode")
+    return from_plain(float, mode["full_scale"], "mode.full_scale")
 
 
 def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tuple[datetime, float]:
@@ -155,9 +153,9 @@ def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tu
     if summary is None or "begun" not in summary:
         return written(folder / RECORDING_INDEX), last_s
     try:
-        begun = moment(summary, "begun", RECORDING_SUMMARY)
+        begun = from_plain(datetime, summary["begun"], f"{RECORDING_SUMMARY}.begun")
         require_moment("begun", begun)
-        return begun, number(summary, "begun_s", RECORDING_SUMMARY)
+        return begun, from_plain(float, summary["begun_s"], f"{RECORDING_SUMMARY}.begun_s")
     except (ValueError, KeyError) as error:
         raise FileInputError(
             f"{printable_path(folder / RECORDING_SUMMARY)} must tell when it began; {error}"

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tsis.calibration.file import CALIBRATION_FILE, read_calibration
 from tsis.catalog import load_probe
 from tsis.errors import FileInputError, InputError
-from tsis.files import printable_path, read_object
+from tsis.files import from_plain, printable_path, read_object
 from tsis.model import grey_sha256
-from tsis.records._plain_fields import absent, number, pair, text
 from tsis.records._provenance import environment
 from tsis.records.importing._found import (
     ImportBatch,
@@ -31,6 +30,9 @@ if TYPE_CHECKING:
     from tsis.model import Estimate, TactileImage
     from tsis.records._values import StoredEstimate, StoredPress, Target
     from tsis.records.store import Store
+
+
+Value = TypeVar("Value")
 
 
 def new_target(
@@ -112,10 +114,12 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         )
     reported = document["estimate"]["provenance"]
     calibration = read_calibration(own_file(folder, CALIBRATION_FILE))
-    probe, phantom = text(reported["probe"], "name", "probe"), document["simulated"]["phantom"]
+    probe, phantom = from_plain(str, reported["probe"]["name"], "probe.name"), document["simulated"]["phantom"]
     presses = list(_presses(folder, reported, calibration, probe, progress))
     inclusion = phantom.get("inclusion")
-    truth = {} if inclusion is None else {name: number(inclusion, name, "inclusion") for name in TRUTH}
+    truth = (
+        {} if inclusion is None else {name: from_plain(float, inclusion[name], f"inclusion.{name}") for name in TRUTH}
+    )
     requested = RequestedEstimate(
         kind="inclusion", probe=probe, calibration=calibration, options={"prior": dict(reported["prior"])}
     )
@@ -124,7 +128,7 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         source=folder,
         kind="virtual presses",
         presses=tuple(presses),
-        name=text(phantom, "name", "phantom"),
+        name=from_plain(str, phantom["name"], "phantom.name"),
         truth=truth,
         simulated=True,
         estimate=requested,
@@ -151,7 +155,8 @@ def _presses(
         )
     scale = None
     for at, (role, entry) in enumerate(entries):
-        path, scale = own_file(folder, text(entry, "name", role)), absent(pair, entry, "mm_per_pixel", role)
+        path = own_file(folder, from_plain(str, entry["name"], f"{role}.name"))
+        scale = _optional(tuple[float, float], entry["mm_per_pixel"], f"{role}.mm_per_pixel")
         grey = read_frame(path).grey
         if grey_sha256(grey) != entry["sha256"]:
             raise FileInputError(
@@ -162,7 +167,7 @@ def _presses(
             role=role,
             taken=taken + timedelta(microseconds=at),  # which nobody wrote down; so their order is kept
             name=path.name,
-            force_n=absent(number, entry, "force_n", role),
+            force_n=_optional(float, entry["force_n"], f"{role}.force_n"),
             mm_per_pixel=scale,
             probe=probe,
             calibration=calibration,
@@ -182,3 +187,7 @@ def _presses(
             calibration=calibration,
         )
         progress()
+
+
+def _optional(kind: type[Value], document: Any, where: str) -> Value | None:
+    return None if document is None else from_plain(kind, document, where)

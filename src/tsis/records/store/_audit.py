@@ -7,7 +7,6 @@ whole, is what the anchor outside the database tells (`tsis.records.store._audit
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ from sqlalchemy import insert, select, update
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError, TsisError
-from tsis.files import DISK, Disk, digest, printable_path, read_object, write_durably
+from tsis.files import DISK, FIRST_HASH, Disk, digest, json_bytes, linked, printable_path, read_object, write_durably
 from tsis.model import require_integer, require_type
 from tsis.records.store._tables import audit_head_table, audit_table
 
@@ -25,9 +24,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sqlalchemy import Connection
-
-
-FIRST = "0" * 64  # what stands before the first entry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +46,7 @@ class AuditHead:
 
 def begin_audit(connection: Connection) -> None:
     """Start the chain of a new store."""
-    connection.execute(insert(audit_head_table).values(id=1, number=0, hash=FIRST))
+    connection.execute(insert(audit_head_table).values(id=1, number=0, hash=FIRST_HASH))
 
 
 def locked_head(connection: Connection) -> AuditHead:
@@ -90,17 +86,15 @@ def append_audit(connection: Connection, head: AuditHead, changes: Iterable[Audi
     entries = []
     for change in changes:
         entry: dict[str, Any] = {
-            "number": head.number + 1,
             "moment": moment,
             "actor": actor,
             "action": change.action,
             "kind": change.kind,
             "row": change.row,
             "content": digest(change.values),
-            "previous": head.hash,
         }
-        entries.append({**entry, "hash": digest(entry)})
-        head = AuditHead(number=head.number + 1, hash=str(entries[-1]["hash"]))
+        entries.append(linked(entry, head.number + 1, head.hash))
+        head = AuditHead(number=head.number + 1, hash=entries[-1]["hash"])
     if entries:
         connection.execute(insert(audit_table), entries)
         connection.execute(
@@ -110,14 +104,14 @@ def append_audit(connection: Connection, head: AuditHead, changes: Iterable[Audi
 
 
 ANCHOR_FILE = "audit-anchor.json"
-BEFORE = AuditHead(number=0, hash=FIRST)  # of a store that is about to be begun
+BEFORE = AuditHead(number=0, hash=FIRST_HASH)  # of a store that is about to be begun
 LOST, KIND = "anchor missing", "anchor"  # action and kind of the entry that tells of a lost anchor
 
 
 def write_anchor(folder: Path, store: str, head: AuditHead, *, disk: Disk = DISK) -> None:
     """Write the anchor of the store of that identity; OSError when it cannot be written."""
     document = {"notice": RESEARCH_USE_ONLY, "store": store, **asdict(head)}
-    write_durably(folder / ANCHOR_FILE, (json.dumps(document, indent=1) + "\n").encode(), disk=disk, private=True)
+    write_durably(folder / ANCHOR_FILE, json_bytes(document, indent=1), disk=disk, private=True)
 
 
 def read_anchor(folder: Path) -> tuple[str, AuditHead]:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import select
 
 from tsis.errors import RecordsError
-from tsis.files import digest_of_any, one_line
-from tsis.records.store._audit import BEFORE, FIRST, LOST, AuditHead, has_entry, read_anchor
+from tsis.files import FIRST_HASH, digest_of_any, link_faults, one_line
+from tsis.records.store._audit import BEFORE, LOST, AuditHead, has_entry, read_anchor
 from tsis.records.store._audit import KIND as ANCHOR
 from tsis.records.store._tables import (
     RECORDED,
@@ -151,18 +151,17 @@ def _all(connection: Connection, query: Select[Any]) -> Iterator[Row[Any]]:
 
 
 def _chain_faults(connection: Connection) -> Iterator[str]:
-    number, before = 0, FIRST
+    number, before = 0, FIRST_HASH
     for row in _all(connection, select(audit_table).order_by(audit_table.c.number)):
         entry = row._asdict()
-        written = entry.pop("hash")
-        if entry["number"] != number + 1:
-            shown = one_line(entry["number"], 40)
+        faults, shown = link_faults(entry, number + 1, before), one_line(entry["number"], 40)
+        if "number" in faults:
             yield f"audit entry {number + 1} must follow entry {number}; {shown} does (entries were removed or put in)"
-        elif entry["previous"] != before:
+        elif "previous" in faults:
             yield f"audit entry {number + 1} must follow the one before it; it follows another"
-        if digest_of_any(entry) != written:
-            yield f"audit entry {one_line(entry['number'], 40)} must be as it was written; it was changed"
-        number, before = entry["number"] if type(entry["number"]) is int else number + 1, written
+        if "hash" in faults:
+            yield f"audit entry {shown} must be as it was written; it was changed"
+        number, before = entry["number"] if type(entry["number"]) is int else number + 1, entry["hash"]
     head = _head(connection)
     if (head.number, head.hash) != (number, before):
         yield f"the audit must end at entry {head.number}; it ends at {number}"

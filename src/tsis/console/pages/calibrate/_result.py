@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.calibration import read_usable_calibration
-from tsis.calibration.file import read_calibration, to_plain
+from tsis.calibration.file import read_calibration
 from tsis.calibration.session import DAYS
 from tsis.console.pages.components import (
     ProgressBar,
@@ -22,6 +22,7 @@ from tsis.console.pages.components import (
     unit_field,
 )
 from tsis.console.services import ENDED, FAILED
+from tsis.files import to_plain
 from tsis.report import Table, calibration_page, content_rows
 
 if TYPE_CHECKING:

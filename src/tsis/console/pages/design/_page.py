@@ -15,7 +15,8 @@ from tsis.console.pages.design._forms import ProbeForm, QuestionForm
 from tsis.console.pages.design._section import Section
 from tsis.console.services import DONE, JobCancelled
 from tsis.errors import InputError
-from tsis.report import answer_question, compared_designs, design_document, design_page, json_bytes, searched_design
+from tsis.files import json_bytes
+from tsis.report import answer_question, compared_designs, design_document, design_page, searched_design
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,6 +8,7 @@ import re
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from tsis.errors import FileInputError
+from tsis.files import json_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -88,7 +89,7 @@ SEALED = "sha256"
 
 def document_bytes(content: Any) -> bytes:
     """The one spelling of plain values in a bundle."""
-    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
+    return json_bytes(content, indent=1)
 
 
 def sealed_bytes(content: dict[str, Any]) -> bytes:

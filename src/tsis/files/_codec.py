@@ -1,0 +1,364 @@
+"""The JSON codec of frozen dataclass values: the declared type of a field decides how it is written and read.
+
+Numbers, text and small arrays stay readable; large arrays become compressed text. Both directions are exact.
+docs/decisions/0012-json-codec.md gives the reasons.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+import types
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from datetime import datetime
+from enum import Enum
+from functools import cache, partial
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsis.errors import InputError, TsisError
+from tsis.files._packed import READABLE, array_of_plain, array_to_plain
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Hashable, Sized
+
+    from pydantic import TypeAdapter, ValidationError
+
+
+NUMBER = "$number"  # {"$number": "infinity"}: a free value for which JSON has no number
+INFINITIES = {"infinity": math.inf, "-infinity": -math.inf}
+NUMBER_WORDS = INFINITIES | {"nan": math.nan}
+DEEPEST, WIDEST_INTEGER = 32, 2**63
+_SURROGATE = re.compile(r"[\ud800-\udfff]")
+Value = TypeVar("Value")
+
+
+def to_plain(value: Any, *, pack: bool = True, without: Collection[str] = ()) -> dict[str, Any]:
+    """JSON values of a frozen dataclass value.
+
+    Parameters
+    ----------
+    value
+        A dataclass value of numbers, text, times, arrays, other such values, and mappings and tuples of them. A field
+        of the type ``Mapping[str, Any]`` is written by `free_to_plain`.
+    pack
+        Whether the content of large arrays is included; else their hash stands for it.
+    without
+        Names of fields to leave out.
+
+    Raises
+    ------
+    InputError
+        When a number is NaN, or a free value has no JSON form.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Line:
+    ...     slope: float
+    ...     range_n: tuple[float, float]
+    >>> to_plain(Line(2, (0.5, math.inf)))
+    {'slope': 2.0, 'range_n': [0.5, 'infinity']}
+    """
+    hints = declared_types(cast("Any", type(value)))
+    return {name: _plain(hints[name], getattr(value, name), name, pack) for name in hints if name not in without}
+
+
+def _plain(kind: Any, value: Any, where: str, pack: bool) -> Any:
+    kind = _present(kind)
+    origin = get_origin(kind)
+    if value is None or kind in (str, bool):
+        return value
+    if kind is float:
+        return _number_to_plain(float(value), where)
+    if kind is int:
+        return int(value)
+    if kind is datetime:
+        return value.isoformat()
+    if origin is tuple:
+        return [_plain(_item, item, where, pack) for _item, item in zip(_items(kind, value), value, strict=True)]
+    if origin is np.ndarray:
+        if value.size > READABLE:
+            return array_to_plain(value, pack=pack)
+        return _list_to_plain(value.tolist(), where)
+    if origin is not None:
+        item = get_args(kind)[1]
+        if item is Any:
+            return free_to_plain(value, where)
+        return {str(name): _plain(item, entry, f"{where}.{name}", pack) for name, entry in value.items()}
+    return to_plain(value, pack=pack)
+
+
+def _items(kind: Any, value: Sized) -> tuple[Any, ...]:
+    args = get_args(kind)
+    return args[:1] * len(value) if args[1:] == (Ellipsis,) else args
+
+
+def _list_to_plain(values: Any, where: str) -> Any:
+    if isinstance(values, list):
+        return [_list_to_plain(value, where) for value in values]
+    return _number_to_plain(values, where) if isinstance(values, float) else values
+
+
+def _number_to_plain(value: float, where: str) -> float | str:
+    if math.isfinite(value):
+        return value
+    if math.isnan(value):
+        raise InputError(f"{where} must be a number; got NaN")
+    return "infinity" if value > 0 else "-infinity"
+
+
+def from_plain(kind: type[Value], document: Any, where: str, *, complete: bool = False) -> Value:
+    """The value of the type ``kind`` of which `to_plain` made ``document``; ``where`` names it in errors.
+
+    Parameters
+    ----------
+    kind
+        A frozen dataclass, or a type that its fields may have.
+    document
+        Parsed JSON.
+    where
+        What errors call it.
+    complete
+        Whether every field must be given, those with a default included.
+
+    Raises
+    ------
+    InputError
+        When it is no such value. What the value itself refuses passes through.
+    """
+    from pydantic import ValidationError
+
+    try:
+        value: Value = _adapter(cast("Any", kind), complete).validate_python(document)
+    except ValidationError as error:
+        raise _refusal(error, where) from error
+    return value
+
+
+class _RequirementError(ValueError):
+    """What a JSON value must be, after the path that names it, and the kind of error to raise."""
+
+    def __init__(self, requirement: str, kind: type[TsisError] = InputError) -> None:
+        super().__init__(requirement)
+        self.kind = kind
+
+
+def _refusal(error: ValidationError, where: str) -> TsisError:
+    """One sentence on the first thing that is wrong."""
+    result = error.errors(include_url=False)
+    first = result[0]
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, TsisError):
+        return cause
+    path = where + "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in first["loc"])[:120]
+    if isinstance(cause, _RequirementError):
+        return cause.kind(f"{path}{cause}")
+    if first["type"] not in ("missing", "extra_forbidden"):
+        return InputError(f"{path} must be an object with named values; got {_shown(first['input'])}")
+    names = sorted(str(item["loc"][-1]) for item in result if item["type"] == first["type"])
+    parent = path.removesuffix(f".{first['loc'][-1]}")
+    if first["type"] == "missing":
+        return InputError(f"{parent} must hold all of its values; missing {names!r:.200}")
+    return InputError(f"{parent} must hold only known values; got {names!r:.200}")
+
+
+def _shown(got: Any) -> str:
+    return f"a number of {got.bit_length()} bits" if type(got) is int and got.bit_length() > 128 else f"{got!r:.80}"
+
+
+@cache
+def _adapter(kind: Hashable, complete: bool) -> TypeAdapter[Any]:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(_json_type(kind, complete))
+
+
+def _json_type(kind: Any, complete: bool) -> Any:
+    """The type by which pydantic checks the JSON form of a declared type and makes the value of it."""
+    from typing import NotRequired
+
+    from pydantic import AfterValidator, BeforeValidator, ConfigDict, PlainValidator
+    from typing_extensions import TypedDict
+
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin in (types.UnionType, typing.Union):
+        return _json_type(_present(kind), complete) | None
+    if origin is np.ndarray or kind in _READERS:
+        return Annotated[Any, PlainValidator(_array_of_plain if origin is np.ndarray else _READERS[kind])]
+    if origin is tuple:
+        inner: Any = tuple(
+            argument if argument is Ellipsis else _json_type(argument, complete) for argument in arguments
+        )
+        return Annotated[tuple[inner], BeforeValidator(partial(_list_of, None if Ellipsis in inner else len(inner)))]
+    if origin is not None:
+        if arguments[1] is Any:
+            return Annotated[Any, PlainValidator(_free_of_plain)]
+        values: Any = _json_type(arguments[1], complete)
+        return Annotated[dict[str, values], BeforeValidator(_mapping_of)]
+    hints: dict[str, Any] = {name: _json_type(hint, complete) for name, hint in declared_types(kind).items()}
+    if not complete:
+        given = {field.name for field in fields(kind) if field.default is field.default_factory is MISSING}
+        hints = {name: hint if name in given else NotRequired[hint] for name, hint in hints.items()}
+    named: Any = cast("Any", TypedDict)(kind.__name__, hints)
+    named.__pydantic_config__ = ConfigDict(extra="forbid")
+    return Annotated[named, AfterValidator(lambda values: kind(**values))]
+
+
+@cache
+def declared_types(kind: Any) -> dict[str, Any]:
+    """Types of a class's fields; some modules import these two names for type checkers alone."""
+    hints = get_type_hints(kind, localns={"NDArray": NDArray, "Mapping": Mapping})
+    return {field.name: hints[field.name] for field in fields(kind)}
+
+
+def _present(kind: Any) -> Any:
+    """The type without None."""
+    if get_origin(kind) not in (types.UnionType, typing.Union):
+        return kind
+    (only,) = (item for item in get_args(kind) if item is not type(None))
+    return only
+
+
+def _exactly(kind: type[Any], what: str, document: Any) -> Any:
+    if type(document) is not kind or (kind is int and not -WIDEST_INTEGER <= document < WIDEST_INTEGER):
+        raise _RequirementError(f" must be {what}; got {_shown(document)}")
+    return document
+
+
+def _number_of_plain(document: Any) -> float:
+    if isinstance(document, str) and document in INFINITIES:
+        return INFINITIES[document]
+    if isinstance(document, bool) or not isinstance(document, (int, float)):
+        raise _RequirementError(f" must be a number; got {_shown(document)}")
+    if not -sys.float_info.max <= document <= sys.float_info.max:  # NaN neither
+        raise _RequirementError(f" must be a finite number; got {_shown(document)}")
+    return float(document)
+
+
+def _moment_of_plain(document: Any) -> datetime:
+    try:
+        return datetime.fromisoformat(document)
+    except (TypeError, ValueError) as error:
+        raise _RequirementError(
+            f" must be a date and time as 2026-11-22T10:00:00+00:00; got {_shown(document)}"
+        ) from error
+
+
+_READERS: Mapping[Any, Callable[[Any], Any]] = {
+    int: partial(_exactly, int, "a whole number of at most 64 bits"),
+    str: partial(_exactly, str, "text"),
+    bool: partial(_exactly, bool, "true or false"),
+    float: _number_of_plain,
+    datetime: _moment_of_plain,
+}
+
+
+def _list_of(length: int | None, document: Any) -> Any:
+    if not isinstance(document, list) or (length is not None and len(document) != length):
+        raise _RequirementError(f" must be a list{'' if length is None else f' of {length}'}; got {_shown(document)}")
+    return document
+
+
+def _mapping_of(document: Any) -> Any:
+    if not isinstance(document, dict):
+        raise _RequirementError(f" must be a mapping; got {_shown(document)}")
+    return document
+
+
+def _array_of_plain(document: Any) -> NDArray[Any]:
+    try:
+        return array_of_plain(document, "")
+    except TsisError as error:
+        raise _RequirementError(str(error), type(error)) from error
+
+
+def _free_of_plain(document: Any) -> Any:
+    try:
+        return free_of_plain(_mapping_of(document), "")
+    except InputError as error:
+        raise _RequirementError(str(error)) from error
+
+
+def free_to_plain(value: Any, where: str, depth: int = DEEPEST) -> Any:
+    """What JSON can hold of a value of any shape; ``where`` names it in errors.
+
+    Raises
+    ------
+    InputError
+        When it is neither a number, text, a time, a path, nor lists, arrays and mappings of them, or nested too deep.
+
+    Examples
+    --------
+    >>> free_to_plain({"gain": np.float64(2.5), "roi": (0, 8), "until": math.inf}, "settings")
+    {'gain': 2.5, 'roi': [0, 8], 'until': {'$number': 'infinity'}}
+    """
+    if depth < 0:
+        raise InputError(f"{where} must be nested at most {DEEPEST} deep; got more")
+    if isinstance(value, Enum):
+        value = value.value
+    if isinstance(value, str) and _SURROGATE.search(value):
+        raise InputError(f"{where} must be text that UTF-8 can hold; got {value!r:.80}")
+    if value is None or isinstance(value, (str, bool, np.bool_)):
+        return bool(value) if isinstance(value, np.bool_) else value
+    if isinstance(value, (int, np.integer)):
+        if not -WIDEST_INTEGER <= value < WIDEST_INTEGER:
+            raise InputError(f"{where} must be a whole number of at most 64 bits; got one of {int(value).bit_length()}")
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return _free_number(float(value))
+    if isinstance(value, (datetime, PurePath)):
+        return value.isoformat() if isinstance(value, datetime) else str(value)
+    if isinstance(value, np.ndarray):
+        return free_to_plain(value.tolist(), where, depth)
+    if is_dataclass(value) and not isinstance(value, type):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return _mapping_to_plain(value, where, depth)
+    if isinstance(value, (tuple, list)):
+        return [free_to_plain(item, f"{where}[{at}]", depth - 1) for at, item in enumerate(value)]
+    raise InputError(f"{where} must be a number, text, or lists and mappings of them; got a {type(value).__name__}")
+
+
+def _mapping_to_plain(value: Mapping[Any, Any], where: str, depth: int) -> dict[str, Any]:
+    document = {str(name): free_to_plain(item, f"{where}.{name}"[:120], depth - 1) for name, item in value.items()}
+    if len(document) != len(value) or NUMBER in document:
+        raise InputError(f"{where} must have names that differ, none of them {NUMBER!r}; got {sorted(document)!r:.200}")
+    return document
+
+
+def _free_number(value: float) -> float | dict[str, str]:
+    if math.isfinite(value):
+        return value
+    return {NUMBER: "nan" if math.isnan(value) else "infinity" if value > 0 else "-infinity"}
+
+
+def free_of_plain(document: Any, where: str, depth: int = DEEPEST) -> Any:
+    """The value that `free_to_plain` made ``document`` of.
+
+    Raises
+    ------
+    InputError
+        When nothing can have become that.
+    """
+    if depth < 0:
+        raise InputError(f"{where} must be nested at most {DEEPEST} deep; got more")
+    if isinstance(document, dict):
+        if NUMBER in document:
+            term = document[NUMBER]
+            if len(document) > 1 or not isinstance(term, str) or term not in NUMBER_WORDS:
+                raise InputError(f"{where} must hold a number as {sorted(NUMBER_WORDS)}; got {document!r:.80}")
+            return NUMBER_WORDS[term]
+        return {name: free_of_plain(item, f"{where}.{name}"[:120], depth - 1) for name, item in document.items()}
+    if isinstance(document, list):
+        return [free_of_plain(item, f"{where}[{at}]"[:120], depth - 1) for at, item in enumerate(document)]
+    if isinstance(document, float) and not math.isfinite(document):
+        raise InputError(f"{where} must be a number that a file can hold; got {document}")
+    return document

@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tsis.errors import InputError
+from tsis.files import content_sha256, from_plain, json_bytes, to_plain
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+LEAVES = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text("aä€")
+VALUES = st.recursive(LEAVES, lambda inner: st.lists(inner) | st.dictionaries(st.text("aä€"), inner), max_leaves=8)
+
+
+@pytest.mark.parametrize(("spaced", "escaped"), [(False, False), (True, True), (False, True)])
+@given(value=VALUES)
+def test_the_hash_is_that_of_sorted_json(spaced: bool, escaped: bool, value: Any) -> None:
+    separators = (", ", ": ") if spaced else (",", ":")
+    text = json.dumps(value, sort_keys=True, separators=separators, ensure_ascii=escaped)
+    assert content_sha256(value, spaced=spaced, escaped=escaped) == hashlib.sha256(text.encode()).hexdigest()
+
+
+def test_json_of_a_file_has_no_nan_and_no_unknown_objects() -> None:
+    document = {"a": np.arange(2), "b": np.float32(0.5), "c": MappingProxyType({}), "d": Path("x"), "e": Part(1.0)}
+    assert json.loads(json_bytes(document)) == {"a": [0, 1], "b": 0.5, "c": {}, "d": "x", "e": {"length_mm": 1.0}}
+    for wrong in (math.nan, object()):
+        with pytest.raises((ValueError, TypeError)):
+            json_bytes({"a": wrong})
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    length_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Whole:
+    name: str
+    count: int
+    sure: bool
+    made: datetime
+    parts: tuple[Part, ...]
+    size_mm: tuple[float, float]
+    map: NDArray[np.float64]
+    limits: Mapping[str, float]
+    settings: Mapping[str, Any]
+    sd: float | None = None
+
+
+WHOLE = Whole(
+    name="a",
+    count=3,
+    sure=True,
+    made=datetime(2026, 1, 2, tzinfo=UTC),
+    parts=(Part(1.5),),
+    size_mm=(1.0, math.inf),
+    map=np.arange(100.0),
+    limits=MappingProxyType({"low": -math.inf}),
+    settings=MappingProxyType({"gain": math.nan, "roi": (0, 8)}),
+)
+
+
+def test_every_declared_type_comes_back_through_json() -> None:
+    back = from_plain(Whole, json.loads(json_bytes(to_plain(WHOLE))), "whole")
+    assert (back.name, back.count, back.sure, back.made, back.sd) == ("a", 3, True, WHOLE.made, None)
+    assert (back.parts, back.size_mm, dict(back.limits)) == (WHOLE.parts, WHOLE.size_mm, dict(WHOLE.limits))
+    assert back.map.tobytes() == WHOLE.map.tobytes()
+    assert math.isnan(back.settings["gain"])
+    assert back.settings["roi"] == [0, 8]
+    assert set(to_plain(WHOLE, pack=False)["map"]) == {"shape", "kind", "sha256"}
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"name": 3}, "whole.name must be text; got 3"),
+        ({"count": 3.0}, "whole.count must be a whole number"),
+        ({"count": 2**63}, "whole.count must be a whole number of at most 64 bits"),
+        ({"sure": 1}, "whole.sure must be true or false; got 1"),
+        ({"made": 0}, "whole.made must be a date and time"),
+        ({"parts": "abc"}, "whole.parts must be a list; got 'abc'"),
+        ({"parts": [{"length_mm": "1"}]}, r"whole.parts\[0\].length_mm must be a number; got '1'"),
+        ({"parts": [1]}, r"whole.parts\[0\] must be an object with named values; got 1"),
+        ({"parts": [{}]}, r"whole.parts\[0\] must hold all of its values; missing \['length_mm'\]"),
+        ({"size_mm": [1.0]}, r"whole.size_mm must be a list of 2; got \[1.0\]"),
+        ({"map": [[1], [1, 2]]}, "whole.map must be an array of numbers"),
+        ({"limits": {"low": True}}, "whole.limits.low must be a number; got True"),
+        ({"limits": []}, r"whole.limits must be a mapping; got \[\]"),
+        ({"settings": {"a": [{"$number": "x"}]}}, r"whole.settings.a\[0\] must hold a number as"),
+        ({"sd": 10**400}, "whole.sd must be a finite number; got a number of 1329 bits"),
+        ({"more": 1, "extra": 2}, r"whole must hold only known values; got \['extra', 'more'\]"),
+    ],
+)
+def test_an_error_names_the_value_its_requirement_and_what_came(change: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=f"^{says}"):
+        from_plain(Whole, to_plain(WHOLE) | change, "whole")
+
+
+def test_complete_values_have_their_defaults_too() -> None:
+    plain = to_plain(WHOLE, without=("sd",))
+    assert from_plain(Whole, plain, "whole").sd is None
+    with pytest.raises(InputError, match=r"missing \['sd'\]"):
+        from_plain(Whole, plain, "whole", complete=True)
