@@ -117,6 +117,8 @@ def test_units_of_the_samples_do_not_matter(samples: tuple[np.ndarray, np.ndarra
 def test_samples_that_cannot_train_are_refused(samples: tuple[np.ndarray, np.ndarray]) -> None:
     x, y = samples
     rng = np.random.default_rng(0)
+    with pytest.raises(InputError, match="patience must lie in"):
+        train_network(x, y, rng=rng, timeouts=1_000_001)
     with pytest.raises(InputError, match="as many rows"):
         train_network(x, y[:-1], rng=rng)
     with pytest.raises(InputError, match="73 values"):

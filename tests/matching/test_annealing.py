@@ -59,6 +59,26 @@ def test_every_pair_within_reach_is_kept_however_many_there_are() -> None:
     np.testing.assert_allclose(drawn, plain @ target, atol=1e-9)
 
 
+@pytest.mark.parametrize("temperature", [0.5, 3.0])
+def test_pairs_beyond_the_reach_count_as_nothing(monkeypatch: pytest.MonkeyPatch, temperature: float) -> None:
+    """Beyond a squared distance of the reach times the temperature, against the whole matrix with zeros there."""
+    monkeypatch.setattr(annealing, "BALANCED", 0.0)
+    monkeypatch.setattr(annealing, "BALANCINGS", 40)
+    monkeypatch.setattr(annealing, "CUT_OFF", 4.0)
+    moved, target = np.random.default_rng(5).normal(size=(2, 60, 2)) * 2 * np.sqrt(temperature)
+    away = ((moved[:, None] - target[None]) ** 2).sum(axis=2)
+    weights = np.zeros((61, 61))
+    weights[:-1, :-1] = np.where(away < 4.0 * temperature, np.exp(-away / (2 * temperature)) / temperature, 0.0)
+    assert 200 < np.count_nonzero(weights) < 3000
+    weights[:-1, -1], weights[-1, :-1] = annealing.outlier_weights(moved), annealing.outlier_weights(target)
+    for _ in range(40):
+        weights[:-1] /= weights[:-1].sum(axis=1, keepdims=True)
+        weights[:, :-1] /= weights[:, :-1].sum(axis=0, keepdims=True)
+    paired, drawn, _ = soft_pairs(moved, target, temperature, np.ones(60))
+    np.testing.assert_allclose(paired, weights[:-1, :-1].sum(axis=1), atol=1e-9)
+    np.testing.assert_allclose(drawn, weights[:-1, :-1] @ target, atol=1e-9)
+
+
 def test_the_last_balance_saves_work_and_is_not_changed_in_place(warped: Warped) -> None:
     plain = reference_soft_pairs(warped.source, warped.target, 0.1).sum(axis=1)
     balance, wrong = np.ones(len(warped.target)), []

@@ -76,6 +76,14 @@ def test_axis_histograms_are_the_same_for_turned_points() -> None:
     np.testing.assert_allclose(log_polar.axis_histograms(solid @ turn), spatial, atol=1e-9)
 
 
+def test_latitudes_are_counted_from_the_middle_of_the_points() -> None:
+    """On a line every neighbour lies towards the centroid, in the last bin, or away from it, in the first."""
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 5.0]])
+    bins = log_polar.axis_histograms(points, scale=4.0).reshape(3, DISTANCE_BINS, POLAR_BINS).sum(axis=1)
+    middle = [0.0] * (POLAR_BINS - 2)
+    np.testing.assert_allclose(bins, [[0, *middle, 1], [0.5, *middle, 0.5], [0, *middle, 1]], atol=1e-12)
+
+
 @pytest.mark.parametrize(("ring", "sector"), [(0, 0), (2, 5), (4, 11)])
 def test_a_neighbour_at_the_centre_of_a_bin_is_counted_there_alone(ring: int, sector: int) -> None:
     distance, angle = INNER * 2 ** (ring - 0.5), (sector + 0.5) * 2 * np.pi / ANGLE_BINS

@@ -108,6 +108,8 @@ def test_too_many_points_are_refused_and_told_what_they_would_take(monkeypatch: 
     monkeypatch.setattr(registration, "MOST_POINTS", 19)
     with pytest.raises(InputError, match=r"source must hold at most 19 points; got 20, which would take .* GB"):
         register(POINTS, POINTS)
+    with pytest.raises(InputError, match="got 3,000,000, which would take about 3 GB"):
+        register(np.zeros((3_000_000, 2)), POINTS)
 
 
 @pytest.mark.parametrize(

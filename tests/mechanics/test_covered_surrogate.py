@@ -147,6 +147,21 @@ def test_poissons_ratio_moves_it_along_the_derivative(probe: Probe, poisson: flo
         np.testing.assert_allclose(found, expected, atol=2e-4 * MEAN_KPA)
 
 
+def test_the_derivative_is_the_central_difference() -> None:
+    step, few = 0.1, Degrees(diameter=2, depth=1, contrast=2, tissue=2, thickness=1, baseline=2)
+
+    def at_ratio(poisson: float) -> FullContactSurrogate:
+        box = replace(BOX, poisson=poisson)
+        return build_full_contact_surrogate(FLAT, box, degrees=few, resolution=COARSE, poisson_step=step, cached=False)
+
+    low, middle, high = (at_ratio(poisson) for poisson in (0.35, 0.4, 0.45))
+    for name in ("pressure_kpa", "face_displacement_mm", "approach_mm"):
+        for part in ("plain", "change"):
+            before, after = (getattr(getattr(end.unit, name), part) for end in (low, high))
+            found = getattr(getattr(middle.by_poisson.unit, name), part)
+            np.testing.assert_allclose(found, (after - before) / step, atol=1e-9 * np.abs(found).max())
+
+
 @settings(max_examples=5)
 @given(factor=st.floats(0.2, 5.0), domed=st.booleans())
 def test_only_the_ratios_of_moduli_and_force_matter(factor: float, domed: bool) -> None:

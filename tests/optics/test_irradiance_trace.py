@@ -86,6 +86,14 @@ def test_lamps_of_different_power_break_the_symmetry() -> None:
     assert len(symmetries(replace(PROBE, leds=leds))) == 2
 
 
+def test_lamps_at_one_azimuth_match_those_of_their_own_power() -> None:
+    """Seen from above every weak lamp falls on a stronger one, and is no image of it."""
+    above = (Led(azimuth_deg=0.0), Led(azimuth_deg=0.0, power=2.0))
+    across = tuple(replace(led, azimuth_deg=180.0) for led in above)
+    assert len(symmetries(replace(PROBE, leds=(*above, across[1])))) == 2
+    assert len(symmetries(replace(PROBE, leds=(*above, *across)))) == 4
+
+
 def test_terms_of_slopes_are_found_again() -> None:
     rng = np.random.default_rng(2)
     known = rng.standard_normal((11, 2, 2))

@@ -151,6 +151,13 @@ def test_a_gauge_that_shows_one_force_is_refused() -> None:
         fit_force_line([loading(shown=np.full(41, 0.5)), loading()], reference=reference())
 
 
+def test_a_force_that_any_tip_does_not_show_lies_below_the_range() -> None:
+    faint = np.where(FORCES > 0.15, SLOPE * FORCES, 0.0)
+    line, _ = fit_force_line([loading(2.0, total=faint), loading(10.0), loading(14.0)], reference=reference())
+    assert line.least_n == pytest.approx(0.2)
+    assert line.most_n == pytest.approx(2.0)
+
+
 def test_clipped_presses_end_the_range() -> None:
     clipped = np.where(FORCES > 1.45, 0.02, 0.0)
     bent = np.where(FORCES > 1.45, SLOPE * 1.45, SLOPE * FORCES)

@@ -4,9 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import linregress, norm
 
 from tsis.calibration.reference import PhotonTransfer, photon_transfer
+from tsis.calibration.reference._noise import _line, _Point, _points
 from tsis.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -72,6 +73,32 @@ def test_intervals_hold_the_truth() -> None:
         low, high = found.read_noise_grey.interval()
         held += low <= READ <= high
     assert held >= 33  # 95 % of 40 is 38; fewer than 33 has a chance of 1 in 1,000
+
+
+def test_the_error_of_a_variance_is_its_scatter() -> None:
+    """The error that one set of frames states is the scatter of the variances of many sets."""
+    rng, base = np.random.default_rng(8), np.full(500, 8.2)
+    sets = [np.rint(base + 1.5 * rng.standard_normal((6, 500))) for _ in range(400)]
+    (points,) = zip(*(_points(values, base, is_dark=True) for values in sets), strict=True)
+    variance = np.array([point.variance for point in points])
+    assert variance.mean() == pytest.approx(1.5**2, rel=0.01)
+    assert variance.std() == pytest.approx(np.mean([point.error for point in points]), rel=0.15)
+
+
+def test_scatter_beyond_the_stated_errors_widens_the_intervals() -> None:
+    """A hundred times the scatter that is stated: errors are those of a regression that knows none of them."""
+    light = np.linspace(0.0, 150.0, 12)
+    off = np.where(np.arange(12) % 2, 1.0, -1.0) * np.linspace(0.5, 1.0, 12)
+    wide, narrow = (
+        _line([_Point(x, 4 + 0.05 * x + size * y, 0.01) for x, y in zip(light, off, strict=True)])
+        for size in (1.0, 0.0)
+    )
+    regression = linregress(light, 4 + 0.05 * light + off)
+    assert wide.shot_noise_grey.value == pytest.approx(regression.slope)
+    assert wide.shot_noise_grey.sd == pytest.approx(regression.stderr)
+    assert wide.read_noise_grey.value == pytest.approx(np.sqrt(regression.intercept))
+    assert wide.read_noise_grey.sd == pytest.approx(regression.intercept_stderr / (2 * np.sqrt(regression.intercept)))
+    assert narrow.shot_noise_grey.sd == pytest.approx(0.01 / np.sqrt(12 * light.var()))
 
 
 def test_clipped_frames_are_refused() -> None:

@@ -74,6 +74,19 @@ def test_frames_without_an_edge_are_refused(image: TactileImage) -> None:
         edge_width(image)
 
 
+@pytest.mark.parametrize("noise", [0.5, 2.0, 5.0])
+def test_a_step_must_be_eight_times_the_noise(noise: float) -> None:
+    def step_of(height: float) -> TactileImage:
+        clean = edge(0.1, noise=0.0).grey * height / 120
+        return TactileImage(
+            grey=clean + noise * np.random.default_rng(4).standard_normal(clean.shape), mm_per_pixel=SCALE
+        )
+
+    with pytest.raises(CalibrationError, match=r"its step of .* does not stand out of noise of"):
+        edge_width(step_of(4.0 * noise))  # percentiles of the noise itself add as much again
+    assert edge_width(step_of(20.0 * noise)).value == pytest.approx(TEN_TO_NINETY * 0.1, rel=0.15)
+
+
 def test_an_edge_needs_a_scale() -> None:
     with pytest.raises(InputError, match="mm_per_pixel"):
         edge_width(TactileImage(grey=edge(0.1).grey))

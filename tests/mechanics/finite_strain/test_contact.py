@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from tsis.errors import MechanicsError
 from tsis.mechanics import mesh_rectangle
 from tsis.mechanics._element import lame_constants
 from tsis.mechanics._mesh import LayeredMesh
@@ -108,6 +109,33 @@ def test_an_even_pressure_passes_between_meshes_that_do_not_match() -> None:
     np.testing.assert_allclose(displacements[:, 0], (across(stretch) - 1) * solid.nodes[:, 0], atol=1e-4)
 
 
+def test_a_refused_state_names_its_load_and_the_last_that_was_not_refused() -> None:
+    solid, contact, top = two_cylinders(3)
+    shared = np.full((len(solid.nodes), 2), OWN)
+    shared[solid.nodes[:, 0] < 1e-9, 0] = FIXED
+    shared[top, 1] = 0
+    shared[solid.nodes[:, 1] > 2 - 1e-9, 1] = FIXED
+    body = ElasticBody(solid, number_unknowns(solid, shared, 1))
+    potential = Potential(body, [contact], 0)
+
+    def moved(travel: float) -> np.ndarray:
+        unknowns = np.zeros(potential.size)
+        axial = body.numbering.of_node[: solid.patches[1].min(), 1]
+        unknowns[axial[axial >= 0]] = travel
+        return unknowns
+
+    first = load_path.find_first_contact(potential, moved, 0.02, 1e6, below_mn=10.0)
+    path = load_path.follow_load_path(
+        potential, first, [20.0, 40.0], refuse=lambda state: "too much" if state.load.force_mn > 20.0 else None
+    )
+    assert next(path).load.force_mn == 20.0
+    with pytest.raises(
+        MechanicsError, match=r"^too much at 0\.0\d+ N; .* is 0\.02 N: ask for at most that$"
+    ) as refused:
+        next(path)
+    assert 0.02 < float(str(refused.value).split(" ")[3]) <= 0.04
+
+
 def test_the_contacts_forces_and_tangent_are_derivatives_of_its_energy() -> None:
     solid, contact, _ = two_cylinders(4)
     positions = solid.nodes + 0.004 * np.sin(2 * solid.nodes + 0.5) * [[1, 1]]
@@ -160,7 +188,8 @@ def test_a_plate_moves_towards_smaller_z() -> None:
     np.testing.assert_allclose(plate.gap(np.array([[0.0, 0.5]]), points), [-0.4, 0.1])
 
 
-def test_the_condensed_model_predicts_the_energy() -> None:
+@pytest.mark.parametrize("load", [Load(spring=1e3, travel_mm=1e-3), Load(force_mn=3.0)], ids=["spring", "force"])
+def test_the_condensed_model_predicts_the_energy(load: Load) -> None:
     """Newton's step from rest lowers the energy by half of its slope, to second order."""
     solid, contact, top = two_cylinders(3)
     shared = np.full((len(solid.nodes), 2), OWN)
@@ -172,7 +201,6 @@ def test_the_condensed_model_predicts_the_energy() -> None:
     unknowns = np.zeros(potential.size)
     axial = body.numbering.of_node[: solid.patches[1].min(), 1]
     unknowns[axial[axial >= 0]] = 1e-3
-    load = Load(spring=1e3, travel_mm=1e-3)
     model = potential.quadratic(unknowns, potential.pressures(unknowns), load)
     step = model.step()
     size = 1e-3
