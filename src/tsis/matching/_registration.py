@@ -237,7 +237,7 @@ def _guess(
 
 def _withheld(registration: Registration, source: NDArray[np.float64]) -> Registration:
     """The registration that leaves points alone and matches none."""
-    note = f"no reliable match: confidence {registration.confidence:.2f} lies below {RELIABLE:g}; the points were left alone"
+    note = f"no reliable match: confidence {registration.confidence:.2f} lies below {RELIABLE:g}; no point was moved"
     return replace(
         registration,
         moved=source,

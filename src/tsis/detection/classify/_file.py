@@ -127,7 +127,7 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     versions = ", ".join(
         f"{name} {created[name]} then and {here[name]} now" for name in here if created[name] != here[name]
     )
-    note = f"Fitted again, the classifier's probabilities differ by up to {difference:.2g} from those of its file: {versions}."
+    note = f"Refitted, its probabilities differ by up to {difference:.2g} from those of its file: {versions}."
     return replace(classifier, notes=(note,))
 
 

@@ -180,7 +180,7 @@ class ForwardModel:
     def _press(
         self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64], *, reference: bool
     ) -> NDArray[np.float64]:
-        """What the rings answer to a press, (n, answers), on the target or on the reference site's ``reference`` tissue."""
+        """Ring responses to a press, (n, outputs), on the target or on the tissue of the reference site."""
         shown = None if reference else inclusions
         result = self._at(nuisance[TISSUE] + reference * nuisance[SITE], nuisance[THICKNESS], nuisance[PROBE], shown)
         if not nuisance[[POISSON, SPREAD]].any():

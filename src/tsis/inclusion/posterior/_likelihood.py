@@ -177,8 +177,8 @@ def _fit(white: NDArray[np.float64], rotated: NDArray[np.float64], sd: NDArray[n
 def noise_covariance(data: Profiles, calibration: Calibration, correlation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance of the ring means, shape (frames * rings, frames * rings).
 
-    The fixed pattern is common to all frames, repeatability is each press's own, and both are ``correlation`` in rings that
-    lie near each other, (rings, rings); the noise of pixels and the error of the press model are each ring's own.
+    All frames share the fixed pattern; each press has its own repeatability. Both correlate between rings by
+    ``correlation``, (rings, rings). Pixel noise and the error of the press model are independent for each ring.
     """
     frames, rings = data.grey.shape
     between = np.full((frames, frames), calibration.pattern_sd**2) + calibration.repeatability_sd**2 * np.eye(frames)

@@ -184,7 +184,7 @@ class TissueSurrogate:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
     def through(self, reference: NDArray[np.float64], values: NDArray[np.float64]) -> TissueSurrogate:
-        """The surrogate of anything else that is ``reference`` (k,) without inclusion and ``values`` at `nodes`, (n, k)."""
+        """Surrogate of another quantity: ``reference`` (k,) without inclusion and ``values`` (n, k) at `nodes`."""
         diameter, depth, young = self.nodes().T
         size = signal_scale(diameter, depth, contrast_factor(young / self.tissue_young_kpa))
         change = ((values - reference) / size[:, None]).reshape(*self.change.shape[:3], -1)

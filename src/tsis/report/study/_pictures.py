@@ -84,8 +84,8 @@ def _of_device(device_analysis: DeviceAnalysis) -> Iterator[Picture]:
             title=f"{device}: are its probabilities right?",
             draw=partial(_draw_reliability, device_analysis),
             size=SQUARE,
-            alt=f"Shares that came true over probabilities; Brier score {small(device_analysis.reliability.brier.score)}, 95 % "
-            f"interval {ends(device_analysis.brier_interval)}",
+            alt="Fractions that came true over probabilities; Brier score "
+            f"{small(device_analysis.reliability.brier.score)}, 95 % interval {ends(device_analysis.brier_interval)}",
             caption="On the grey line they are. Bars are Wilson intervals, numbers count targets.",
         )
     if any(target.truth.has_inclusion for target in results.targets):

@@ -217,7 +217,8 @@ def comparison_table(device_comparison: DeviceComparison) -> Table:
         rows.append(("difference of areas", f"{areas.difference:+.3f}", reported, by))
     for name, limit in device_comparison.limits.items():
         rows += _limits(name, limit)
-    title = f"{device_comparison.second} beside {device_comparison.first}, on {device_comparison.targets} targets that both decided"
+    devices = f"{device_comparison.second} beside {device_comparison.first}"
+    title = f"{devices}, on {device_comparison.targets} targets that both decided"
     return Table(title=title, headings=NUMBERS, rows=tuple(rows))
 
 
