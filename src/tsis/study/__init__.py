@@ -13,7 +13,7 @@ from tsis.study._pressing import RunResult, press_study
 from tsis.study._tables import READING_COLUMNS, export_readings, import_readings, import_table, read_truth_table
 from tsis.study._unblinding import enter_analysis, unblind
 from tsis.study._values import QUANTITIES, DeviceReading, TargetTruth, require_short_name
-from tsis.study._verification import StudyVerification, is_one_name, verify_study
+from tsis.study._verification import StudyVerification, is_file_name, verify_study
 
 __all__ = [
     "ANALYSED",
@@ -33,7 +33,7 @@ __all__ = [
     "export_readings",
     "import_readings",
     "import_table",
-    "is_one_name",
+    "is_file_name",
     "new_study",
     "open_study",
     "press_study",

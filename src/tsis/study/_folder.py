@@ -166,7 +166,7 @@ def enter_readings(
                 )
             entered.add(reading.key)
         head = [] if imported is None else [LogDraft(actor=actor, action=IMPORTED, content=imported)]
-        return [*head, *(LogDraft(actor=actor, action=READING, content=reading.plain()) for reading in readings)]
+        return [*head, *(LogDraft(actor=actor, action=READING, content=reading.json_values()) for reading in readings)]
 
     chain = append_log(study.folder, drafts, log_chain=study.chain)
     return replace(study, chain=chain, readings=_readings(chain, study.plan, study))

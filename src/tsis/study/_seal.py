@@ -49,7 +49,7 @@ class SealedTruth:
             "notice": RESEARCH_USE_ONLY,
             "salt": self.salt,
             "seed": self.seed,
-            "targets": {code: truth.plain() for code, truth in self.truths.items()},
+            "targets": {code: truth.json_values() for code, truth in self.truths.items()},
         }
         return json_bytes(document, indent=1)
 

@@ -104,7 +104,7 @@ class DeviceReading:
         """Unique key within a study."""
         return self.code, self.device, self.operator, self.repeat
 
-    def plain(self) -> dict[str, Any]:
+    def json_values(self) -> dict[str, Any]:
         """JSON values for the log."""
         return to_plain(self)
 
@@ -176,7 +176,7 @@ class TargetTruth:
             return {}
         return {"diameter_mm": lump.diameter_mm, "depth_mm": lump.depth_mm, "young_kpa": lump.young_kpa}
 
-    def plain(self) -> dict[str, Any]:
+    def json_values(self) -> dict[str, Any]:
         """JSON values for a file."""
         lump = self.phantom.inclusion
         inclusion = None

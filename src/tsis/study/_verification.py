@@ -150,12 +150,12 @@ def _file_faults(path: Path, chain: LogChain) -> list[StudyFault]:
         if entry.action != ANALYSED or not folder or not isinstance(files, dict):
             continue
         for name, digest in files.items():
-            if is_one_name(folder) and is_one_name(name):
+            if is_file_name(folder) and is_file_name(name):
                 faults += _changed(path / folder / name, digest, shown_as=f"{one_line(folder)}/{one_line(name)}")
     return faults
 
 
-def is_one_name(name: object) -> TypeGuard[str]:
+def is_file_name(name: object) -> TypeGuard[str]:
     """Whether a name stays within its folder."""
     return isinstance(name, str) and name not in ("", ".", "..") and not set(name) & set("/\\\0")
 
