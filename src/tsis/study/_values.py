@@ -200,7 +200,7 @@ def parse_target_truth(document: Mapping[str, Any]) -> TargetTruth:
     Examples
     --------
     >>> blank = TargetTruth(label="gel", phantom=Phantom(young_kpa=5.0, thickness_mm=30.0))
-    >>> parse_target_truth(blank.plain()) == blank
+    >>> parse_target_truth(blank.json_values()) == blank
     True
     """
     try:

@@ -171,7 +171,7 @@ def combine_variances(parts: tuple[tuple[float, float], ...]) -> tuple[float, fl
 
     Examples
     --------
-    >>> joined(((4.0, 2.0), (0.0, np.inf)))
+    >>> combine_variances(((4.0, 2.0), (0.0, np.inf)))
     (4.0, 2.0)
     """
     total = sum(variance for variance, _ in parts)

@@ -53,7 +53,7 @@ class RepeatedFrames:
         >>> grey, black = np.arange(9.0).reshape(3, 3), np.zeros((3, 3))
         >>> for picture in (grey, grey, grey):
         ...     still = still.with_picture(picture)
-        >>> still.in_a_row, still.with_picture(black).with_picture(black).in_a_row
+        >>> still.count, still.with_picture(black).with_picture(black).count
         (3, 1)
         """
         checksum = zlib.crc32(np.ascontiguousarray(pixels).data)

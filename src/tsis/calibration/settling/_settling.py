@@ -117,7 +117,7 @@ def assess_settling(
     --------
     >>> time = np.arange(0.0, 60.0, 0.1)
     >>> force = 1 + 0.4 * np.exp(-time / 3.0) + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
-    >>> judge_settling(time[:60], force[:60]).verdict, judge_settling(time, force).verdict
+    >>> assess_settling(time[:60], force[:60]).verdict, assess_settling(time, force).verdict
     ('settling', 'settled')
     """
     require_number("tolerance", tolerance, 1e-4, 0.5, hint="a fraction of the settled value")
