@@ -131,7 +131,7 @@ def loaded(
         for force in forces
         for image, shown in [machine.press(tip_mm, force)]
     ]
-    return Loading.of(tip_mm, readings, run=run)
+    return Loading.from_frames(tip_mm, readings, run=run)
 
 
 def true_line(machine: VirtualLoadingMachine, lamps: float) -> tuple[float, float]:

@@ -98,7 +98,7 @@ def loaded(machine: VirtualLoadingMachine, reference: CameraReference, tip_mm: f
         for force_n in loading_forces()
         for image, shown_n in [machine.press(tip_mm, force_n)]
     ]
-    return Loading.of(tip_mm, readings, run=number)
+    return Loading.from_frames(tip_mm, readings, run=number)
 
 
 def values(result: Result) -> dict[str, float]:

@@ -191,11 +191,11 @@ def test_a_stored_frame_of_another_size_ends_the_recording_with_its_reason(
     finished = run_tsis("acquire", "--camera", stored, "--frames", "30")
     assert finished.code == 1
     assert "7 frames in" in finished.out
-    assert "Ended early: frames of one folder must be alike" in finished.out
+    assert "Ended early: frames of one folder must have one format" in finished.out
     assert len(list((tmp_path / "tsis-sequence").glob("*.png"))) == 7
     broken = run_tsis("acquire", "--camera", stored, "--watch", "--json")
     assert json.loads(broken.out)["frames"] == 7
-    assert "! camera: frames of one folder must be alike" in broken.err
+    assert "! camera: frames of one folder must have one format" in broken.err
 
 
 def test_a_sequence_holds_so_many_frames_and_accounts_for_them(run_tsis: RunTsis, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.calibration.settling import judge_settling
+from tsis.calibration.settling import assess_settling
 from tsis.inclusion.mobility import mobility
 from tsis.instrument import png_bytes, read_image
 from tsis.instrument.recording import RECORDING_COLUMNS
@@ -60,7 +60,7 @@ def test_a_known_path_and_relaxation_are_found(run_tsis: RunTsis, sequence: list
     )
     assert (moved["path_mm"], moved["noise_mm"]) == (expected.path_mm, expected.noise_mm)
     settling = document["settling"]
-    again = judge_settling(document["time_s"], document["total_grey"])
+    again = assess_settling(document["time_s"], document["total_grey"])
     assert (settling["verdict"], settling["bound"], settling["wait_s"]) == (again.verdict, again.bound, again.wait_s)
     assert document["total_grey"][-1] / document["total_grey"][0] == pytest.approx(0.7, abs=0.01)
     page = (tmp_path / "tsis-track" / "index.html").read_text()

@@ -58,7 +58,7 @@ def test_only_the_sources_asked_for_are_asked() -> None:
     assert asked == ["vimba", "aravis"]
     with pytest.raises(UnknownNameError, match="no camera source is called 'files'"):
         find_cameras(["files"])
-    with pytest.raises(InputError, match="patience_s must lie in"):
+    with pytest.raises(InputError, match="timeout_s must lie in"):
         find_cameras(timeout_s=0.0)
 
 

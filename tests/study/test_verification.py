@@ -144,7 +144,7 @@ def test_lines_that_fit_and_that_no_study_writes_are_found(tmp_path: Path) -> No
     from tsis.study._log import append_log
 
     study = unblind(read_study(tmp_path, present=5, blank=5), by="Ada")
-    known = study.readings[0].plain()
+    known = study.readings[0].json_values()
     for action, content in (
         ("reading", known | {"operator": "Dan", "score": 1.0}),
         ("unblinded", {"faults": []}),
@@ -164,7 +164,7 @@ def test_a_reading_twice_or_of_nothing_is_found(tmp_path: Path) -> None:
     from tsis.study._log import append_log
 
     study = read_study(tmp_path, present=5, blank=5)
-    plain = study.readings[0].plain()
+    plain = study.readings[0].json_values()
     for content in (plain, plain | {"code": "T-2222"}, plain | {"score": "high"}, {}):
         append_log(study.folder, lambda _chain, c=content: [LogDraft(actor="Eve", action="reading", content=c)])  # type: ignore[misc]
     whats = [fault.what for fault in verify_study(study.folder).faults]

@@ -1,4 +1,4 @@
-"""What makes a probe's grey levels mean something: scale, light, force, and whether a press is usable."""
+"""Calibration of a probe: scale, light, force and response; the guard that flags unusable presses."""
 
 from tsis.calibration._apply import (
     UsableCalibration,

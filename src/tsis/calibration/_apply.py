@@ -1,4 +1,4 @@
-"""A calibration applied to frames as the camera gave them: what estimates are given."""
+"""A calibration applied to raw camera frames before an estimate."""
 
 from __future__ import annotations
 
@@ -22,24 +22,23 @@ if TYPE_CHECKING:
 def apply_calibration(
     calibration: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str
 ) -> tuple[list[TactileImage], Calibration]:
-    """Frames ready for an estimate, and the response with the doubt of the forces.
+    """Correct frames by the reference and give the response with the uncertainty of the forces.
 
-    Dark frame and untouched light are taken away where the calibration holds them; a force that nobody gave is read
-    off the light by the force line.
+    The force line gives the force of each frame without one.
 
     Parameters
     ----------
     calibration
-        The calibration; whether it may be used today is not asked.
+        The calibration; its expiry is not checked here.
     frames
-        As the camera gave them.
+        Raw camera frames.
     identity
-        Under which results cite the calibration.
+        SHA-256 by which results cite the calibration.
 
     Raises
     ------
     CalibrationError
-        When it holds no response; when a force is to be read and it holds no force line or no reference.
+        When the response is missing, or a force must be read and the force line or the reference is missing.
     InputError
         When a frame lies outside the line's range, or does not belong to the reference.
     """
@@ -52,7 +51,7 @@ def apply_calibration(
         )
         for frame in frames
     ]
-    response = calibration.known_response(identity)
+    response = calibration.cited_response(identity)
     uncertainty = max((force.sd / force.value for force in forces), default=0.0)
     return ready, replace(response, force_sd=max(response.force_sd, uncertainty))
 
@@ -65,28 +64,28 @@ def _force(calibration: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class UsableCalibration:
-    """A calibration with the identity under which results name it."""
+    """A calibration with the identity by which results cite it."""
 
     calibration: ProbeCalibration
     identity: str
 
     @property
     def response(self) -> Calibration:
-        """What the estimates take; `CalibrationError` when it was not measured."""
-        return self.calibration.known_response(self.identity)
+        """The response for estimates; `CalibrationError` when it was not measured."""
+        return self.calibration.cited_response(self.identity)
 
     def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
-        """Corrected frames and the calibration that fits them; errors as `apply_calibration`."""
+        """Corrected frames and the matching response; errors as `apply_calibration`."""
         return apply_calibration(self.calibration, frames, identity=self.identity)
 
     def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:
-        """Refuse to use it with another camera, or at other settings; stored frames tell neither."""
+        """Refuse another camera or other settings; stored frames carry no camera name."""
         present = {setting.name: setting.value for setting in acquisition.settings()}
         camera = None if stored else acquisition.name
         self.calibration.require_usable(datetime.now(UTC), camera=camera, settings=present)
 
     def citation(self) -> dict[str, Any]:
-        """What a result says of it."""
+        """Name, hash, date and expiry, for the result."""
         created, expires = self.calibration.made, self.calibration.expires
         return {
             "name": self.calibration.name,
@@ -102,7 +101,7 @@ def read_usable_calibration(path: Path) -> UsableCalibration:
 
 
 def parse_usable_calibration(content: bytes, name: str) -> UsableCalibration:
-    """The same from the content of such a file, as somebody uploaded it under a name."""
+    """Parse an uploaded calibration file; errors as `read_usable_calibration`."""
     return _usable(parse_calibration(content, name))
 
 

@@ -1,4 +1,4 @@
-"""A number that was measured, with how well it is known."""
+"""A measured number with its standard uncertainty."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class MeasuredValue:
     sd
         Its standard deviation in the same unit, finite and not negative.
     degrees_of_freedom
-        On how many degrees of freedom ``sd`` rests, 1 or more; infinite when it is known.
+        Degrees of freedom of ``sd``, 1 or more; infinite for an exactly known ``sd``.
     unit
         Unit of both, e.g. ``"mm"``; empty for a pure number.
 
@@ -51,7 +51,7 @@ class MeasuredValue:
         require_type("unit", self.unit, str)
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Ends of the interval of Student's t around the value that holds the truth with probability ``level``."""
+        """Interval of Student's t that covers the true value with probability ``level``."""
         require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
         half = float(scipy.stats.t.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd
         return self.value - half, self.value + half

@@ -1,4 +1,4 @@
-"""Cameras, force gauges and image files: where frames and forces come from. Knows values, no science."""
+"""Cameras, force gauges and image files: the sources of frames and forces."""
 
 from tsis.instrument._camera import LATE_FRAMES, PRESETS, Camera, Frame, Mode, Setting, named_mode, preset
 from tsis.instrument._discovery import (

@@ -1,4 +1,4 @@
-"""How long a camera that runs may be silent before it is taken for lost: one rule for every source."""
+"""The camera protocol: modes, settings, frames, and the silence after which a running camera counts as lost."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LATE_FRAMES = 3.0  # of a camera whose frames take longer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mode:
-    """One way in which a source can deliver frames.
+    """A format in which a camera delivers frames.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Mode:
     frames_per_s
         Nominal rate; None when the source has no clock.
     pixel_format
-        What the source calls the pixels, e.g. ``"Mono8"``; empty when it has no name for them.
+        The driver's name of the pixel format, e.g. ``"Mono8"``; empty without one.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class Mode:
 
     @property
     def label(self) -> str:
-        """How lists name it and a user chooses it."""
+        """Name of the mode in lists and options."""
         kind = f"{self.pixel_format}-" if self.pixel_format else ""
         rate = "" if self.frames_per_s is None else f"@{self.frames_per_s:.4g}"
         return f"{kind}{self.width_px}x{self.height_px}{rate}"
@@ -70,7 +70,7 @@ def named_mode(modes: Iterable[Mode], label: str) -> Mode:
     Raises
     ------
     UnknownNameError
-        When there is none; the nearest is suggested.
+        When there is none; the message suggests the nearest.
     """
     by_label = {mode.label: mode for mode in modes}
     return by_label[require_one_of("mode", label, by_label)]
@@ -78,16 +78,16 @@ def named_mode(modes: Iterable[Mode], label: str) -> Mode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """A number that a source lets one set, with its range.
+    """An adjustable number of a camera, with its range.
 
     Parameters
     ----------
     name
-        What it is called, e.g. ``"gain"``.
+        Name, e.g. ``"gain"``.
     value
-        What it is now.
+        Present value.
     low, high
-        The range, ends included; infinite where the driver does not tell.
+        The range, ends included; infinite where the driver gives none.
     unit
         Unit of the three numbers; empty for the driver's own.
 
@@ -104,28 +104,28 @@ class Setting:
     unit: str = ""
 
     def checked(self, value: float) -> float:
-        """Return ``value`` when the range holds it, else say why not."""
+        """Return ``value`` if it lies in the range."""
         return require_number(self.name, value, self.low, self.high, hint=self.unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
-    """One frame as the source delivered it.
+    """A raw frame of a camera.
 
     Parameters
     ----------
     pixels
-        Grey levels, shape (rows, columns), finite; kept as a read-only copy of its own dtype.
+        Grey levels, shape (rows, columns), finite; copied read-only with their dtype.
     sequence
-        Number of the frame since ``start``, from 0; a gap says that frames were dropped.
+        Number of the frame since ``start``, from 0; a gap means dropped frames.
     time_s
-        Seconds since the first frame on the source's clock; None when it has none.
+        Seconds since the first frame on the camera's clock; None without one.
     full_scale
         Grey level at which the source clips, 255 for 8 bits.
     name
-        What reports call it, e.g. the file's name.
+        Name in reports, e.g. the file's name.
     settings
-        What the source was set to.
+        Settings of the camera.
     """
 
     pixels: NDArray[Any]
@@ -162,23 +162,23 @@ class Camera(Protocol):
 
     @property
     def name(self) -> str:
-        """What a person calls the source."""
+        """Display name."""
 
     @property
     def lost(self) -> bool:
         """True when the stream ended before it was stopped or before its declared end."""
 
     def open(self) -> None:
-        """Take hold of the source; `CameraError` or `FileInputError` when that cannot be done."""
+        """Connect to the source; `CameraError` or `FileInputError` when that fails."""
 
     def modes(self) -> tuple[Mode, ...]:
-        """The modes it can be started in, the default first."""
+        """The available modes, the default first."""
 
     def settings(self) -> tuple[Setting, ...]:
-        """What can be adjusted, with present values and ranges; empty for stored frames."""
+        """The adjustable settings with present values and ranges; empty for stored frames."""
 
     def adjust(self, name: str, value: float) -> None:
-        """Change one setting; `UnknownNameError` or `InputError` when it has none of that name or range."""
+        """Change one setting; `UnknownNameError` or `InputError` for another name or a value out of range."""
 
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames in ``mode``, or in the default one."""
@@ -187,11 +187,11 @@ class Camera(Protocol):
         """Yield frames until the source ends or is stopped; frames already yielded stay valid when it is lost."""
 
     def stop(self) -> None:
-        """End the stream and let go of the source; calling it again does nothing."""
+        """End the stream and release the source; another call does nothing."""
 
 
 PRESETS = ("default", "minimal")
-# Those of the source's panel (brightness, gain, shutter), as cameras name them.
+# Settings of the light (brightness, gain, shutter), as cameras name them.
 _OF_LIGHT = frozenset({"brightness", "gain", "gain_db", "exposure", "exposure_ms"})
 
 
@@ -201,10 +201,10 @@ def preset(name: str, settings: Iterable[Setting]) -> dict[str, float]:
     Parameters
     ----------
     name
-        ``"default"``: the values that ``settings`` hold. ``"minimal"``: the lowest brightness, gain and exposure that
-        the camera takes, where its driver tells.
+        ``"default"``: the values of ``settings``. ``"minimal"``: the camera's lowest brightness, gain and exposure,
+        where its driver gives them.
     settings
-        The camera's settings as it came, just opened.
+        The camera's settings just after opening.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a search for cameras says about each one that it found."""
+"""Search for cameras, and connection to one of them."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraInfo:
-    """A camera that answered a search, with what is needed to connect to it.
+    """A camera that answered a search.
 
     Parameters
     ----------
     source
-        Name of the source that can reach it, e.g. ``"aravis"``.
+        Name of its source, e.g. ``"aravis"``.
     identity
-        What that source calls it: a serial number, an address or an index, unique among the source's cameras.
+        Its name in that source: a serial number, an address or an index, unique among the source's cameras.
     maker, model
-        Who made it and what it is; empty where the source does not tell.
+        Maker and model; empty where unknown.
     note
-        What else helps to tell it from another, e.g. its address.
+        Further identification, e.g. its address.
 
     Examples
     --------
@@ -51,7 +51,7 @@ class CameraInfo:
 
     @property
     def spec(self) -> str:
-        """What `tsis.instrument.connect` takes to reach it."""
+        """Argument of `tsis.instrument.connect` for this camera."""
         return f"{self.source}:{self.identity}"
 
 
@@ -72,14 +72,14 @@ _TIMEOUT_S = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraListing:
-    """What a search found.
+    """Results of a search.
 
     Parameters
     ----------
     cameras
         The cameras that answered, source by source.
     missing
-        For each source that could not look, one sentence that says why and what to do.
+        For each source that cannot search, a message with the reason and the cure.
     """
 
     cameras: tuple[CameraInfo, ...]
@@ -95,16 +95,16 @@ def find_cameras(
     module: Callable[[str], Any] | None = None,
     timeout_s: float = _TIMEOUT_S,
 ) -> CameraListing:
-    """Ask every source for its cameras; one that fails or hangs is named among the missing and stops no other.
+    """Search every source for cameras; a source that fails or hangs is reported and stops no other.
 
     Parameters
     ----------
     sources
-        Names of the sources to ask.
+        Names of the sources.
     module
-        Gives the module of a source by its name; the imported one when None.
+        Returns the module of a source; the imported one when None.
     timeout_s
-        How long one source may take, in [0.01, 600] s.
+        Time limit of one source, in [0.01, 600] s.
 
     Raises
     ------
@@ -116,29 +116,29 @@ def find_cameras(
     camera_infos: list[CameraInfo] = []
     missing: dict[str, str] = {}
     for name in names:
-        response = _ask_source(name, module or _searching_module, timeout_s)
-        if isinstance(response, str):
-            missing[name] = response
+        outcome = _search_source(name, module or _searching_module, timeout_s)
+        if isinstance(outcome, str):
+            missing[name] = outcome
         else:
-            camera_infos.extend(response)
+            camera_infos.extend(outcome)
     return CameraListing(cameras=tuple(camera_infos), missing=missing)
 
 
 def connect(spec: str) -> Camera:
-    """The camera that ``spec`` names, not yet opened.
+    """The camera of ``spec``, not yet opened.
 
     Parameters
     ----------
     spec
-        ``"SOURCE:ID"``: aravis, genicam, pylon or vimba with what `find_cameras` calls the camera (nothing after the
-        colon for the first found); ``"opencv:0"``; ``"files:PATH"`` or ``"video:PATH"``.
+        ``"SOURCE:ID"``: aravis, genicam, pylon or vimba with the identity from `find_cameras` (nothing after the colon
+        for the first camera); ``"opencv:0"``; ``"files:PATH"`` or ``"video:PATH"``.
 
     Raises
     ------
     UnknownNameError
-        When there is no such source; the nearest is suggested.
+        When there is no such source; the message suggests the nearest.
     InputError
-        When what follows the colon names nothing.
+        When the identity or path is missing or invalid.
 
     Examples
     --------
@@ -167,20 +167,20 @@ def _searching_module(source: str) -> Any:
     return importlib.import_module(f"{_HOME}.{_LIVE[source][0]}")
 
 
-def _ask_source(source: str, module: Callable[[str], Any], timeout_s: float) -> tuple[CameraInfo, ...] | str:
-    """The cameras of one source, or why it cannot look; asked in a thread, for a driver may never answer."""
-    responses: list[tuple[CameraInfo, ...] | str] = []
+def _search_source(source: str, module: Callable[[str], Any], timeout_s: float) -> tuple[CameraInfo, ...] | str:
+    """The cameras of one source, or why the search fails; in a thread, because a driver may never return."""
+    outcomes: list[tuple[CameraInfo, ...] | str] = []
 
-    def ask() -> None:
+    def run() -> None:
         try:
             searching = module(source)
-            responses.append(searching.missing_requirement() or tuple(searching.find_cameras_here()))
-        except Exception as error:  # a driver may raise anything, and one must not hide the cameras of the others
-            responses.append(
+            outcomes.append(searching.missing_requirement() or tuple(searching.find_cameras_here()))
+        except Exception as error:  # a driver may raise anything and must not hide the cameras of the others
+            outcomes.append(
                 f"the camera source {source} failed: {' '.join(str(error).split()) or type(error).__name__}"
             )
 
-    thread = threading.Thread(target=ask, name=f"search for {source} cameras", daemon=True)
+    thread = threading.Thread(target=run, name=f"search for {source} cameras", daemon=True)
     thread.start()
     thread.join(timeout_s)
-    return responses[0] if responses else f"the camera source {source} did not answer within {timeout_s:g} s"
+    return outcomes[0] if outcomes else f"the camera source {source} did not answer within {timeout_s:g} s"

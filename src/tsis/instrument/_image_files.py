@@ -1,4 +1,4 @@
-"""Colour to grey, by one documented rule."""
+"""Image files: decoding to grey levels, and encoding of raw frames."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ RED_WEIGHT, BLUE_WEIGHT = 0.2126, 0.0722
 def luma(colour: NDArray[Any]) -> NDArray[np.float64]:
     """Rec. 709 luma of the stored values: ``0.2126 R + 0.7152 G + 0.0722 B``.
 
-    No gamma is undone, because a camera file does not say which one was applied.
+    Gamma is not removed, because a camera file does not state which one was applied.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def luma(colour: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def grey_of_opencv(pixels: NDArray[Any]) -> NDArray[Any]:
-    """Grey levels of a frame as OpenCV delivers it: already grey, or blue-green-red."""
+    """Grey levels of an OpenCV frame, grey or blue-green-red."""
     if pixels.ndim == 2:
         return pixels
     return pixels[..., 0] if pixels.shape[2] == 1 else luma(pixels[..., 2::-1])
@@ -86,7 +86,7 @@ _REFUSED_MODES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Picture:
-    """Decoded levels, (rows, columns) or (rows, columns, 3) in red-green-blue order, and where they came from."""
+    """Decoded levels, (rows, columns) or (rows, columns, 3) in red-green-blue order, and their provenance."""
 
     levels: NDArray[Any]
     provenance: dict[str, Any]
@@ -109,13 +109,13 @@ def read_image(
     path
         A PNG, JPEG, BMP or TIFF file, grey or colour, 8 or 16 bits a channel, at most 65 million pixels.
     mm_per_pixel
-        Size (x, y) of a pixel on the face in mm; None when nobody measured it.
+        Size (x, y) of a pixel on the face in mm; None when unknown.
     force_n
         Force of the press in newtons; None when unknown.
 
     Returns
     -------
-    The image; its ``name`` is the file's name, its ``settings`` hold the file's format, kind, bits and SHA-256.
+    The image; ``name`` is the file's name, ``settings`` contain the file's format, kind, bits and SHA-256.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def read_colour(path: str | os.PathLike[str]) -> NDArray[Any]:
     Raises
     ------
     FileInputError
-        As `read_image`, and when the file holds no colour.
+        As `read_image`, and when the file has no colour.
     """
     source = as_path(path)
     levels = _decode(source).levels
@@ -191,17 +191,16 @@ def _decode(path: Path) -> _Picture:
 
 
 def _require_supported(path: Path, image: Image.Image, data: bytes) -> None:
-    """Refuse by what the header says, before a pixel is decoded."""
+    """Refuse unsupported files by their header, before a pixel is decoded."""
     level_bytes = 2 if image.mode.startswith("I;16") or _stored_bits(image) == 16 else 1
     pixel_bytes = level_bytes * len(image.getbands())
     broken = size_fault(*image.size, len(data), kind=image.format or "", pixel_bytes=pixel_bytes)
     if broken is not None:
         raise FileInputError(f"{printable_path(path)} must hold {broken}")
     if image.mode not in _GREY_MODES | _COLOUR_MODES:
-        result = _REFUSED_MODES.get(image.mode, f"pixels of kind {image.mode}")
+        kind = _REFUSED_MODES.get(image.mode, f"pixels of kind {image.mode}")
         raise FileInputError(
-            f"{printable_path(path)} must hold 8- or 16-bit grey or RGB pixels; got {result} (save it as "
-            f"8-bit grey PNG)"
+            f"{printable_path(path)} must hold 8- or 16-bit grey or RGB pixels; got {kind} (save it as 8-bit grey PNG)"
         )
     pictures = getattr(image, "n_frames", 1)
     if pictures != 1:
@@ -215,7 +214,7 @@ def _require_supported(path: Path, image: Image.Image, data: bytes) -> None:
 
 
 def _levels(image: Image.Image, data: bytes) -> tuple[NDArray[Any], str]:
-    """Decode the pixels, keeping 16 bits where the file has them."""
+    """Decode the pixels, with 16 bits where the file has them."""
     colour = image.mode in _COLOUR_MODES
     if image.format == "TIFF" or (_stored_bits(image) == 16 and not image.mode.startswith("I;16")):
         levels = _levels_by_opencv(data)
@@ -230,13 +229,13 @@ def _levels(image: Image.Image, data: bytes) -> tuple[NDArray[Any], str]:
 
 
 def _stored_bits(image: Image.Image) -> int:
-    """Bits a channel in the file; Pillow tells only in the arguments of its decoder, e.g. ``"RGB;16B"``."""
+    """Bits per channel; Pillow shows them only in the arguments of its decoder, e.g. ``"RGB;16B"``."""
     tiles = getattr(image, "tile", ())
     return 16 if any(";16" in str(tile.args) for tile in tiles) else 8
 
 
 def _levels_by_opencv(data: bytes) -> NDArray[Any]:
-    """Decode what Pillow would cut to 8 bits (16-bit colour), and TIFF, whose errors it prints on the terminal."""
+    """Decode 16-bit colour, which Pillow reduces to 8 bits, and TIFF, whose errors it prints on the terminal."""
     decoded: NDArray[Any] | None = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if decoded is None or decoded.dtype not in (np.uint8, np.uint16):
         raise ValueError("its pixels are cut short or damaged")
@@ -252,7 +251,7 @@ def png_bytes(image: TactileImage) -> bytes:
     Raises
     ------
     InputError
-        As `whole_levels`: the file would not hold what was seen, or could not be read back.
+        As `whole_levels`: the file would lose information, or could not be read back.
 
     Examples
     --------
@@ -269,12 +268,12 @@ def whole_levels(grey: NDArray[Any], full_scale: float) -> NDArray[Any]:
     Raises
     ------
     InputError
-        When they are not whole numbers in [0, full_scale], or more than a file may hold that is read back.
+        When they are not whole numbers in [0, full_scale], or more than a readable file may contain.
     """
     if grey.size > LARGEST_PIXELS:
         raise InputError(f"grey must have at most {LARGEST_PIXELS} pixels to be stored; got {grey.shape}")
-    requested = np.uint8 if full_scale <= 255 else np.uint16
-    if grey.dtype == requested and full_scale >= np.iinfo(requested).max:
+    dtype = np.uint8 if full_scale <= 255 else np.uint16
+    if grey.dtype == dtype and full_scale >= np.iinfo(dtype).max:
         return grey
     lowest, highest = float(grey.min()), float(grey.max())
     if lowest < 0 or highest > full_scale or not np.array_equal(np.rint(grey), grey):
@@ -282,4 +281,4 @@ def whole_levels(grey: NDArray[Any], full_scale: float) -> NDArray[Any]:
             f"grey must hold whole numbers in [0, {full_scale:g}] to be stored without loss; "
             f"got levels from {lowest:g} to {highest:g}"
         )
-    return grey.astype(requested)
+    return grey.astype(dtype)

@@ -1,4 +1,4 @@
-"""Decoders kept from writing to the terminal: what they complain about becomes one error or does not matter."""
+"""Silences decoders: they must not write to the terminal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _lock = threading.Lock()
 
 @contextmanager
 def quiet_decoders() -> Iterator[None]:
-    """Silence the messages of Pillow and OpenCV inside the block, and put everything back after it."""
+    """Silence Pillow and OpenCV inside the block, and restore their levels after it."""
     pillow = logging.getLogger("PIL")
     with _lock, warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -38,9 +38,9 @@ def quiet_decoders() -> Iterator[None]:
 
 @contextmanager
 def quiet_ffmpeg() -> Iterator[None]:
-    """Silence FFmpeg inside OpenCV, unless its level was chosen outside.
+    """Silence FFmpeg inside OpenCV, unless the environment sets its level.
 
-    OpenCV reads the level from the environment once, when the process first opens a video; it stays from then on.
+    OpenCV reads the level once, when the process first opens a video.
     """
     if _FFMPEG_LEVEL in os.environ:
         yield

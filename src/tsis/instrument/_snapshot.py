@@ -1,4 +1,4 @@
-"""One frame saved as the source names it: in colour, raw, and with a sidecar that says how it was taken."""
+"""A snapshot: one frame saved in colour and raw, with a sidecar file about its acquisition."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ SIDECAR_FORMAT, SIDECAR_VERSION = "tsis-snapshot", 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """Where a frame was saved.
+    """Files of a saved frame.
 
     Attributes
     ----------
     colour, raw, sidecar
-        The picture for the eye, the grey levels as the camera gave them, and the JSON file about both.
+        The colour picture, the raw grey levels, and the JSON file about both.
     """
 
     colour: Path
@@ -57,36 +57,36 @@ def save_snapshot(
     name: str = "Target",
     about: Mapping[str, Any] | None = None,
 ) -> Snapshot:
-    """Save a frame as ``TargetN/TargetN-MMDDYY-HHMMSS`` in a folder; nothing is ever written over.
+    """Save a frame as ``TargetN/TargetN-MMDDYY-HHMMSS`` in a folder; no file is ever overwritten.
 
-    The sidecar is written last: a snapshot that has one is whole, each file of it on the disk.
+    The sidecar is written last: a snapshot with a sidecar is complete.
 
     Parameters
     ----------
     frame
-        What to save; its grey levels must be whole numbers.
+        The frame; its grey levels must be whole numbers.
     folder
-        Where the targets' folders lie; made when it does not exist.
+        Parent of the targets' folders; created when missing.
     target
         Number of the target, in [1, 99999].
     when
         Local time of the snapshot.
     colour
-        Makes the picture for the eye: red-green-blue, shape (rows, columns, 3).
+        Returns the colour picture: red-green-blue, shape (rows, columns, 3).
     picture
         Its format: ``"bmp"``, ``"png"`` or ``"jpg"``. The raw frame stays lossless: BMP beside BMP, else PNG, and PNG
         whenever it has more than 8 bits.
     name
-        What stands before the number.
+        Prefix of the number.
     about
-        What else the sidecar should hold, e.g. the identity of the calibration.
+        Further entries of the sidecar, e.g. the identity of the calibration.
 
     Raises
     ------
     InputError
-        When a name, the number, the format or the grey levels cannot be saved so.
+        When a name, the number, the format or the grey levels cannot be saved.
     FileInputError
-        When the files cannot be written; nothing is left of this snapshot then, and earlier ones are as they were.
+        When the files cannot be written; this snapshot is then removed, and earlier ones are unchanged.
     """
     require_one_of("picture format", picture, FORMATS)
     pixels = whole_levels(frame.pixels, frame.full_scale)
@@ -111,7 +111,7 @@ def save_snapshot(
 
 
 def _reserved(path: Path, stems: Any, endings: tuple[str, ...]) -> str:
-    """The first free stem, taken by making its sidecar, so that two programs never choose the same."""
+    """The first free stem, reserved by its sidecar, so that two programs never choose the same."""
     for stem in stems:
         if any((path / f"{stem}{ending}").exists() for ending in endings):
             continue

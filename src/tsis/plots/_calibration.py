@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.calibration.force import common_forces, run_of
+from tsis.calibration.force import common_forces, fit_run
 from tsis.errors import InputError
 from tsis.plots._hardness import contact_rows
 
@@ -88,7 +88,7 @@ def force_sums(loadings: Sequence[Loading], line: ForceLine, ax: Axes) -> Axes:
         _presses(loading, loading.total_grey / MILLION, ax, colour)
     force = np.linspace(line.least_n, line.most_n, BAND_POINTS)
     slope, intercept = line.slope_grey_per_n.value, line.intercept_grey.value
-    ends = np.array([line.uncertain(float(item)).interval() for item in force])
+    ends = np.array([line.with_uncertainty(float(item)).interval() for item in force])
     ax.plot(force, (intercept + slope * force) / MILLION, color="black", linewidth=0.8)
     low, high = ((intercept + slope * end) / MILLION for end in ends.T)
     ax.fill_between(force, low, high, color="black", alpha=0.12, linewidth=0, label="95 % of new frames")
@@ -117,11 +117,11 @@ def hysteresis_loops(loadings: Sequence[Loading], ax: Axes) -> Axes:
     Runs without unloading have none; where no run has one, the axes say so.
     """
     for loading, colour in _coloured(loadings):
-        run = run_of(loading)
+        run = fit_run(loading)
         if not run.has_both_branches:
             continue
         force = common_forces([run])
-        width = 100 * (run.at(force, rising=True) - run.at(force, rising=False)) / run.total_grey.max()
+        width = 100 * (run.sums_at(force, rising=True) - run.sums_at(force, rising=False)) / run.total_grey.max()
         ax.plot(force, width, color=colour, linewidth=1, label=_name(loading))
     if not ax.get_lines():
         ax.text(0.5, 0.5, "no tip was unloaded", ha="center", va="center", transform=ax.transAxes)

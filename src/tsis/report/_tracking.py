@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.calibration.settling import LONGEST_HOLD_S, Settling, judge_settling
+from tsis.calibration.settling import LONGEST_HOLD_S, Settling, assess_settling
 from tsis.errors import InputError
 from tsis.inclusion.mobility import Mobility, mobility
 from tsis.model import require_array
@@ -69,7 +69,7 @@ def track_press(
     time_s
         Times of the frames, s, shape (images,), ascending.
     tolerance, longest_s
-        As for `tsis.calibration.settling.judge_settling`.
+        As for `tsis.calibration.settling.assess_settling`.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def track_press(
     times = require_array("time_s", time_s, ndim=1)
     if len(times) != len(images):
         raise InputError(f"time_s must hold one time for each of {len(images)} images; got {len(times)}")
-    settling = judge_settling(times, total, tolerance=tolerance, longest_s=longest_s)
+    settling = assess_settling(times, total, tolerance=tolerance, longest_s=longest_s)
     return PressTrack(moved=transformed, settling=settling, time_s=times, total_grey=total)
 
 

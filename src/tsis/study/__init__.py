@@ -1,8 +1,8 @@
-"""Blinded studies: targets under codes, readings in a log that shows every change, then the truth and what it says.
+"""Blinded studies: targets under codes, readings in a tamper-evident log, then the truth and the analysis.
 
 `new_study` writes a folder with the plan, the sealed truth and the log. Readings come from the virtual probe
-(`press_study`) or from other devices (`import_readings`). `unblind` is entered once; after it no reading is taken.
-`analyse` sets the readings beside the truth, and `verify_study` says whether all of it is as it was written.
+(`press_study`) or from other devices (`import_readings`). `unblind` happens once; no reading is accepted after it.
+`analyse` compares the readings with the truth, and `verify_study` checks every file and the log.
 """
 
 from tsis.study._folder import ANALYSED, PLAN, Study, enter_readings, open_study, read_seal
@@ -13,7 +13,7 @@ from tsis.study._pressing import RunResult, press_study
 from tsis.study._tables import READING_COLUMNS, export_readings, import_readings, import_table, read_truth_table
 from tsis.study._unblinding import enter_analysis, unblind
 from tsis.study._values import QUANTITIES, DeviceReading, TargetTruth, require_short_name
-from tsis.study._verification import StudyVerification, is_one_name, verify_study
+from tsis.study._verification import StudyVerification, is_file_name, verify_study
 
 __all__ = [
     "ANALYSED",
@@ -33,7 +33,7 @@ __all__ = [
     "export_readings",
     "import_readings",
     "import_table",
-    "is_one_name",
+    "is_file_name",
     "new_study",
     "open_study",
     "press_study",

@@ -21,14 +21,14 @@ CURE = "tsis study verify tells all"
 
 
 def read_log(folder: Path, *, disk: Disk = DISK) -> LogChain:
-    """The log of a study as it is found.
+    """Read the log of a study, damaged or not.
 
     Raises
     ------
     FileInputError
-        When there is none that can be read.
+        When it is missing or unreadable.
     """
-    with log_lock(folder):  # an entry that is just being appended is read as a whole
+    with log_lock(folder):  # never reads half of an entry
         return read_chain_file(folder / LOG_FILE, disk=disk)
 
 
@@ -40,25 +40,25 @@ def append_log(
     damaged: bool = False,
     disk: Disk = DISK,
 ) -> LogChain:
-    """Append entries to the log and return it; they are on the disk by then. Nobody else appends meanwhile.
+    """Append entries to the log, durably and exclusively, and return it.
 
     Parameters
     ----------
     folder
         Of the study.
     drafts_after
-        Given the log as it is at that moment, what to append; it may refuse by raising.
+        Returns the entries to append to the present log; it may refuse by raising.
     log_chain
-        The log as it was read before, so that only what follows is read.
+        The log from an earlier reading, so that only its continuation is read.
     damaged
-        Whether entries may follow a log that does not fit.
+        Whether entries may follow a damaged log.
     disk
-        By which steps they get onto the disk.
+        Writes to the disk.
 
     Raises
     ------
     RecordsError
-        When the log does not fit, or cannot be written.
+        When the log is damaged, or cannot be written.
     """
     path = folder / LOG_FILE
     with log_lock(folder):
@@ -68,14 +68,13 @@ def append_log(
             )
         except OSError as error:
             raise RecordsError(
-                f"{printable_path(path)} could not be written: {error.strerror or error}; what was entered before "
-                "is as it was"
+                f"{printable_path(path)} could not be written: {error.strerror or error}; earlier entries are unchanged"
             ) from error
 
 
 @contextmanager
 def log_lock(folder: Path) -> Iterator[None]:
-    """Wait until nobody else adds lines to the log in ``folder``: it takes others a moment."""
+    """Wait for exclusive access to the log in ``folder``."""
     with _opened(folder) as handle:
         if sys.platform != "win32":
             import fcntl
@@ -87,7 +86,7 @@ def log_lock(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def run_lock(plan: Path) -> Iterator[None]:
-    """Refuse while another run reads the targets of this ``plan``, which is written once and never replaced."""
+    """Refuse while another run reads the targets of this ``plan``, a file that is never replaced."""
     with _opened(plan) as handle:
         if sys.platform != "win32":
             import fcntl
@@ -96,9 +95,8 @@ def run_lock(plan: Path) -> Iterator[None]:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise RecordsError(
-                    f"{printable_path(plan.parent)} must be read by one run at a time; another one is under "
-                    f"way (wait for it, "
-                    f"or end it)"
+                    f"{printable_path(plan.parent)} must be read by one run at a time; another one is under way (wait "
+                    "for it, or end it)"
                 ) from error
             except OSError:  # as above
                 pass
@@ -107,7 +105,7 @@ def run_lock(plan: Path) -> Iterator[None]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[int]:
-    if sys.platform == "win32":  # where folders cannot be opened, and nothing is locked
+    if sys.platform == "win32":  # folders cannot be opened there, and nothing is locked
         yield -1
         return
     try:

@@ -1,4 +1,4 @@
-"""Lists of targets for a study: those of the catalog, or drawn by chance."""
+"""Creation of a study: its targets, from the catalog or drawn at random, and its folder."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ MOST_TARGETS = 100_000  # of one kind
 PRINTED = 8  # inclusions of the catalog for studies of detection
 DIAMETER_MM, DEPTH_MM, YOUNG_KPA = (2.0, 15.0), (4.0, 12.0), (40.0, 120.0)
 LARGEST_POISSON = 0.4949
-CLEARANCE = 0.97  # of the slab that an inclusion may reach down to
+CLEARANCE = 0.97  # of the slab: deepest end of an inclusion
 
 
 def printed_targets(present: int = PRINTED, blank: int = PRINTED) -> tuple[TargetTruth, ...]:
-    """Phantoms ``detection-1`` to ``detection-8`` of the catalog, over and over, and ``detection-blank``.
+    """Phantoms ``detection-1`` to ``detection-8`` of the catalog in turn, and ``detection-blank``.
 
     Parameters
     ----------
     present, blank
-        How many with and without an inclusion; one at least in all.
+        Number with and without an inclusion; at least one in all.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def _check_numbers(present: int, blank: int) -> None:
 
 
 def _unnamed(phantom: Phantom) -> Phantom:
-    """Without what would tell who it is, or what of it was assumed: the label says where it came from."""
+    """The phantom without its name and note, which would identify it."""
     lump = phantom.inclusion
     return Phantom(
         young_kpa=phantom.young_kpa, thickness_mm=phantom.thickness_mm, poisson=phantom.poisson, inclusion=lump
@@ -135,26 +135,27 @@ def new_study(
     threshold: float = THRESHOLD,
     actor: str = "",
 ) -> Study:
-    """Make a study: its folder appears whole or not at all.
+    """Create a study atomically.
 
     Parameters
     ----------
     folder
         A new one.
     targets
-        What is to be read, in any order; or what gives the targets for a seed, where they are drawn.
+        The targets in any order, or a function that draws them for a seed.
     name
         Of the study; that of the folder by default.
     seed
-        What codes and order follow from. Whoever knows it can make the same study and read its truth; None draws one
-        and keeps it in the seal.
+        Determines codes and order. Anyone with the seed can recreate the study and read its truth; None draws one
+        and stores it in the seal.
     probe, forces_n, with_reference
-        How the virtual probe presses: by default with 0.5 and 1 N under a dome, else 1 N.
+        Protocol of the virtual probe: by default 0.5 and 1 N with a dome, else 1 N.
     repeats
-        How often an operator reads every target.
+        Readings of every target by an operator.
     threshold
-        From which score on a target is called one with an inclusion.
+        Least score of a target that is called one with an inclusion.
     actor
+        Who creates it; the user of this machine by default.
         Who makes it; the user of this machine by default.
 
     Raises
@@ -162,10 +163,10 @@ def new_study(
     InputError
         When a value lies outside its range, or there is no target.
     RecordsError
-        When the folder exists or cannot be made.
+        When the folder exists or cannot be created.
     """
-    position = as_path(folder)
-    given = seed
+    root = as_path(folder)
+    published_seed = seed
     seed = secrets.randbelow(LARGEST_SEED) if seed is None else require_integer("seed", seed, 0, LARGEST_SEED)
     listed = tuple(targets(seed) if callable(targets) else targets)
     if not listed:
@@ -177,8 +178,8 @@ def new_study(
     if forces_n is None:
         forces_n = (1.0,) if load_probe(probe).face_curvature_mm is None else (0.5, 1.0)
     plan = StudyPlan(
-        name=name or position.resolve().name,
-        seed=given,
+        name=name or root.resolve().name,
+        seed=published_seed,
         probe=probe,
         forces_n=tuple(forces_n),
         with_reference=with_reference,
@@ -197,7 +198,7 @@ def new_study(
         plan.made,
     )
     try:
-        with atomic_folder(position) as draft:
+        with atomic_folder(root) as draft:
             (draft / PLAN).write_bytes(planned)
             handle = os.open(draft / SEAL, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(handle, "wb") as file:
@@ -205,10 +206,10 @@ def new_study(
             (draft / LOG_FILE).write_bytes(f"{first[0].line()}\n".encode())
     except FileExistsError as error:
         raise RecordsError(
-            f"{printable_path(position)} must be a new name; there is such a file or folder (choose another)"
+            f"{printable_path(root)} must be a new name; there is such a file or folder (choose another)"
         ) from error
     except (OSError, ValueError) as error:
         raise RecordsError(
-            f"{printable_path(position)} must be a place that can be written; got: {one_line(error)}"
+            f"{printable_path(root)} must be a folder that can be written; got: {one_line(error)}"
         ) from error
-    return open_study(position)
+    return open_study(root)

@@ -1,4 +1,4 @@
-"""Codes that tell nothing of what they stand for, in an order that chance decides."""
+"""The plan of a study, and its codes in random order, which reveal nothing about the targets."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 
-LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # without those that are taken for each other
+LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # without letters that look similar
 LENGTH = 4
-CODES, ORDER, TARGETS = 1, 2, 3  # what a seed is used for: each use draws apart from the others
+CODES, ORDER, TARGETS = 1, 2, 3  # independent streams of a seed
 
 Target = TypeVar("Target")
 
 
 def coded(targets: Sequence[Target], seed: int) -> dict[str, Target]:
-    """Give every target a code, and put them into the order in which they are to be read.
+    """Give every target a code, and put the targets into the order of reading.
 
-    Codes and order follow from the seed and the number of targets alone, never from what the targets are.
+    Codes and order follow from the seed and the number of targets alone.
 
     Parameters
     ----------
@@ -59,10 +59,10 @@ def coded(targets: Sequence[Target], seed: int) -> dict[str, Target]:
 
 
 def _codes(count: int, seed: int) -> list[str]:
-    rng, result = np.random.default_rng([seed, CODES]), dict[str, None]()
-    while len(result) < count:
-        result["T-" + "".join(LETTERS[position] for position in rng.integers(len(LETTERS), size=LENGTH))] = None
-    return list(result)
+    rng, codes = np.random.default_rng([seed, CODES]), dict[str, None]()
+    while len(codes) < count:
+        codes["T-" + "".join(LETTERS[position] for position in rng.integers(len(LETTERS), size=LENGTH))] = None
+    return list(codes)
 
 
 FORMAT, VERSION = "tsis-study", 1
@@ -75,32 +75,32 @@ UNDECIDED = "counted apart, and also as the wrong answer"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyPlan:
-    """The plan of a study, without anything of the truth.
+    """The plan of a study, without its truth.
 
     Parameters
     ----------
     name
         Of the study.
     seed
-        What codes, order and drawn targets follow from; None where it lies in the seal with the truth.
+        Determines codes, order and drawn targets; None where the seal contains it.
     probe
         Name of the virtual probe in the catalog.
     forces_n
-        Forces with which it presses every target, newtons.
+        Forces on every target, newtons.
     with_reference
-        Whether it presses plain tissue nearby too.
+        Whether it also presses tissue without inclusion nearby.
     repeats
-        How often an operator reads every target.
+        Readings of every target by an operator.
     threshold
-        A target is called one with an inclusion where its score is at least this; fixed before any reading.
+        Least score of a target that is called one with an inclusion; fixed before any reading.
     codes
         Of the targets, in the order of reading.
     commitment
         SHA-256 of the sealed truth.
     made
-        When, with its offset from UTC.
+        Time of creation, with its offset from UTC.
     tsis
-        Version that made it.
+        Version that created it.
 
     Raises
     ------
@@ -148,11 +148,11 @@ class StudyPlan:
 
     @property
     def device(self) -> str:
-        """What the readings of its virtual probe are entered under."""
+        """Device name of its virtual probe."""
         return f"virtual {self.probe}"
 
     def content(self) -> bytes:
-        """The file."""
+        """Content of the file."""
         return json_bytes(
             {
                 "format": FORMAT,
@@ -176,21 +176,21 @@ class StudyPlan:
 
 
 def parse_study_plan(content: bytes, name: str) -> StudyPlan:
-    """The plan in the content of a ``study.json``; ``name`` says in errors where it came from.
+    """Parse the content of a ``study.json``; ``name`` identifies it in errors.
 
     Raises
     ------
     RecordsError
-        When it holds no plan that this version reads.
+        When it is no plan of this version.
     """
     try:
-        reference = parse_object(content, name, values=2_000_000)
-        require_study_format(reference, FORMAT, VERSION)
+        document = parse_object(content, name, values=2_000_000)
+        require_study_format(document, FORMAT, VERSION)
         names = {
             field.name: "truth_sha256" if field.name == "commitment" else field.name for field in fields(StudyPlan)
         }
-        return from_plain(StudyPlan, {name: reference[given] for name, given in names.items()}, "study")
-    except FileInputError as error:  # which names the file
+        return from_plain(StudyPlan, {name: document[key] for name, key in names.items()}, "study")
+    except FileInputError as error:  # it names the file
         raise RecordsError(str(error)) from error
     except InputError as error:
         raise RecordsError(f"{name}: {error}") from error
@@ -198,9 +198,9 @@ def parse_study_plan(content: bytes, name: str) -> StudyPlan:
         raise RecordsError(f"{name} must hold every part of a study's plan; wrong or missing: {error!s:.80}") from error
 
 
-def require_study_format(reference: Mapping[str, Any], form: str, version: int) -> None:
+def require_study_format(document: Mapping[str, Any], form: str, version: int) -> None:
     """Refuse a file of another kind or version."""
-    if reference.get("format") != form:
-        raise InputError(f"format must be {form!r}; got {reference.get('format')!r:.60}")
-    if reference.get("version") != version:
-        raise InputError(f"version must be {version}; got {reference.get('version')!r:.60} (use the tsis that made it)")
+    if document.get("format") != form:
+        raise InputError(f"format must be {form!r}; got {document.get('format')!r:.60}")
+    if document.get("version") != version:
+        raise InputError(f"version must be {version}; got {document.get('version')!r:.60} (use the tsis that made it)")

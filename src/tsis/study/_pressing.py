@@ -1,4 +1,4 @@
-"""The virtual probe reads what is left of a study, target by target."""
+"""Readings of a study's targets by the virtual probe."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ if TYPE_CHECKING:
     from tsis.study._values import TargetTruth
 
 
-NO_INCLUSION = "no_inclusion"  # an answer, though nothing can be measured then
+NO_INCLUSION = "no_inclusion"  # a valid result, without sizes
 NOT_TRUSTED = "the estimate is not to be trusted"
-NOT_PRESSED = "the press could not be computed"  # why would tell of the truth
+NOT_PRESSED = "the press could not be computed"  # the cause would reveal the truth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
-    """What a run did.
+    """Summary of a run.
 
     Attributes
     ----------
     study
-        As it is then.
+        The updated study.
     entered
-        How many readings came in.
+        Number of new readings.
     undecided
-        How many of them are.
+        Number of undecided ones among them.
     left
-        How many are still to be made by this operator.
+        Number of readings still missing by this operator.
     """
 
     study: Study
@@ -69,35 +69,34 @@ def press_study(
     preparing: Callable[[int, int], None] | None = None,
     ended: Callable[[], bool] | None = None,
 ) -> RunResult:
-    """Press what an operator has still to read, estimate, and enter each reading at once.
+    """Press the targets that an operator has still to read, estimate, and enter each reading at once.
 
-    Every reading is made by a virtual probe with errors of its own, drawn for the seed, the code, the operator and the
-    repeat: whoever stops it anywhere and goes on has the readings of an undisturbed run. Nothing of the truth gets into
-    the log, nor into the store.
+    The errors of each reading follow from the seed, the code, the operator and the repeat, so an interrupted run
+    continues with the readings of an uninterrupted one. Neither the log nor the store contains the truth.
 
     Parameters
     ----------
     study
-        Which one; it must be blind and as it was made.
+        The study, blind and unchanged.
     operator
-        Who holds the probe; the user of this machine by default. Another one reads every target anew.
+        Operator of the probe; the user of this machine by default. Each operator reads every target.
     seed
         Of the probe's errors.
     save
-        Store of phantoms that gets frames, calibration and estimate under each code.
+        Store of phantoms for frames, calibration and estimate under each code.
     progress
         Called with (done, total) readings.
     preparing
-        Called with (done, total) while the model of this probe is built, which is kept for next time.
+        Called with (done, total) while the model of this probe is built, which is cached.
     ended
-        Asked before each reading whether to stop.
+        Called before each reading; True stops the run.
 
     Raises
     ------
     InputError
         When a value lies outside its range.
     RecordsError
-        When the study is unblinded, its files are not as they were made, or another run is under way.
+        When the study is unblinded, its files were changed, or another run is active.
     """
     operator = require_short_name("operator", operator or user())
     require_integer("seed", seed, 0, LARGEST_SEED)
@@ -131,14 +130,14 @@ def press_study(
 
 
 def _rng(seed: int, code: str, operator: str, repeat: int) -> np.random.Generator:
-    """Source of the errors of one reading, whichever were made before it."""
+    """Generator for the errors of one reading, independent of the others."""
     named_by = hashlib.sha256(f"{code}\0{operator}\0{repeat}".encode()).digest()
     return np.random.default_rng([seed, *np.frombuffer(named_by, dtype=np.uint32).tolist()])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rig:
-    """The probe of a study, its light and what is believed before any press."""
+    """The probe of a study, its light and the prior."""
 
     study: Study
     light: Irradiance
@@ -167,8 +166,8 @@ class _Rig:
         blank = DeviceReading(code=code, device=plan.device, operator=operator, repeat=repeat, score=None)
         virtual = VirtualProbe(load_probe(plan.probe), rng=rng, light=self.light)
         calibration = virtual.calibration
-        given = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
-        evidence: dict[str, Any] = {"tsis": __version__, "seed": seed, "calibration_sha256": calibration_sha256(given)}
+        saved = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
+        evidence: dict[str, Any] = {"tsis": __version__, "seed": seed, "calibration_sha256": calibration_sha256(saved)}
         try:
             targets, references = self._frames(virtual, truth.phantom, rng, code)
         except (InputError, MechanicsError):
@@ -182,14 +181,14 @@ class _Rig:
         except (InputError, MechanicsError) as error:
             return replace(blank, reason=one_line(error), evidence=evidence)
         if store is not None:
-            evidence["kept_as"] = _saved(store, result, given, targets, references, code, self.prior)
-        uncertainties = UNTRUSTED_FLAGS.intersection(result.flags) - {NO_INCLUSION}
-        if uncertainties or result.presence is None:
-            reason = f"{NOT_TRUSTED}: {', '.join(sorted(uncertainties))}"
+            evidence["kept_as"] = _saved(store, result, saved, targets, references, code, self.prior)
+        caveats = UNTRUSTED_FLAGS.intersection(result.flags) - {NO_INCLUSION}
+        if caveats or result.presence is None:
+            reason = f"{NOT_TRUSTED}: {', '.join(sorted(caveats))}"
             return replace(blank, reason=reason, flags=result.flags, evidence=evidence)
         score = float(result.presence)
         reading = replace(blank, score=score, rank=result.log_bayes_factor, flags=result.flags, evidence=evidence)
-        if not result.trusted:  # there is nothing to measure
+        if not result.trusted:  # no inclusion to measure
             return reading
         return replace(
             reading,
@@ -201,7 +200,7 @@ class _Rig:
     def _frames(
         self, virtual: VirtualProbe, phantom: Phantom, rng: np.random.Generator, code: str
     ) -> tuple[list[TactileImage], list[TactileImage]]:
-        """Frames of the target and of plain tissue nearby, which is a little softer or stiffer; named by the code."""
+        """Frames of the target and of nearby tissue, which is a little softer or stiffer; named by the code."""
         plan = self.study.plan
         softer = float(np.exp(virtual.calibration.site_sd * rng.standard_normal()))
         site = replace(phantom.without_inclusion(), young_kpa=softer * phantom.young_kpa)
@@ -217,11 +216,11 @@ class _Rig:
 
 
 def _digest(frames: list[TactileImage]) -> str:
-    """SHA-256 of the grey levels of all frames, in single precision, which holds 16 bits exactly."""
-    result = hashlib.sha256()
+    """SHA-256 of the grey levels of all frames, in single precision, which represents 16 bits exactly."""
+    digest = hashlib.sha256()
     for frame in frames:
-        result.update(frame.grey.astype(np.float32).tobytes())
-    return result.hexdigest()
+        digest.update(frame.grey.astype(np.float32).tobytes())
+    return digest.hexdigest()
 
 
 def _saved(
@@ -233,10 +232,10 @@ def _saved(
     code: str,
     prior: InclusionPrior,
 ) -> int:
-    """Number under which the store has it: the code is all that it is told of the target."""
+    """Save the reading under its code alone, and return its number in the store."""
     from tsis.records import SavableResult, save_results
 
-    keepable = SavableResult(
+    saved = SavableResult(
         kind="inclusion",
         estimate=estimate,
         probe=calibration.probe,
@@ -245,4 +244,4 @@ def _saved(
         options={"prior": asdict(prior)},
         name=code,
     )
-    return int(save_results(store, keepable)["target"])
+    return int(save_results(store, saved)["target"])

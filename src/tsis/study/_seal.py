@@ -1,7 +1,7 @@
-"""The sealed truth: ``sealed.json``, which nobody needs to open before the study is unblinded.
+"""The sealed truth: ``sealed.json``, which nobody needs to open before the unblinding.
 
-It is no lock: whoever opens the file reads the truth. It keeps people from reading it by accident, and its SHA-256
-in the plan shows every later change. A salt that chance gave keeps anybody from finding the truth by trying.
+The seal is no lock: anyone can open the file. It prevents reading by accident, and its SHA-256 in the plan reveals
+every later change. A random salt prevents a search for the truth by trial.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ FORMAT, VERSION = "tsis-study-truth", 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SealedTruth:
-    """What every code stands for.
+    """The targets of all codes.
 
     Attributes
     ----------
     salt
-        Hexadecimal digits that chance gave.
+        Random hexadecimal digits.
     seed
-        What codes, order and drawn targets follow from.
+        Determines codes, order and drawn targets.
     truths
         By code.
     """
@@ -42,20 +42,20 @@ class SealedTruth:
     truths: Mapping[str, TargetTruth]
 
     def content(self) -> bytes:
-        """The file."""
+        """Content of the file."""
         document = {
             "format": FORMAT,
             "version": VERSION,
             "notice": RESEARCH_USE_ONLY,
             "salt": self.salt,
             "seed": self.seed,
-            "targets": {code: truth.plain() for code, truth in self.truths.items()},
+            "targets": {code: truth.json_values() for code, truth in self.truths.items()},
         }
         return json_bytes(document, indent=1)
 
 
 def commitment(content: bytes) -> str:
-    """SHA-256 of the file, by which a later change shows.
+    """SHA-256 of the file, which reveals later changes.
 
     Examples
     --------
@@ -66,19 +66,19 @@ def commitment(content: bytes) -> str:
 
 
 def parse_seal(content: bytes, name: str) -> SealedTruth:
-    """The truth in the content of a ``sealed.json``; ``name`` says in errors where it came from.
+    """Parse the content of a ``sealed.json``; ``name`` identifies it in errors.
 
     Raises
     ------
     RecordsError
-        When it holds none that this version reads.
+        When it is no truth of this version.
     """
     try:
-        reference = parse_object(content, name, values=8_000_000)
-        require_study_format(reference, FORMAT, VERSION)
-        truths = {str(code): parse_target_truth(item) for code, item in reference["targets"].items()}
-        return SealedTruth(salt=reference["salt"], seed=reference["seed"], truths=truths)
-    except FileInputError as error:  # which names the file
+        document = parse_object(content, name, values=8_000_000)
+        require_study_format(document, FORMAT, VERSION)
+        truths = {str(code): parse_target_truth(item) for code, item in document["targets"].items()}
+        return SealedTruth(salt=document["salt"], seed=document["seed"], truths=truths)
+    except FileInputError as error:  # it names the file
         raise RecordsError(str(error)) from error
     except InputError as error:
         raise RecordsError(f"{name}: {error}") from error

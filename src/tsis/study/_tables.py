@@ -1,4 +1,4 @@
-"""Tables of true values and of readings that people write: comma-separated values of phantoms and other devices."""
+"""CSV tables: true values of targets, and readings of other devices."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MORE_COLUMNS = ("offset_mm", "tissue_kpa", "thickness_mm", "poisson")
 
 
 def read_truth_table(path: str | os.PathLike[str]) -> tuple[TargetTruth, ...]:
-    """Targets from a file with the columns `COLUMNS`, and `MORE_COLUMNS` where they are known.
+    """Read targets from a file with the columns `COLUMNS`, and optionally `MORE_COLUMNS`.
 
     Parameters
     ----------
@@ -45,18 +45,18 @@ def read_truth_table(path: str | os.PathLike[str]) -> tuple[TargetTruth, ...]:
     Raises
     ------
     FileInputError
-        When a row is no target, in one sentence with its line.
+        When a row is no target; the message gives its line.
     """
-    position = as_path(path)
-    document: dict[str, TargetTruth] = {}
-    for row in read_csv_rows(position, COLUMNS, MORE_COLUMNS):
+    file = as_path(path)
+    by_label: dict[str, TargetTruth] = {}
+    for row in read_csv_rows(file, COLUMNS, MORE_COLUMNS):
         target = _target(row)
-        if target.label in document:
+        if target.label in by_label:
             raise row.refused("label", "different in every row", target.label)
-        document[target.label] = target
-    if not document:
-        raise FileInputError(f"{printable_path(position)} must hold at least one target; it has headings alone")
-    return tuple(document.values())
+        by_label[target.label] = target
+    if not by_label:
+        raise FileInputError(f"{printable_path(file)} must hold at least one target; it has headings alone")
+    return tuple(by_label.values())
 
 
 def _target(row: CsvRow) -> TargetTruth:
@@ -93,7 +93,7 @@ def _or(value: float | None, usual: float) -> float:
 
 
 READING_COLUMNS = ("code", "score", "operator", "repeat", *QUANTITIES)
-NO_RESPONSE = "the device gave no answer"
+NO_RESPONSE = "the device gave no result"
 
 
 def import_readings(
@@ -109,30 +109,29 @@ def import_readings(
     Parameters
     ----------
     study
-        Which one; it must be blind.
+        The study, blind.
     path
-        Comma-separated values in UTF-8. An empty score is a reading without an answer; sizes, depths and moduli may be
-        empty.
+        Comma-separated values in UTF-8. An empty score is an undecided reading; sizes, depths and moduli may be empty.
     device
         Name of the device.
     threshold
-        From which score on it calls a target one with an inclusion; that of the study by default. It is fixed with the
-        first import of a device.
+        Least score of a target that is called one with an inclusion; that of the study by default. The first import
+        of a device fixes it.
     actor
         Who enters them.
 
     Raises
     ------
     InputError
-        When a row is none, in one sentence with its line; then nothing is entered.
+        When a row is invalid; the message gives its line, and nothing is entered.
     RecordsError
         When the study is unblinded.
     """
-    position = as_path(path)
+    file = as_path(path)
     return import_table(
         study,
-        read_bytes(position, most=LARGEST_CSV_BYTES),
-        printable_name(position),
+        read_bytes(file, most=LARGEST_CSV_BYTES),
+        printable_name(file),
         device=device,
         threshold=threshold,
         actor=actor,
@@ -142,16 +141,16 @@ def import_readings(
 def import_table(
     study: Study, content: bytes, name: str, *, device: str, threshold: float | None = None, actor: str = ""
 ) -> Study:
-    """The same from the content of such a file, as somebody uploaded it under a name."""
+    """Enter the content of an uploaded file; as `import_readings`."""
     require_short_name("device", device)
     if device == study.plan.device:
         raise InputError(f"device must not be {device!r:.60}, which tsis study run reads with (choose another name)")
     limit = _threshold(study, device, threshold)
     readings: dict[tuple[str, str, str, int], DeviceReading] = {}
-    given, codes = {reading.key for reading in study.readings}, frozenset(study.plan.codes)
+    entered, codes = {reading.key for reading in study.readings}, frozenset(study.plan.codes)
     for row in parse_csv_rows(content, name, READING_COLUMNS):
         reading = _reading(row, codes, device)
-        if reading.key in readings or reading.key in given:
+        if reading.key in readings or reading.key in entered:
             raise FileInputError(
                 f"code, operator and repeat must be together but once for a device; {reading.code}, "
                 f"{reading.operator!r:.60} and {reading.repeat} are there already ({row.where})"
@@ -206,19 +205,19 @@ def _reading(row: CsvRow, codes: frozenset[str], device: str) -> DeviceReading:
 
 
 def export_readings(study: Study, device: str | None = None) -> bytes:
-    """Readings of a device as `import_readings` takes them, without anything of the truth.
+    """Readings of a device in the format of `import_readings`, without the truth.
 
     Parameters
     ----------
     study
-        Which one.
+        The study.
     device
-        Whose; of the only one by default.
+        Name of the device; the only device by default.
 
     Raises
     ------
     InputError
-        When there are no readings of that device, or several devices and none is named.
+        When that device has no readings, or several devices exist and none is named.
     """
     if device is None:
         if len(study.devices) != 1:
@@ -227,11 +226,11 @@ def export_readings(study: Study, device: str | None = None) -> bytes:
                 f"{', '.join(study.devices) or 'none'}"
             )
         device = study.devices[0]
-    stored = [reading for reading in study.readings if reading.device == device]
-    if not stored:
+    readings = [reading for reading in study.readings if reading.device == device]
+    if not readings:
         raise InputError(f"device must be one that has readings, {', '.join(study.devices)}; got {device!r:.60}")
     rows: list[list[Any]] = [list(READING_COLUMNS)]
-    for item in stored:
+    for item in readings:
         values = [item.values.get(name) for name in QUANTITIES]
         rows.append([item.code, item.score, item.operator, item.repeat, *values])
     return table_bytes(rows)

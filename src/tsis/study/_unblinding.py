@@ -1,4 +1,4 @@
-"""The end of blindness, entered once, and the analyses after it."""
+"""The unblinding, entered once, and the analyses after it."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 
 
 def unblind(study: Study, *, by: str) -> Study:
-    """Enter that the truth is read from now on; where it was entered before, nothing changes.
+    """Enter the unblinding; a second call changes nothing.
 
-    What does not fit at this moment is entered with it, so that a later edit is told from an earlier one.
+    The entry includes the faults at this time, so that earlier and later changes differ.
 
     Parameters
     ----------
     study
-        Which one, with at least one reading.
+        The study, with at least one reading.
     by
         Who unblinds it.
 
     Returns
     -------
     Study
-        As it is then.
+        The updated study.
 
     Raises
     ------
@@ -47,12 +47,12 @@ def unblind(study: Study, *, by: str) -> Study:
     read_seal(study)
     if not open_study(study.folder).readings:
         raise RecordsError("a study must have a reading before it is unblinded; this one has none (tsis study run)")
-    result = verify_study(study.folder)
+    verification = verify_study(study.folder)
 
     def drafts(chain: LogChain) -> list[LogDraft]:
         if any(entry.action == UNBLINDED for entry in chain.entries):
             return []
-        faults = [fault.key for fault in result.faults]
+        faults = [fault.key for fault in verification.faults]
         return [LogDraft(actor=by, action=UNBLINDED, content={"faults": faults, "tsis": __version__})]
 
     append_log(study.folder, drafts, damaged=True)
@@ -60,16 +60,16 @@ def unblind(study: Study, *, by: str) -> Study:
 
 
 def enter_analysis(study: Study, *, by: str, folder: str, files: Mapping[str, str]) -> Study:
-    """Enter an analysis by the hashes of its files.
+    """Enter an analysis with the hashes of its files.
 
     Parameters
     ----------
     study
         Unblinded.
     by
-        Who made it.
+        Who did it.
     folder
-        Its name below the study's folder; empty where it lies elsewhere.
+        Its name below the study's folder; empty elsewhere.
     files
         SHA-256 by name.
 

@@ -1,4 +1,4 @@
-"""What a device said of a target."""
+"""Readings of devices, and true targets."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ LARGEST_VALUE = 1e6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceReading:
-    """One reading.
+    """One reading of a target by a device.
 
     Parameters
     ----------
     code
         Of the target.
     device, operator
-        What read it, and who held it.
+        The device and its operator.
     repeat
-        How many times this operator has read the target with this device, this one included.
+        Number of this operator's readings of the target with this device, this one included.
     score
-        Higher means that an inclusion is likelier; of the virtual probe its probability. None where the device gave no
-        answer: the reading is undecided, and no guess stands in for it.
+        Higher values mean a likelier inclusion; for the virtual probe its probability. None for an undecided reading,
+        without any substitute.
     rank
-        What orders readings of the same device where their scores are rounded: of the virtual probe the natural
-        logarithm of the Bayes factor. None where the score itself does.
+        Order of readings of the same device where their scores are rounded: for the virtual probe the natural
+        logarithm of the Bayes factor. None where the score itself gives the order.
     reason
         Why it is undecided.
     values
-        Diameter, depth and modulus that were read, those of `QUANTITIES` that there are.
+        Diameter, depth and modulus, as far as measured; names of `QUANTITIES`.
     sd, interval_90
-        Their standard deviations, and 90 % intervals, where the device tells them.
+        Their standard deviations, and 90 % intervals, where the device gives them.
     flags
-        Short names of what the reader must know.
+        Short names of caveats.
     evidence
-        Where it came from: hash of the frames, calibration, prior, seed, version.
+        Provenance: hash of the frames, calibration, prior, seed, version.
 
     Raises
     ------
@@ -96,32 +96,32 @@ class DeviceReading:
 
     @property
     def undecided(self) -> bool:
-        """Whether the device gave no answer."""
+        """Whether the device gave no result."""
         return self.score is None
 
     @property
     def key(self) -> tuple[str, str, str, int]:
-        """What no two readings of a study share."""
+        """Unique key within a study."""
         return self.code, self.device, self.operator, self.repeat
 
-    def plain(self) -> dict[str, Any]:
-        """As JSON values, for the log."""
+    def json_values(self) -> dict[str, Any]:
+        """JSON values for the log."""
         return to_plain(self)
 
 
-def parse_reading(reference: Mapping[str, Any]) -> DeviceReading:
-    """The reading that `DeviceReading.plain` wrote.
+def parse_reading(document: Mapping[str, Any]) -> DeviceReading:
+    """The reading in the JSON values of a log entry.
 
     Raises
     ------
     InputError
-        When it holds something else.
+        When they are no reading.
     """
-    return from_plain(DeviceReading, reference, "reading")
+    return from_plain(DeviceReading, document, "reading")
 
 
 def require_short_name(what: str, name: object) -> str:
-    """Return a short printable name, or say that it is none."""
+    """Return a short printable name, or refuse it."""
     if not isinstance(name, str) or not 0 < len(name) <= LONGEST or not name.isprintable() or name != name.strip():
         raise InputError(
             f"{what} must be 1 to {LONGEST} printable letters without spaces around them; got {name!r:.80}"
@@ -136,19 +136,19 @@ LUMP = ("diameter_mm", "depth_mm", "young_kpa", "poisson")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetTruth:
-    """A target as it is, told to nobody before the study is unblinded.
+    """A target with its true values, secret before the unblinding.
 
     Parameters
     ----------
     label
-        What the maker of the study calls it.
+        Its name in the list of targets.
     phantom
         Tissue, with one spherical inclusion or none.
 
     Raises
     ------
     InputError
-        When the label is no short text, or the phantom holds several inclusions or one that is no sphere.
+        When the label is no short text, or the phantom has several inclusions or one that is no sphere.
     """
 
     label: str
@@ -176,41 +176,41 @@ class TargetTruth:
             return {}
         return {"diameter_mm": lump.diameter_mm, "depth_mm": lump.depth_mm, "young_kpa": lump.young_kpa}
 
-    def plain(self) -> dict[str, Any]:
-        """As plain values, for a file."""
+    def json_values(self) -> dict[str, Any]:
+        """JSON values for a file."""
         lump = self.phantom.inclusion
-        stored = None
+        inclusion = None
         if lump is not None:
-            stored = {**{name: getattr(lump, name) for name in LUMP}, "offset_mm": list(lump.offset_mm)}
+            inclusion = {**{name: getattr(lump, name) for name in LUMP}, "offset_mm": list(lump.offset_mm)}
         return {
             "label": self.label,
             "tissue": {name: getattr(self.phantom, name) for name in TISSUE},
-            "inclusion": stored,
+            "inclusion": inclusion,
         }
 
 
-def parse_target_truth(reference: Mapping[str, Any]) -> TargetTruth:
-    """The target that `TargetTruth.plain` wrote.
+def parse_target_truth(document: Mapping[str, Any]) -> TargetTruth:
+    """The target in the JSON values of a file.
 
     Raises
     ------
     InputError
-        When it holds something else.
+        When they are no target.
 
     Examples
     --------
     >>> blank = TargetTruth(label="gel", phantom=Phantom(young_kpa=5.0, thickness_mm=30.0))
-    >>> parse_target_truth(blank.plain()) == blank
+    >>> parse_target_truth(blank.json_values()) == blank
     True
     """
     try:
-        tissue, lump = reference["tissue"], reference["inclusion"]
+        tissue, lump = document["tissue"], document["inclusion"]
         inclusion = None
         if lump is not None:
             inclusion = Inclusion(**{name: lump[name] for name in LUMP}, offset_mm=tuple(lump["offset_mm"]))
         phantom = Phantom(**{name: tissue[name] for name in TISSUE}, inclusion=inclusion)
-        return TargetTruth(label=reference["label"], phantom=phantom)
+        return TargetTruth(label=document["label"], phantom=phantom)
     except (KeyError, TypeError, IndexError) as error:
         raise InputError(
-            f"a target must hold label, tissue and inclusion as a study writes them; got {reference!r:.120}"
+            f"a target must hold label, tissue and inclusion as a study writes them; got {document!r:.120}"
         ) from error

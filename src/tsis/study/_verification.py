@@ -1,4 +1,4 @@
-"""Is a study as it was written?"""
+"""Verification of a study: its files against its log, and every line of the log."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
 
 
 ACTIONS = (CREATED, READING, IMPORTED, UNBLINDED, ANALYSED)
-LEAST_HEAD = 12  # digits by which a head is told
+LEAST_HEAD = 12  # digits that identify a head
 BEFORE, AFTER = "before the unblinding", "after the unblinding"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyFault:
-    """What is not as it was written.
+    """A change of a study since it was written.
 
     Attributes
     ----------
     file
-        Which file of the study.
+        Changed file of the study.
     line
-        Which line of it; 0 for the whole.
+        Changed line; 0 for the whole file.
     what
-        What is wrong, as the end of a sentence.
+        The fault, as the end of a message.
     when
-        Whether it was changed before or after the unblinding; empty while the study is blind.
+        Whether it happened before or after the unblinding; empty while the study is blind.
     """
 
     file: str
@@ -50,7 +50,7 @@ class StudyFault:
 
     @property
     def key(self) -> str:
-        """What tells it from others."""
+        """Identity of the fault."""
         return f"{self.file}:{self.line}"
 
     def __str__(self) -> str:
@@ -60,18 +60,18 @@ class StudyFault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyVerification:
-    """What was found.
+    """Result of a verification.
 
     Attributes
     ----------
     faults
-        In the order of files and lines; none where all is as it was written.
+        In the order of files and lines; empty without any.
     head
-        Hash of the log's last line. Who keeps it elsewhere can tell later that the log was not cut short since.
+        Hash of the log's last line. A copy elsewhere can show later that the log was cut short.
     lines
         Of the log.
     unblinded
-        When and by whom, in words; empty while the study is blind.
+        Time and person of the unblinding, as text; empty while the study is blind.
     """
 
     faults: tuple[StudyFault, ...]
@@ -81,7 +81,7 @@ class StudyVerification:
 
     @property
     def sound(self) -> bool:
-        """Whether all is as it was written."""
+        """Whether there are no faults."""
         return not self.faults
 
 
@@ -93,23 +93,23 @@ def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> 
     folder
         Of the study.
     head
-        Hash, or its first 12 digits or more, that a report or an earlier verification printed: the log must hold that
-        line still. Without it nobody can tell lines that were cut off the end, nor a log that was written anew.
+        Hash, or its first 12 digits or more, from a report or an earlier verification: the log must still contain
+        that line. Without it a cut at the end or a completely rewritten log cannot be detected.
 
     Raises
     ------
     InputError
         When the head is no hash, or there is no log to read.
     RecordsError
-        When the folder holds no study.
+        When the folder has no study.
     """
-    position = as_path(folder)
-    if not any(os.path.lexists(position / name) for name in (PLAN, LOG_FILE)):
-        raise RecordsError(no_study(position))
-    chain = read_log(position)
+    root = as_path(folder)
+    if not any(os.path.lexists(root / name) for name in (PLAN, LOG_FILE)):
+        raise RecordsError(no_study(root))
+    chain = read_log(root)
     faults = [StudyFault(file=LOG_FILE, line=line, what=what) for line, what in sorted(chain.breaks.items())]
-    faults += _file_faults(position, chain)
-    faults += _order_faults(chain, _plan(position))
+    faults += _file_faults(root, chain)
+    faults += _order_faults(chain, _plan(root))
     if head is not None and not _holds(chain, head):
         cut = f"lacks the line with the hash {head[:16]}...: it was cut short or written anew"
         faults.append(StudyFault(file=LOG_FILE, line=0, what=cut))
@@ -123,17 +123,17 @@ def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> 
 
 
 def _when(fault: StudyFault, unblinded: LogEntry | None) -> str:
-    """The line of the unblinding says what did not fit at that moment."""
+    """Whether the entry of the unblinding lists the fault already."""
     if unblinded is None:
         return ""
-    given = unblinded.content.get("faults")
-    return BEFORE if isinstance(given, list) and fault.key in given else AFTER
+    faults = unblinded.content.get("faults")
+    return BEFORE if isinstance(faults, list) and fault.key in faults else AFTER
 
 
 def _plan(path: Path) -> StudyPlan | None:
     try:
         return parse_study_plan(read_bytes(path / PLAN), PLAN)
-    except (InputError, RecordsError):  # its hash tells that it was changed
+    except (InputError, RecordsError):  # its hash reveals the change
         return None
 
 
@@ -143,20 +143,20 @@ def _file_faults(path: Path, chain: LogChain) -> list[StudyFault]:
     begun = {} if first is None else first.content
     faults += _changed(path / PLAN, begun.get("study_sha256"))
     plan = _plan(path)
-    reported = begun.get("truth_sha256") or (plan.commitment if plan else None)
-    faults += _changed(path / SEAL, reported)
+    truth_sha256 = begun.get("truth_sha256") or (plan.commitment if plan else None)
+    faults += _changed(path / SEAL, truth_sha256)
     for entry in chain.entries:
         folder, files = entry.content.get("folder"), entry.content.get("files")
         if entry.action != ANALYSED or not folder or not isinstance(files, dict):
             continue
         for name, digest in files.items():
-            if is_one_name(folder) and is_one_name(name):
+            if is_file_name(folder) and is_file_name(name):
                 faults += _changed(path / folder / name, digest, shown_as=f"{one_line(folder)}/{one_line(name)}")
     return faults
 
 
-def is_one_name(name: object) -> TypeGuard[str]:
-    """Whether a name leads nowhere but into the folder that it stands in."""
+def is_file_name(name: object) -> TypeGuard[str]:
+    """Whether a name stays within its folder."""
     return isinstance(name, str) and name not in ("", ".", "..") and not set(name) & set("/\\\0")
 
 
@@ -172,9 +172,9 @@ def _changed(path: Path, digest: object, *, shown_as: str = "") -> list[StudyFau
 
 
 def _order_faults(chain: LogChain, plan: StudyPlan | None) -> list[StudyFault]:
-    """Lines whose hashes fit, and which no study writes."""
+    """Lines with correct hashes that no study writes."""
     faults: list[StudyFault] = []
-    observed: Counter[tuple[str, str, str, int]] = Counter()
+    counts: Counter[tuple[str, str, str, int]] = Counter()
     blind = True
     for entry in chain.entries:
         what = ""
@@ -185,22 +185,22 @@ def _order_faults(chain: LogChain, plan: StudyPlan | None) -> list[StudyFault]:
         elif entry.action == UNBLINDED and not blind:
             what = "unblinds a second time"
         elif entry.action == READING:
-            what = _reading_fault(entry, plan, observed)
+            what = _reading_fault(entry, plan, counts)
         blind = blind and entry.action != UNBLINDED
         if what and entry.number not in chain.breaks:
             faults.append(StudyFault(file=LOG_FILE, line=entry.number, what=what))
     return faults
 
 
-def _reading_fault(entry: LogEntry, plan: StudyPlan | None, observed: Counter[tuple[str, str, str, int]]) -> str:
+def _reading_fault(entry: LogEntry, plan: StudyPlan | None, counts: Counter[tuple[str, str, str, int]]) -> str:
     try:
         reading = parse_reading(entry.content)
     except InputError:
         return "holds no reading that a study writes"
-    observed[reading.key] += 1
+    counts[reading.key] += 1
     if plan is not None and reading.code not in plan.codes:
         return "is a reading of a code that is not in the plan"
-    return "is a reading that is there already" if observed[reading.key] > 1 else ""
+    return "is a reading that is there already" if counts[reading.key] > 1 else ""
 
 
 def _holds(chain: LogChain, head: str) -> bool:

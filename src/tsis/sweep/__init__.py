@@ -1,4 +1,4 @@
-"""Simulation sweeps: many presses as one data set that survives whatever dies on the way."""
+"""Simulation sweeps: many presses as one data set that survives the loss of workers and interruptions."""
 
 from tsis.sweep._dask_pool import AHEAD, DaskPool
 from tsis.sweep._data_set import (

@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster that somebody else has started."""
+"""Worker pool of an existing Dask cluster."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from tsis.sweep._work import Outcome, SweepJob
 
 
-AHEAD = 2  # batches a thread of a worker
+AHEAD = 2  # batches per thread of a worker
 ADDRESS = re.compile(r"(tcp|tls)://[\w.\-\[\]:]+:\d{1,5}")
 CONNECT_S = 10.0
 WORKERS_S = 60.0
 COUNT_EVERY_S = 5.0
 LOGGERS = ("distributed", "distributed.client", "distributed.core", "distributed.batched")
-CURE = "what is done is kept: start the cluster and run the same command again"
+CURE = "finished files are saved: start the cluster and run the same command again"
 
 
 class DaskPool:
@@ -39,11 +39,11 @@ class DaskPool:
     Parameters
     ----------
     job
-        What all batches share; its folder must be one that all workers see.
+        Common data of all batches; all workers must see its folder.
     address
         Of the scheduler, ``tcp://host:port`` or ``tls://host:port``.
     work
-        What a worker does with a batch.
+        Function of a worker for one batch.
 
     Raises
     ------
@@ -58,7 +58,7 @@ class DaskPool:
             raise InputError(f"scheduler must be an address such as tcp://127.0.0.1:8786; got {address!r:.80}")
         self._distributed = import_extra("distributed", feature="a sweep on a cluster", extra="cluster")
         self._job, self._address, self._work = job, address, work
-        self._run = uuid4().hex  # results of an earlier client must not answer for this one
+        self._run = uuid4().hex  # separates the results of an earlier client
         self._number = count()
         self._batches: dict[str, SweepBatch] = {}
         self._window, self._counted = 1, float("-inf")
@@ -66,7 +66,7 @@ class DaskPool:
 
     @property
     def window(self) -> int:
-        """Batches to hold at a time; follows the cluster as it grows and shrinks."""
+        """Number of batches at a time; follows the size of the cluster."""
         if time.monotonic() - self._counted > COUNT_EVERY_S:
             with suppress(OSError, TimeoutError, RuntimeError):
                 self._window = AHEAD * max(1, sum(self._client.nthreads().values()))
@@ -74,13 +74,13 @@ class DaskPool:
         return self._window
 
     def submit(self, batch: SweepBatch) -> None:
-        """Hand over a batch."""
+        """Submit a batch."""
         key = f"tsis-sweep-{self._run}-{next(self._number)}"
         self._batches[key] = batch
         self._results.add(self._client.submit(self._work, self._job, batch, key=key, pure=False))
 
     def collect(self) -> Outcome:
-        """Wait for the next answer.
+        """Wait for the next outcome.
 
         Raises
         ------
@@ -90,28 +90,28 @@ class DaskPool:
         future = next(self._results)
         batch = self._batches.pop(future.key)
         try:
-            response: Outcome = future.result(timeout=WORKERS_S)
+            outcome: Outcome = future.result(timeout=WORKERS_S)
         except (OSError, CancelledError, self._distributed.KilledWorker) as error:
-            # A worker died more often than the scheduler allows, or an answer was lost on the way: once more.
+            # A worker died more often than the scheduler allows, or a result was lost: try again.
             if self._client.status not in ("running", "connecting"):
                 raise SweepError(f"the scheduler at {self._address} is gone; {CURE}") from error
-            response = Lost(batch=batch)
+            outcome = Lost(batch=batch)
         except Exception as error:
-            # Faults of a batch are answers, so this one is the cluster's: workers without tsis, say.
+            # Faults of a batch are outcomes, so this is a fault of the cluster, e.g. workers without tsis.
             reason = f"{type(error).__name__}: {error!s:.200}"
             raise SweepError(f"the workers at {self._address} must have this version of tsis; got {reason}") from error
         finally:
             future.release()  # a scheduler that remembers every batch grows with the sweep
-        return response
+        return outcome
 
     def __enter__(self) -> Self:
-        for logger in self._loggers:  # they would print tracebacks of connections that the sweep deals with
+        for logger in self._loggers:  # they would print tracebacks of connections that the sweep handles
             logger.setLevel(logging.CRITICAL)
         try:
             with ThreadPoolExecutor(1) as thread:  # a notebook's own thread runs a loop already
                 thread.submit(asyncio.run, self._greet()).result()
             self._client: Any = self._distributed.Client(self._address, timeout=CONNECT_S, set_as_default=False)
-        except Exception as error:  # another program may answer there with anything, and TLS wants to be configured
+        except Exception as error:  # another program may answer there, or TLS may lack its configuration
             self._restore_loggers()
             got = f"{type(error).__name__}: {error!s:.200}"
             raise SweepError(f"a Dask scheduler must answer at {self._address}; got {got} ({CURE})") from error
@@ -128,12 +128,12 @@ class DaskPool:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with suppress(Exception):  # a cluster that has gone cannot be said goodbye to
+        with suppress(Exception):  # a lost cluster cannot be closed
             self._client.close(timeout=CONNECT_S)
         self._restore_loggers()
 
     async def _greet(self) -> None:
-        """Connect once and hang up: a client that meets something else leaves threads and complaints behind."""
+        """Connect once and close: a client that meets another program leaves threads and messages behind."""
         security = self._distributed.Security().get_connection_args("client")
         connection = await self._distributed.comm.connect(self._address, timeout=CONNECT_S, **security)
         await connection.close()

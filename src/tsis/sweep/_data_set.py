@@ -1,4 +1,4 @@
-"""``manifest.json``: what a data set is, and the SHA-256 of every file of it."""
+"""A data set: its folder, its ``manifest.json`` with the SHA-256 of every file, reading and verification."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ LIBRARIES = ("numpy", "scipy", "pyarrow")
 
 
 def head(plan: Plan) -> dict[str, Any]:
-    """What decides every byte of a data set; no time, machine or worker is part of it."""
+    """Everything that determines the bytes of a data set; time, machine and workers are not part of it."""
     import_extra("pyarrow", feature=FEATURE, extra="cluster")
     document = plan_document(plan)
     return {
@@ -68,12 +68,12 @@ def head(plan: Plan) -> dict[str, Any]:
 
 
 def data_set_key(start: Mapping[str, Any]) -> str:
-    """The key that every file of the data set carries."""
+    """The key in every file of the data set."""
     return manifest_sha256(start)
 
 
 def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Receipt] | None) -> None:
-    """Write the manifest; ``receipts`` is None as long as the data set is not complete."""
+    """Write the manifest; ``receipts`` is None while the data set is incomplete."""
     files = None if receipts is None else sorted(receipts, key=lambda receipt: receipt.shard)
     document = {
         "notice": RESEARCH_USE_ONLY,
@@ -88,17 +88,17 @@ def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Re
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of a data set, its form checked.
+    """Read and check the manifest of a data set.
 
     Raises
     ------
     FileInputError
-        When there is none, or it is no manifest of a sweep.
+        When it is missing or invalid.
     """
     path = folder / MANIFEST_FILE
     document = read_object(path, most=LARGEST_BYTES, values=MOST_VALUES)
     try:
-        result = (document["format"], document["version"])
+        version = (document["format"], document["version"])
         entries = [(str(entry["file"]), int(entry["shard"]), str(entry["sha256"])) for entry in document["shards"]]
         whole = all(NAME.fullmatch(name) and name == shard_name(shard) for name, shard, _ in entries)
         plan_from_document(document["plan"])
@@ -108,7 +108,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise FileInputError(
             f"{printable_path(path)} must be the manifest of a sweep; got: {one_line(error)}"
         ) from error
-    if result != (FORMAT, VERSION):
+    if version != (FORMAT, VERSION):
         raise FileInputError(f"{printable_path(path)} must be of {FORMAT}, version {VERSION}; got another format")
     if not whole:
         raise FileInputError(
@@ -121,14 +121,14 @@ START = ("format", "version", "tsis", "libraries", "plan_sha256", "plan")
 
 
 def manifest_sha256(document: Mapping[str, Any]) -> str:
-    return content_sha256(document, spaced=True, escaped=True)  # as in the manifests of all data sets so far
+    return content_sha256(document, spaced=True, escaped=True)  # as in all existing manifests
 
 
 MOST_NAMED = 5
 
 
 def first_few(files: Sequence[str]) -> str:
-    """The first of many files, for a sentence."""
+    """The first few file names, for a message."""
     return ", ".join(files[:MOST_NAMED]) + (", ..." if len(files) > MOST_NAMED else "")
 
 
@@ -138,16 +138,16 @@ def verify_data_set(folder: str | os.PathLike[str]) -> dict[str, Any]:
     Raises
     ------
     FileInputError
-        When the data set is not complete, or a file is missing, damaged or foreign; the message names them.
+        When the data set is incomplete, or a file is missing, damaged or foreign; the message names them.
     """
-    position, manifest = _complete(folder)
+    root, manifest = _complete(folder)
     wrong = [
-        *(f"{entry['file']} ({fault})" for entry in manifest["shards"] if (fault := _fault(position, entry))),
-        *(f"{name} (not in the manifest)" for name in _extra(position, manifest)),
+        *(f"{entry['file']} ({fault})" for entry in manifest["shards"] if (fault := _fault(root, entry))),
+        *(f"{name} (not in the manifest)" for name in _extra(root, manifest)),
     ]
     if wrong:
         raise FileInputError(
-            f"{printable_path(position)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
+            f"{printable_path(root)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
             " (tsis sweep run with its plan computes damaged and missing files again)"
         )
     return manifest
@@ -159,29 +159,29 @@ def read_data_set(folder: str | os.PathLike[str], columns: Sequence[str] | None 
     Parameters
     ----------
     folder
-        What `run_sweep` wrote.
+        A folder of `run_sweep`.
     columns
         Names of the columns to read; None for all.
 
     Returns
     -------
     dict
-        By column, one row a press; profiles have an axis more, over ``radius_mm``, which is always there. Refused
-        presses hold NaN, and ``error`` says why.
+        By column, one row per press; profiles have a second axis over ``radius_mm``, which is always included.
+        Refused presses are NaN, and ``error`` gives the reason.
 
     Raises
     ------
     FileInputError
-        When the data set is not complete or a file is not as it was written.
+        When the data set is incomplete or a file was changed.
     """
-    position, manifest = _complete(folder)
+    root, manifest = _complete(folder)
     outputs = plan_document(plan_from_document(manifest["plan"]))["outputs"]
     parts: dict[str, list[NDArray[Any]]] = {}
     for entry in manifest["shards"]:
-        content = read_bytes(position / entry["file"], most=LARGEST_SHARD_BYTES)
+        content = read_bytes(root / entry["file"], most=LARGEST_SHARD_BYTES)
         if sha256(content) != entry["sha256"]:
             raise FileInputError(
-                f"{printable_path(position / entry['file'])} must be as it was written; its SHA-256 differs"
+                f"{printable_path(root / entry['file'])} must be as it was written; its SHA-256 differs"
             )
         table = decode_shard(content)
         for name in table.column_names if columns is None else columns:
@@ -190,13 +190,13 @@ def read_data_set(folder: str | os.PathLike[str], columns: Sequence[str] | None 
                 parts.setdefault(name, []).append(_array(table.column(name), name))
             except (ValueError, AttributeError, TypeError, NotImplementedError) as error:
                 raise FileInputError(
-                    f"{printable_path(position / entry['file'])} must hold numbers by column; got others"
+                    f"{printable_path(root / entry['file'])} must hold numbers by column; got others"
                 ) from error
     radius = np.array(outputs["radii_mm"], dtype=float)
     try:
         return {"radius_mm": radius} | {name: np.concatenate(values) for name, values in parts.items()}
     except (ValueError, TypeError) as error:
-        raise FileInputError(f"{printable_path(position)} must hold files with alike columns; got others") from error
+        raise FileInputError(f"{printable_path(root)} must hold files with the same columns; got others") from error
 
 
 def _array(column: Any, name: str) -> NDArray[Any]:
@@ -233,7 +233,7 @@ def _extra(destination: Path, manifest: dict[str, Any]) -> list[str]:
 
 
 def as_folder(folder: str | os.PathLike[str]) -> Path:
-    """The absolute path of a folder that need not exist.
+    """The absolute path of a folder, which need not exist.
 
     Raises
     ------
@@ -248,12 +248,12 @@ def as_folder(folder: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
-    """Make or resume the data set that ``start`` describes, and keep other sweeps out of it meanwhile.
+    """Create or resume the data set of ``start``, and lock it against other sweeps.
 
     Raises
     ------
     FileInputError
-        When the folder cannot be made, belongs to another plan or to something else, or a sweep is running in it.
+        When the folder cannot be created, belongs to another plan or to something else, or is locked.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -285,9 +285,8 @@ def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
     ]
     if other:
         raise FileInputError(
-            f"{printable_path(folder)} was begun with {', '.join(other)}; install those versions or choose "
-            f"another folder, "
-            "so that all of its files are computed alike"
+            f"{printable_path(folder)} was begun with {', '.join(other)}; install those versions or choose another "
+            "folder, so that all of its files are computed with the same versions"
         )
     if manifest["data_set"] != data_set_key(start):
         raise FileInputError(f"{printable_path(folder)} must hold no other data set; got one of another kind")
@@ -299,7 +298,7 @@ def _differences(document: Mapping[str, Any], requested: Mapping[str, Any]) -> l
 
 
 def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:
-    """Without a manifest a folder may hold files of this data set alone, as after somebody removed a damaged one."""
+    """Without a manifest, accept only files of this data set, as after the removal of a damaged manifest."""
     for path in sorted(folder.iterdir()):
         if path.name.endswith(UNFINISHED):
             continue
@@ -317,7 +316,7 @@ def _lock(folder: Path) -> Iterator[None]:
         return
     import fcntl
 
-    # The system drops this lock with the process, however that ends; a file of our own would outlive a kill.
+    # The system releases this lock with the process, however it ends; a lock file would outlive a kill.
     handle = os.open(folder, os.O_RDONLY)
     try:
         try:

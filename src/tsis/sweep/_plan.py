@@ -1,4 +1,4 @@
-"""What one quantity of a sweep does: it keeps one value, is sampled in a range, or takes the values of a list."""
+"""The plan of a sweep: probe, quantities (a value, a range or a list each), forces, sampling and outputs."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ Quantity: TypeAlias = float | Range | tuple[float, ...]
 
 
 def extremes(quantity: Quantity) -> tuple[float, float]:
-    """Smallest and largest value that a quantity takes."""
+    """Smallest and largest value of a quantity."""
     if isinstance(quantity, Range):
         return quantity.low, quantity.high
     if isinstance(quantity, tuple):
@@ -88,7 +88,7 @@ MODELS = ("small", "finite")
 UNFIT = ("refuse", "keep")
 
 LARGEST_PRESSES = 10_000_000
-LARGEST_LATIN = 1_000_000  # a hypercube is drawn whole, the others piece by piece
+LARGEST_LATIN = 1_000_000  # a hypercube is drawn at once, the others in pieces
 LARGEST_BATCH = 10_000
 LARGEST_SHARDS = 100_000  # in one folder
 LARGEST_RADII = 250
@@ -98,18 +98,19 @@ DEFAULT_RADII = 25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Everything that decides the bytes of a data set; how it is computed is not part of it.
+    """Everything that determines the bytes of a data set, apart from the libraries.
 
     Parameters
     ----------
     probe
-        What presses.
+        The probe.
     quantities
         By name, of `QUANTITIES`: a number is the same for all presses, a `Range` is sampled, a tuple lists values of
         a grid. ``tissue_young_kpa`` and ``thickness_mm`` are required; ``diameter_mm``, ``depth_mm`` and
-        ``young_kpa`` of the inclusion are given together, or not at all for plain tissue. ``poisson`` is the tissue's.
+        ``young_kpa`` of the inclusion are given together, or omitted for tissue without inclusion. ``poisson`` is the
+        tissue's.
     forces_n
-        Every phantom is pressed with each of these forces, N.
+        Forces on every phantom, N.
     sample
         ``"sobol"``, ``"latin-hypercube"``, ``"random"`` or ``"grid"``.
     count
@@ -117,21 +118,21 @@ class Plan:
     seed
         Seed of the sampling; None for a grid.
     strain
-        Model of the press, see `tsis.mechanics.press`.
+        Model of the press, as in `tsis.mechanics.press`.
     batch
         Phantoms in one file of the data set.
     unfit
-        What to do when an inclusion may not fit into the slab: ``"refuse"`` the plan, or ``"keep"`` such phantoms as
-        rows that hold an error and no numbers.
+        For an inclusion that may not fit into the slab: ``"refuse"`` the plan, or ``"keep"`` such phantoms as rows
+        with an error and no numbers.
     radii_mm
-        Radii on the face at which profiles are kept, mm, ascending; empty for 25 radii from the axis to the edge.
+        Radii on the face of the profiles, mm, ascending; empty for 25 radii from the axis to the edge.
     columns
-        What is kept of each press, of `COLUMNS`.
+        Outputs of each press, of `COLUMNS`.
 
     Raises
     ------
     InputError
-        When a value lies outside its range, or the values do not go together.
+        When a value lies outside its range, or the values contradict each other.
     """
 
     probe: Probe
@@ -167,7 +168,7 @@ class Plan:
 
     @property
     def has_inclusion(self) -> bool:
-        """False for plain tissue."""
+        """False for tissue without inclusion."""
         return "diameter_mm" in self.quantities
 
     @property
@@ -187,7 +188,7 @@ class Plan:
 
     @property
     def sampled(self) -> tuple[str, ...]:
-        """Names of the quantities that are sampled, in the order of the dimensions."""
+        """Names of the sampled quantities, in the order of the dimensions."""
         return tuple(name for name, value in self.quantities.items() if isinstance(value, Range))
 
     def phantom(self, values: Mapping[str, float]) -> Phantom:
@@ -257,14 +258,14 @@ class Plan:
             )
 
     def _check_phantoms(self) -> None:
-        """Build the extreme phantoms: the values between them lie in the same intervals."""
+        """Build the phantoms at the ends of the quantities; all values between lie in the same intervals."""
         ends = {name: extremes(value) for name, value in self.quantities.items()}
         if not self.has_inclusion:
             for k in (0, 1):
                 self.phantom({name: end[k] for name, end in ends.items()})
             return
         thinnest, thickest = ends["thickness_mm"]
-        # Each end is checked by itself; whether an inclusion fits is one question more, asked below.
+        # First each end separately; then whether the inclusion fits.
         for k in (0, 1):
             values = {name: end[k] for name, end in ends.items()}
             self.phantom({**values, "diameter_mm": 0.1, "depth_mm": 0.2})

@@ -1,4 +1,4 @@
-"""Plans as TOML files that people can read and write."""
+"""Plans as TOML files."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
     Raises
     ------
     FileInputError
-        When the file is missing, no TOML, or holds a value that a plan cannot take.
+        When the file is missing, no TOML, or a value is invalid.
     """
     return read_parsed(Path(path), parse_plan_text, most=LARGEST_PLAN_BYTES)
 
@@ -69,7 +69,7 @@ def parse_plan_text(text: str) -> Plan:
     Raises
     ------
     InputError
-        When the text is no TOML, or holds a value that a plan cannot take.
+        When the text is no TOML, or a value is invalid.
 
     Examples
     --------
@@ -81,12 +81,12 @@ def parse_plan_text(text: str) -> Plan:
 
 
 def plan_from_document(document: Mapping[str, Any]) -> Plan:
-    """The plan that a document describes: the tables of a TOML file, or what `plan_document` made.
+    """The plan in a document: the tables of a TOML file, or the result of `plan_document`.
 
     Raises
     ------
     InputError
-        When it holds an unknown key, or a value that a plan cannot take.
+        When it has an unknown key or an invalid value.
     """
     for key in document:
         require_one_of("key of a plan", key, KEYS)
@@ -95,13 +95,13 @@ def plan_from_document(document: Mapping[str, Any]) -> Plan:
     outputs = _table("outputs", document.get("outputs", {}))
     for key in outputs:
         require_one_of("key of [outputs]", key, OUTPUTS)
-    given = {key: _tuple(document[key]) for key in document if key in _KEYS}
-    given |= {key: _tuple(value) for key, value in outputs.items()}
-    return Plan(probe=_probe(document["probe"]), quantities=_quantities(document), **given)
+    arguments = {key: _tuple(document[key]) for key in document if key in _KEYS}
+    arguments |= {key: _tuple(value) for key, value in outputs.items()}
+    return Plan(probe=_probe(document["probe"]), quantities=_quantities(document), **arguments)
 
 
 def plan_document(plan: Plan) -> dict[str, Any]:
-    """A plan as plain values, the probe spelled out: equal plans give equal documents."""
+    """A plan as JSON values, with the probe's values: equal plans give equal documents."""
     probe = plan.probe
     ranges = {name: value for name, value in plan.quantities.items() if not isinstance(value, tuple)}
     document: dict[str, Any] = {
@@ -158,12 +158,12 @@ def _quantities(document: Mapping[str, Any]) -> dict[str, Quantity]:
     for name in logarithmic:
         if name not in sampled:
             raise InputError(f"logarithmic must name ranges [low, high] of this plan; got {name!r:.80}")
-    results = {name: _ranged(name, value, logarithmic=name in logarithmic) for name, value in ranges.items()}
+    quantities = {name: _ranged(name, value, logarithmic=name in logarithmic) for name, value in ranges.items()}
     for name, value in grid.items():
         if not isinstance(value, list):
             raise InputError(f"{name} under [grid] must be a list of values; got {value!r:.80} (see [ranges])")
-        results[name] = tuple(value)
-    return results
+        quantities[name] = tuple(value)
+    return quantities
 
 
 def _ranged(name: str, value: Any, *, logarithmic: bool) -> Quantity:
@@ -180,7 +180,7 @@ def _ranged(name: str, value: Any, *, logarithmic: bool) -> Quantity:
 
 def _probe(value: Any) -> Probe:
     if isinstance(value, str):
-        return load_probe(value).unlit()  # of which the document of a plan holds no light
+        return load_probe(value).unlit()  # the document of a plan has no light
     table = _table("probe", value)
     for key in table:
         require_one_of("key of [probe]", key, _PROBE_KEYS)

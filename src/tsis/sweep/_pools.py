@@ -1,4 +1,4 @@
-"""What a sweep needs of its workers, be they processes of this machine or of a cluster."""
+"""The protocol of worker pools, and a pool of processes on this machine."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ class WorkerPool(Protocol):
 
     @property
     def window(self) -> int:
-        """How many batches it should hold at a time: enough that no worker waits, never all."""
+        """Number of batches at a time: enough that no worker waits, never all."""
         ...
 
     def submit(self, batch: SweepBatch) -> None:
-        """Hand over a batch."""
+        """Submit a batch."""
         ...
 
     def collect(self) -> Outcome:
-        """Wait for the next answer."""
+        """Wait for the next outcome."""
         ...
 
     def __enter__(self) -> Self: ...
@@ -45,11 +45,11 @@ class WorkerPool(Protocol):
     ) -> None: ...
 
 
-QUEUED_BATCHES = 2  # batches that a worker has: it need not wait for the next one
-AHEAD = QUEUED_BATCHES + 1  # and one a worker that waits here
-# -P: the folder that the user stands in may hold a random.py or numpy.py of its own.
+QUEUED_BATCHES = 2  # batches of one worker, so that it need not wait for the next
+AHEAD = QUEUED_BATCHES + 1  # and one per worker that waits here
+# -P: the working directory may contain a random.py or numpy.py of its own.
 COMMAND = (sys.executable, "-P", "-m", "tsis.sweep._worker")
-# Set before the libraries load: a pool of threads that is never made costs nothing.
+# Set before the libraries load, so that they create no pool of threads.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
@@ -59,7 +59,7 @@ class LocalPool:
     Parameters
     ----------
     job
-        What all batches share.
+        Common data of all batches.
     count
         Number of processes.
     """
@@ -72,17 +72,17 @@ class LocalPool:
         self._stopping = False
         self._lock = threading.RLock()
         self._processes: set[subprocess.Popen[bytes]] = set()
-        # Once a worker has died, another is kept ready: workers that die sooner than they start would finish nothing.
+        # After a death a spare worker is ready: workers that die sooner than they start would finish nothing.
         self._has_lost = False
         self._spare: subprocess.Popen[bytes] | None = None
         self._threads = [threading.Thread(target=self._supervise, daemon=True) for _ in range(count)]
 
     def submit(self, batch: SweepBatch) -> None:
-        """Hand over a batch."""
+        """Submit a batch."""
         self._todo.put(batch)
 
     def collect(self) -> Outcome:
-        """Wait for the next answer."""
+        """Wait for the next outcome."""
         return self._results.get()
 
     def __enter__(self) -> Self:
@@ -96,7 +96,7 @@ class LocalPool:
         with self._lock:
             self._stopping = True
             for process in self._processes:
-                process.kill()  # a file is whole or absent, so nothing has to be finished
+                process.kill()  # a file is complete or absent, so nothing must be finished
         for _ in self._threads:
             self._todo.put(None)
         for thread in self._threads:
@@ -105,28 +105,28 @@ class LocalPool:
             self._end(process)
 
     def _supervise(self) -> None:
-        """Keep one process busy, and replace it when it dies."""
+        """Run one process, and replace it when it dies."""
         process: subprocess.Popen[bytes] | None = None
-        given: deque[SweepBatch] = deque()  # what the process has; it works on the first
+        queued: deque[SweepBatch] = deque()  # batches of the process; it works on the first
         while not self._stopping:
-            batch = self._next(wait=not given)
+            batch = self._next(wait=not queued)
             try:
                 if batch is not None:
-                    given.append(batch)
+                    queued.append(batch)
                     process = process or self._started()
                     _hand_over(process, batch)
-                    if len(given) < QUEUED_BATCHES:
+                    if len(queued) < QUEUED_BATCHES:
                         continue
-                if process is not None and given:
-                    response = _outcome_of(process)
-                    given.popleft()
-                    self._results.put(response)
-            except Exception:  # whatever half an answer looks like, its worker is gone
+                if process is not None and queued:
+                    outcome = _outcome_of(process)
+                    queued.popleft()
+                    self._results.put(outcome)
+            except Exception:  # an incomplete answer may raise anything; its worker is lost
                 self._end(process)
                 process, self._has_lost = None, True
-                for lost in given:
+                for lost in queued:
                     self._results.put(Lost(batch=lost))
-                given.clear()
+                queued.clear()
         self._end(process)
 
     def _next(self, *, wait: bool) -> SweepBatch | None:
@@ -136,12 +136,12 @@ class LocalPool:
             return None
 
     def _started(self) -> subprocess.Popen[bytes]:
-        """A process that knows the job: the spare one, or a new one."""
+        """A process with the job: the spare one, or a new one."""
         with self._lock:
             if self._stopping:
                 raise EOFError
             spare, self._spare = self._spare, None
-            if spare is not None and spare.poll() is not None:  # spare ones die, too
+            if spare is not None and spare.poll() is not None:  # a spare process may die, too
                 self._end(spare)
                 spare = None
             process = spare or self._launched()
@@ -157,7 +157,7 @@ class LocalPool:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | ONE_THREAD,
-            # Ctrl-C on the terminal is for the sweep, which then ends its workers.
+            # Ctrl-C on the terminal reaches the sweep only, which then ends its workers.
             process_group=0 if os.name == "posix" else None,
         )
         self._processes.add(process)
@@ -170,7 +170,7 @@ class LocalPool:
         process.wait()
         for stream in (process.stdin, process.stdout):
             if stream is not None:
-                with suppress(OSError):  # what was not sent has no reader any more
+                with suppress(OSError):  # unsent data has no reader any more
                     stream.close()
         with self._lock:
             self._processes.discard(process)
@@ -184,5 +184,5 @@ def _hand_over(process: subprocess.Popen[bytes], batch: SweepBatch) -> None:
 
 def _outcome_of(process: subprocess.Popen[bytes]) -> Outcome:
     assert process.stdout is not None
-    response: Outcome = pickle.load(process.stdout)
-    return response
+    outcome: Outcome = pickle.load(process.stdout)
+    return outcome

@@ -1,4 +1,4 @@
-"""A sweep from its plan to its data set: whatever dies on the way, the same bytes come out."""
+"""A sweep from its plan to its data set, with the same bytes after any interruption."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 MOST_WORKERS = 1024
-# So many times its window may a crew lose batches in a row: then no worker lives long enough to finish one.
+# Lost batches in a row over the window: beyond it no worker lives long enough to finish one.
 MOST_LOST = 10
 TRIED, TRIED_S = 8, 3.0
 GENTLE_N = 1e-6
@@ -38,24 +38,24 @@ GENTLE_N = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepSummary:
-    """What a sweep did.
+    """Summary of a run.
 
     Attributes
     ----------
     folder
         Absolute path of the data set.
     presses, refused
-        Presses in it, and how many of them the model refused.
+        Presses in it, and those that the model refused.
     shards
         Number of files.
     computed, kept
-        Files computed now, and files found whole.
+        Files computed in this run, and complete files of earlier runs.
     repaired
         Names of files that were damaged or foreign and were computed again; they count as computed.
     lost
-        Batches whose worker died, which were given to another.
+        Batches whose worker died; another worker computed them.
     seconds
-        Time that the run took.
+        Duration of the run.
     """
 
     folder: str
@@ -78,49 +78,49 @@ def run_sweep(
     progress: Callable[[int, int], None] | None = None,
     press: PressFunction = press_by_elements,
 ) -> SweepSummary:
-    """Press all phantoms of a plan and write the data set, or finish the one that an earlier run began.
+    """Press all phantoms of a plan and write the data set, or finish that of an earlier run.
 
-    The bytes of the data set depend on the plan, the versions of the libraries and the kind of processor, and on
-    nothing else: not on the workers, their number or their deaths, nor on how often the run was interrupted.
+    The bytes of the data set depend on the plan, the versions of the libraries and the kind of processor only: not on
+    the number of workers, their deaths, or interruptions of the run.
 
     Parameters
     ----------
     plan
-        What to press.
+        The plan.
     folder
-        The data set: a new folder, or one that the same plan began.
+        The data set: a new folder, or that of an earlier run of the same plan.
     workers
-        Number of processes on this machine; None for one a processor.
+        Number of processes on this machine; None for one per processor.
     scheduler
         Address of a Dask scheduler whose workers are used instead, ``tcp://host:port``; they must see ``folder`` under
         the same path.
     progress
         Called with the number of finished and of all files.
     press
-        What computes a press; a function that workers can import.
+        Function for a press, importable by the workers.
 
     Raises
     ------
     FileInputError
-        When the folder holds something else or another sweep writes into it.
+        When the folder contains something else or another sweep writes into it.
     SweepError
-        When the sweep cannot go on; the same call goes on from there later.
+        When the sweep cannot continue; a later call with the same arguments resumes it.
     """
     started = time.monotonic()
     count = worker_count(workers)
     start = head(plan)
     require_working_model(plan, press)
-    position = as_folder(folder)
-    job = SweepJob(folder=str(position), plan=plan, data_set=data_set_key(start), press=press)
-    crew: WorkerPool = LocalPool(job, count) if scheduler is None else DaskPool(job, scheduler)
-    with begun(position, start):
-        with crew:
-            done, lost = _finish_all(plan, crew, progress or (lambda *_: None))
-        write_manifest(position, start, [receipt for receipt, _ in done.values()])
-        remove_unfinished(position)
+    root = as_folder(folder)
+    job = SweepJob(folder=str(root), plan=plan, data_set=data_set_key(start), press=press)
+    pool: WorkerPool = LocalPool(job, count) if scheduler is None else DaskPool(job, scheduler)
+    with begun(root, start):
+        with pool:
+            done, lost = _finish_all(plan, pool, progress or (lambda *_: None))
+        write_manifest(root, start, [receipt for receipt, _ in done.values()])
+        remove_unfinished(root)
     states = Counter(state for _, state in done.values())
     return SweepSummary(
-        folder=str(position),
+        folder=str(root),
         presses=sum(receipt.rows for receipt, _ in done.values()),
         refused=sum(receipt.refused for receipt, _ in done.values()),
         shards=len(done),
@@ -133,12 +133,12 @@ def run_sweep(
 
 
 def worker_count(workers: int | None) -> int:
-    """Number of processes: as given, or one a processor that this process may use.
+    """Number of processes: ``workers``, or one per available processor.
 
     Raises
     ------
     InputError
-        When it is no number of processes that a machine may have.
+        When it lies outside [1, 1024].
     """
     if workers is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -146,14 +146,14 @@ def worker_count(workers: int | None) -> int:
 
 
 def require_working_model(plan: Plan, press: PressFunction = press_by_elements) -> None:
-    """Refuse a plan whose model takes no press of this probe at all, before a million rows say so.
+    """Refuse a plan whose model supports no press of this probe, before a million rows show it.
 
-    A press of almost no force is quick in every model. What a model cannot solve becomes a row, here as in the sweep.
+    A press of almost no force is quick in every model. What the model cannot solve is a row, here as in the sweep.
 
     Raises
     ------
     TsisError
-        What the model says of such a press.
+        The model's error for such a press.
     """
     tissue = {name: extremes(plan.quantities[name])[1] for name in TISSUE}
     slab = Phantom(young_kpa=tissue["tissue_young_kpa"], thickness_mm=tissue["thickness_mm"], poisson=tissue["poisson"])
@@ -162,12 +162,12 @@ def require_working_model(plan: Plan, press: PressFunction = press_by_elements) 
 
 
 def seconds_per_press(plan: Plan, press: PressFunction = press_by_elements) -> float:
-    """Mean time of the plan's first presses on this machine, after one that warms up, s.
+    """Mean time of the plan's first presses on this machine without the very first, s.
 
     Raises
     ------
     TsisError
-        When the model takes no press of this probe.
+        When the model supports no press of this probe.
     """
     require_working_model(plan, press)
     batch = next(sweep_batches(plan))
@@ -188,7 +188,7 @@ def seconds_per_press(plan: Plan, press: PressFunction = press_by_elements) -> f
 def _finish_all(
     plan: Plan, workers: WorkerPool, progress: Callable[[int, int], None]
 ) -> tuple[dict[int, tuple[Receipt, str]], int]:
-    """Keep the crew busy until every file is there; receipts and states by file, and how many batches were lost."""
+    """Compute every file; return receipts and states by file, and the number of lost batches."""
     left, again = sweep_batches(plan), deque[SweepBatch]()
     done: dict[int, tuple[Receipt, str]] = {}
     under_way = lost = in_a_row = 0
@@ -197,24 +197,24 @@ def _finish_all(
         while under_way < workers.window and (batch := _next(left, again, workers.window)) is not None:
             workers.submit(batch)
             under_way += 1
-        response = workers.collect()
+        outcome = workers.collect()
         under_way -= 1
-        if isinstance(response, Lost):
-            again.append(response.batch)
+        if isinstance(outcome, Lost):
+            again.append(outcome.batch)
             lost, in_a_row = lost + 1, in_a_row + 1
             if in_a_row >= MOST_LOST * workers.window:
-                raise SweepError(_hopeless(in_a_row, response.batch))
-        elif isinstance(response, Failed):
-            raise SweepError(f"{response.reason} (the files that are done are kept)")
+                raise SweepError(_hopeless(in_a_row, outcome.batch))
+        elif isinstance(outcome, Failed):
+            raise SweepError(f"{outcome.reason} (finished files are saved)")
         else:
-            done[response.receipt.shard] = (response.receipt, response.state)
+            done[outcome.receipt.shard] = (outcome.receipt, outcome.state)
             in_a_row = 0
             progress(len(done), plan.shards)
     return done, lost
 
 
 def _next(left: Iterator[SweepBatch], again: deque[SweepBatch], most: int) -> SweepBatch | None:
-    """The next batch; one that lost its worker waits for the others, because it may end every worker that it meets."""
+    """The next batch; one that lost its worker comes last, because it may end every worker."""
     batch = None if len(again) > most else next(left, None)
     return again.popleft() if batch is None and again else batch
 
@@ -223,5 +223,5 @@ def _hopeless(lost: int, batch: SweepBatch) -> str:
     return (
         f"{lost} batches in a row lost their worker, the last one that of {shard_name(batch.shard)}, phantoms "
         f"{batch.first} to {batch.first + batch.samples - 1}; try a smaller batch, or fewer workers if memory is short "
-        "(the files that are done are kept)"
+        "(finished files are saved)"
     )

@@ -1,4 +1,4 @@
-"""The phantoms of a plan, batch by batch: the same numbers on every run, and never all of them in memory."""
+"""The phantoms of a plan in batches, the same on every run and without all of them in memory; their presses as rows."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class SweepBatch:
     first
         Number of its first phantom in the sweep.
     values
-        By quantity, one value a phantom.
+        By quantity, one value per phantom.
     """
 
     shard: int
@@ -81,7 +81,7 @@ def _unit_points(sample: str, dimensions: int, count: int, seed: int) -> Callabl
 
     def draw(size: int) -> NDArray[np.float64]:
         with warnings.catch_warnings():
-            # SciPy warns of a first piece that is no power of two; whether the whole is one, the plan's author knows.
+            # SciPy warns of a first piece that is no power of two; only the whole count matters.
             warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
             return sequence.random(size)
 
@@ -104,12 +104,12 @@ def _grid(plan: Plan) -> Callable[[int, int], dict[str, NDArray[np.float64]]]:
 
 
 LONGEST_ERROR = 300
-# Sums of matrices that cannot be solved; everything else that fails is a fault of the program and stops the sweep.
+# Singular matrices; any other failure is a fault of the program and stops the sweep.
 REFUSALS = (TsisError, np.linalg.LinAlgError, ArithmeticError)
 
 
 class PressFunction(Protocol):
-    """What computes a press: `tsis.mechanics.press`, or a stand-in."""
+    """Function for a press: `tsis.mechanics.press`, or a stand-in."""
 
     def __call__(self, probe: Probe, phantom: Phantom, /, *, force_n: float, strain: str) -> PressField:
         """Press ``phantom`` with ``probe``."""
@@ -118,7 +118,7 @@ class PressFunction(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rows:
-    """Presses as columns, force by force within phantom by phantom.
+    """Presses as columns, ordered by phantom, then by force.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class Rows:
         By name: ``force_n`` and the plan's quantities, shape (n,); then the plan's columns, shape (n,), profiles
         (n, number of radii). NaN where the press was refused.
     error
-        Why a press was refused, and empty where it was not.
+        Reason where a press was refused, empty elsewhere.
     """
 
     sample: NDArray[np.int64]
@@ -137,7 +137,7 @@ class Rows:
 
     @property
     def refused(self) -> int:
-        """Number of presses that were refused."""
+        """Number of refused presses."""
         return sum(map(bool, self.error))
 
 
@@ -146,7 +146,7 @@ def press_all(plan: Plan, batch: SweepBatch, press: PressFunction) -> Rows:
     forces, count = len(plan.forces_n), batch.samples * len(plan.forces_n)
     numbers = {"force_n": np.tile(np.array(plan.forces_n), batch.samples)}
     numbers |= {name: np.repeat(values, forces) for name, values in batch.values.items()}
-    results = {
+    outputs = {
         name: np.full((count, len(plan.radii_mm)) if name in PROFILES else count, np.nan) for name in plan.columns
     }
     error = [""] * count
@@ -154,17 +154,17 @@ def press_all(plan: Plan, batch: SweepBatch, press: PressFunction) -> Rows:
         for row in range(count):
             values = {name: float(column[row]) for name, column in numbers.items()}
             try:
-                result = _saved_values(plan, values, press)
+                document = _output_values(plan, values, press)
             except REFUSALS as reason:
                 error[row] = f"{type(reason).__name__}: {reason}"[:LONGEST_ERROR]
                 continue
-            for name, value in result.items():
-                results[name][row] = value
+            for name, value in document.items():
+                outputs[name][row] = value
     sample = np.repeat(np.arange(batch.first, batch.first + batch.samples), forces)
-    return Rows(sample=sample, numbers=numbers | results, error=error)
+    return Rows(sample=sample, numbers=numbers | outputs, error=error)
 
 
-def _saved_values(
+def _output_values(
     plan: Plan, values: Mapping[str, float], press: PressFunction
 ) -> dict[str, float | NDArray[np.float64]]:
     phantom, force = plan.phantom(values), values["force_n"]

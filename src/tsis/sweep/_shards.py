@@ -1,7 +1,7 @@
-"""One batch as one Parquet file, whose bytes are decided by the plan alone and which proves that it is whole.
+"""One batch as one Parquet file, whose bytes follow from the plan alone and which proves its own integrity.
 
-The file holds its own SHA-256, taken with zeros in its place. A damaged, cut or foreign file is therefore recognised by
-itself and before any parser reads it, without a second file that could be lost.
+The file contains its own SHA-256, computed with zeros in its position. A damaged, cut or foreign file is therefore
+recognised before any parser reads it, without a second file that could be lost.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FEATURE = "a sweep's Parquet files"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """What is known of one file of the data set.
+    """Identity of one file of the data set.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Receipt:
     sha256
         Of its bytes.
     rows, refused
-        Presses in it, and how many of them the model refused.
+        Presses in it, and those that the model refused.
     """
 
     shard: int
@@ -71,7 +71,7 @@ def encode_shard(rows: Rows, *, shard: int, data_set: str) -> bytes:
     columns["error"] = pa.array(rows.error, pa.string())
     table = pa.table(columns)
     sink = pa.BufferOutputStream()
-    # Every option that shapes the bytes is spelled out: a default may change with the library.
+    # Every option that shapes the bytes is explicit: a default may change with the library.
     with parquet.ParquetWriter(
         sink,
         table.schema,
@@ -92,21 +92,22 @@ def encode_shard(rows: Rows, *, shard: int, data_set: str) -> bytes:
 
 
 def receipt_of(content: bytes, *, shard: int, data_set: str) -> Receipt | None:
-    """What a file of this data set says of itself; None when it is damaged or belongs elsewhere."""
+    """Receipt of a file of this data set; None when it is damaged or foreign."""
     if not is_whole(content):
         return None
     try:
         footer = _footer(content)
-        result = footer.metadata or {}
-        if (result[DATA_SET.encode()].decode(), int(result[SHARD.encode()])) != (data_set, shard):
+        metadata = footer.metadata or {}
+        if (metadata[DATA_SET.encode()].decode(), int(metadata[SHARD.encode()])) != (data_set, shard):
             return None
-        return Receipt(shard=shard, sha256=sha256(content), rows=footer.num_rows, refused=int(result[REFUSED.encode()]))
+        refused = int(metadata[REFUSED.encode()])
+        return Receipt(shard=shard, sha256=sha256(content), rows=footer.num_rows, refused=refused)
     except (KeyError, ValueError):
         return None
 
 
 def data_set_of(path: Path) -> str | None:
-    """The data set that a whole file belongs to; None when it is damaged or no file of a sweep."""
+    """The data set of a complete file; None when it is damaged or no file of a sweep."""
     content = read_bytes(path, most=LARGEST_SHARD_BYTES)
     if not is_whole(content):
         return None
@@ -118,7 +119,7 @@ def data_set_of(path: Path) -> str | None:
 
 
 def is_whole(content: bytes) -> bool:
-    """True when the SHA-256 inside the file is that of its bytes."""
+    """True when the SHA-256 inside the file matches its bytes."""
     position = digest_position(content)
     if position is None:
         return False
@@ -126,12 +127,12 @@ def is_whole(content: bytes) -> bool:
 
 
 def decode_shard(content: bytes) -> Any:
-    """The Arrow table of a file whose bytes were checked.
+    """The Arrow table of a verified file.
 
     Raises
     ------
     FileInputError
-        When it is no Parquet file all the same, or unpacks to more than a sweep writes.
+        When it is no Parquet file, or unpacks to more than a sweep writes.
     """
     pa, parquet = _arrow()
     try:
@@ -173,9 +174,9 @@ def sign_shard(content: bytes) -> bytes:
 
 
 def digest_position(content: bytes) -> int | None:
-    result = content.rfind(_BEFORE_DIGEST)
-    position = result + len(_BEFORE_DIGEST)
-    return None if result < 0 or position + len(_ZEROS) > len(content) else position
+    start = content.rfind(_BEFORE_DIGEST)
+    position = start + len(_BEFORE_DIGEST)
+    return None if start < 0 or position + len(_ZEROS) > len(content) else position
 
 
 def rows_sha256(content: bytes, index: int) -> bytes:

@@ -1,4 +1,4 @@
-"""What a worker does: see that one file of the data set is there and whole."""
+"""The task of a worker: ensure that one file of the data set exists and is complete."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
     from tsis.sweep._samples import PressFunction, SweepBatch
 
 
-# Threads of one process share the number of threads of its linear algebra, which decides the last digits.
+# Threads of one process have one setting of the threads of linear algebra, which determines the last digits.
 _LOCK = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepJob:
-    """What all batches of a sweep share.
+    """Common data of all batches of a sweep.
 
     Attributes
     ----------
     folder
         Absolute path of the data set.
     plan
-        What is pressed.
+        The plan.
     data_set
-        Key of the data set, which every file carries.
+        Key of the data set, in every file.
     press
-        What computes a press.
+        Function for a press.
     """
 
     folder: str
@@ -47,7 +47,7 @@ class SweepJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finished:
-    """A file is there: it was computed now, kept as it was, or was damaged or foreign and computed again."""
+    """A complete file: computed now, kept from an earlier run, or repaired because it was damaged or foreign."""
 
     receipt: Receipt
     state: Literal["computed", "kept", "repaired"]
@@ -55,14 +55,14 @@ class Finished:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lost:
-    """The worker that had this batch is gone."""
+    """The worker of this batch died."""
 
     batch: SweepBatch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failed:
-    """A batch that no repetition would finish, and why."""
+    """The batch fails on every repetition, with the reason."""
 
     reason: str
 
@@ -71,7 +71,7 @@ Outcome: TypeAlias = Finished | Lost | Failed
 
 
 def finish_batch(job: SweepJob, batch: SweepBatch) -> Finished | Failed:
-    """Keep the batch's file where it is whole, else compute and write it; failures are an answer too."""
+    """Compute and write the batch's file unless it is complete; failures are outcomes, too."""
     try:
         with _LOCK:
             return _finish(job, batch)
@@ -80,7 +80,7 @@ def finish_batch(job: SweepJob, batch: SweepBatch) -> Finished | Failed:
     except OSError as error:
         reason = error.strerror or str(error)
         return Failed(reason=f"{shard_name(batch.shard)} must be readable and writable in the folder; got: {reason}")
-    except Exception as error:  # a worker must answer, or its batch would be tried again and again
+    except Exception as error:  # without an answer the batch would be tried again and again
         return Failed(reason=f"{shard_name(batch.shard)} could not be computed: {type(error).__name__}: {error}")
 
 
@@ -103,7 +103,7 @@ def _finish(job: SweepJob, batch: SweepBatch) -> Finished:
 
 
 def _present(path: Path) -> bytes | None:
-    """The file's bytes; None when there is none, and nothing where no sweep can have written it."""
+    """The file's bytes; None when it is missing, empty when no sweep can have written it."""
     try:
         status = path.stat()
     except FileNotFoundError:

@@ -1,6 +1,6 @@
-"""A worker of the own machine: reads batches from its standard input and answers on its standard output.
+"""A worker process: reads batches from its standard input and writes outcomes to its standard output.
 
-It ends when its input does, so that no worker outlives the sweep that started it by more than one batch.
+It ends with its input, so that no worker outlives the sweep by more than one batch.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from tsis.sweep._work import SweepJob
 
 
-def serve(questions: BinaryIO, responses: BinaryIO) -> None:
-    """Answer every batch until there are no more."""
-    job: SweepJob = pickle.load(questions)
+def serve(requests: BinaryIO, responses: BinaryIO) -> None:
+    """Answer every batch until the input ends."""
+    job: SweepJob = pickle.load(requests)
     while True:
         try:
-            batch = pickle.load(questions)
+            batch = pickle.load(requests)
         except EOFError:
             return
         pickle.dump(finish_batch(job, batch), responses)
@@ -34,13 +34,13 @@ def serve(questions: BinaryIO, responses: BinaryIO) -> None:
 def main() -> None:
     """Serve on the standard streams."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the sweep decides when its workers stop
-    # What a library prints must not reach the pipe that carries answers.
+    # Printed text of a library must not reach the pipe of the outcomes.
     responses = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     try:
         serve(sys.stdin.buffer, responses)
     except (BrokenPipeError, EOFError, pickle.UnpicklingError):
-        os._exit(1)  # the sweep has gone; flushing the pipe would only complain
+        os._exit(1)  # the sweep has ended; flushing the pipe would only fail
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ def test_it_is_named_by_its_content_alone(path: Path) -> None:
     assert calibration_sha256(bench()) == calibration_sha256(bench())
     assert calibration_sha256(bench()) != calibration_sha256(bench(name="other"))
     assert calibration_sha256(bench()) != calibration_sha256(bench(scale=bench_scale(x=0.0337)))
-    assert bench().known_response("0123456789abcdef").name == "bench (0123456789ab)"
+    assert bench().cited_response("0123456789abcdef").name == "bench (0123456789ab)"
     write_calibration(bench(), path)
     write_calibration(bench(), path.with_name("elsewhere.json"))
     assert path.read_bytes() == path.with_name("elsewhere.json").read_bytes()

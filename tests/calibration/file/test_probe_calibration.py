@@ -147,5 +147,5 @@ def test_force_lines_that_make_no_sense_are_refused(wrong: dict[str, Any], said:
 def test_a_response_that_names_no_probe_is_that_of_the_calibrations() -> None:
     """Else an estimate under another probe would not be refused."""
     silent = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)
-    assert bench(response=silent, probe="tsis-domed").known_response("0" * 64).probe == "tsis-domed"
-    assert bench().known_response("0" * 64).probe == "tsis-2011"
+    assert bench(response=silent, probe="tsis-domed").cited_response("0" * 64).probe == "tsis-domed"
+    assert bench().cited_response("0" * 64).probe == "tsis-2011"

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.stats import linregress
 
 from tsis.calibration import MeasuredValue
-from tsis.calibration.force import ForceLine, Loading, fit_force_line, loading_forces, run_of
+from tsis.calibration.force import ForceLine, Loading, fit_force_line, fit_run, loading_forces
 from tsis.calibration.reference import CameraReference
 from tsis.errors import CalibrationError, InputError
 
@@ -92,7 +92,7 @@ def test_an_exact_line_is_found_exactly() -> None:
 def test_the_line_of_one_run_is_that_of_linear_regression() -> None:
     rng = np.random.default_rng(1)
     sums = SLOPE * FORCES + 1e4 * rng.standard_normal(41) + 2e5
-    run, good = run_of(loading(total=sums)), FORCES > 0
+    run, good = fit_run(loading(total=sums)), FORCES > 0
     other = linregress(FORCES[good], sums[good])
     assert run.slope == pytest.approx(other.slope, rel=1e-9)
     assert run.intercept == pytest.approx(other.intercept, rel=1e-9)

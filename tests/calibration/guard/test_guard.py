@@ -21,9 +21,9 @@ from tsis.calibration.guard import (
 )
 from tsis.calibration.guard._flags import RANGES
 from tsis.calibration.guard._flicker import flicker_amplitude
-from tsis.calibration.guard._reading import prepared, read_guard_frame
+from tsis.calibration.guard._reading import prepare_reference, read_guard_frame
 from tsis.calibration.lamps import ReferencePatch
-from tsis.calibration.settling import judge_settling
+from tsis.calibration.settling import assess_settling
 from tsis.errors import ImageMismatchError, InputError
 from tsis.instrument import Frame
 from tsis.model import TactileImage
@@ -104,7 +104,7 @@ def test_one_fault_is_not_taken_for_another(image: TactileImage, only: list[str]
 @settings(max_examples=15)
 def test_the_gradient_read_is_that_put_in(x: float, y: float) -> None:
     image = scene(gradient=(x, y))
-    reading = read_guard_frame(image.grey, prepared(reference(), FrameShape.of(image)))
+    reading = read_guard_frame(image.grey, prepare_reference(reference(), FrameShape.of(image)))
     # The lens draws the foot of the brighter side out, which takes some of a steep gradient.
     assert reading.tilt == pytest.approx((x, y), abs=0.02 + 0.15 * max(abs(x), abs(y)))
     assert reading.off_centre == pytest.approx(0.0, abs=0.02)
@@ -114,7 +114,7 @@ def test_the_gradient_read_is_that_put_in(x: float, y: float) -> None:
 @settings(max_examples=15)
 def test_the_distance_read_is_that_put_in(x: float, y: float) -> None:
     image = scene(centre=(x, y))
-    reading = read_guard_frame(image.grey, prepared(reference(), FrameShape.of(image)))
+    reading = read_guard_frame(image.grey, prepare_reference(reference(), FrameShape.of(image)))
     assert reading.off_centre == pytest.approx(np.hypot(x, y) / RADIUS_PX, abs=0.02)
     assert reading.tilt == pytest.approx((0.0, 0.0), abs=0.02)
 
@@ -123,7 +123,7 @@ def test_the_distance_read_is_that_put_in(x: float, y: float) -> None:
 @settings(max_examples=15)
 def test_lamps_and_light_from_outside_are_told_apart(lamps: float, stray: float) -> None:
     image = scene(lamps=lamps, stray=stray)
-    reading = read_guard_frame(image.grey, prepared(reference(), FrameShape.of(image)))
+    reading = read_guard_frame(image.grey, prepare_reference(reference(), FrameShape.of(image)))
     assert reading.led_drift == pytest.approx(lamps - 1, abs=0.004)
     assert reading.ambient_grey == pytest.approx(stray, abs=0.25)
 
@@ -163,13 +163,13 @@ def test_light_that_falls_where_it_is_pressed_is_read_with_invert() -> None:
 
 def test_settling_raises_moving_with_the_time_to_wait() -> None:
     time = np.arange(0.0, 6.0, 1 / 30)
-    relaxing = judge_settling(
+    relaxing = assess_settling(
         time, 1 + 0.5 * np.exp(-time / 5.0) + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
     )
     (flag,) = check_press(scene(), reference=reference(), settling=relaxing)
     assert flag.name == "moving"
     assert flag.advice.startswith("hold still for ")
-    plateau = judge_settling(np.arange(0.0, 60.0, 0.1), 1 + 1e-3 * np.random.default_rng(1).standard_normal(600))
+    plateau = assess_settling(np.arange(0.0, 60.0, 0.1), 1 + 1e-3 * np.random.default_rng(1).standard_normal(600))
     assert names(scene(), settling=plateau) == []
 
 

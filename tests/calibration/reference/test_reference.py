@@ -11,7 +11,7 @@ import tsis
 from tsis.calibration.force import read_loading_frame, total_grey
 from tsis.calibration.force._frame import patch_mask
 from tsis.calibration.guard import FrameShape, GuardReference
-from tsis.calibration.guard._reading import prepared
+from tsis.calibration.guard._reading import prepare_reference
 from tsis.calibration.reference import CameraReference, make_reference
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.imaging import Sensor
@@ -128,7 +128,7 @@ def test_the_press_guard_takes_every_patch_that_the_reference_took(patch_grey: f
         return
     guard = guards(known)
     assert guard.untouched is not None
-    found = prepared(guard, FrameShape.of(guard.untouched))
+    found = prepare_reference(guard, FrameShape.of(guard.untouched))
     assert found.patch_before is not None
 
 

@@ -67,7 +67,7 @@ def loading(
         grey = grey + noise * rng.standard_normal(grey.shape)
         image = TactileImage(grey=grey, mm_per_pixel=SENSOR.mm_per_pixel)
         readings.append(read_loading_frame(image, reference(), force_n=force, touched=True))
-    return Loading.of(tip_mm, readings)
+    return Loading.from_frames(tip_mm, readings)
 
 
 @pytest.mark.parametrize("x", [1e-3, 0.3, 0.8, 1.5])

@@ -96,7 +96,7 @@ def test_presses_of_both_signs_are_refused() -> None:
     bare = untouched()
     frames = presses()
     brighter = TactileImage(grey=2 * bare.grey - frames[1].grey)
-    with pytest.raises(CalibrationError, match="alike"):
+    with pytest.raises(CalibrationError, match="one direction"):
         scale_from_ball([frames[0], brighter, frames[2]], bare, ball_radius_mm=RADIUS_MM, travel_mm=TRAVEL_MM)
 
 

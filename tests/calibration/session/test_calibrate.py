@@ -210,7 +210,7 @@ def repeat_frame(session: SessionFolder, step: str, number: int, *, noisy: bool)
 @pytest.mark.parametrize("number", [0, 5, 10, 38])
 def test_a_camera_that_froze_in_a_loading_is_refused_with_its_step(copied: SessionFolder, number: int) -> None:
     repeat_frame(copied, "tip-2mm-1", number, noisy=False)
-    said = f"step 'tip-2mm-1': every frame must be a new one; frames {number + 1} and {number + 2} are alike"
+    said = f"step 'tip-2mm-1': every frame must be a new one; frames {number + 1} and {number + 2} are identical"
     with pytest.raises(CalibrationError, match=said):
         calibrate(copied)
 
@@ -230,7 +230,7 @@ def test_loadings_that_leave_the_slope_untold_are_refused(copied: SessionFolder)
     change_rows(copied, "tip-2mm-1", halve)
     change_rows(copied, "tip-10mm-1", halve)
     change_rows(copied, "tip-10mm-1", halve)
-    with pytest.raises(CalibrationError, match=r"slope of the force line must be told from zero; .* is -.* to "):
+    with pytest.raises(CalibrationError, match=r"slope of the force line must differ from zero; .* is -.* to "):
         calibrate(copied)
 
 

@@ -9,7 +9,7 @@ import pytest
 from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera, frame
 from tests.waiting import HANGS_S, until
 
-from tsis.calibration.session import LiveBench
+from tsis.calibration.session import LiveCalibration
 from tsis.errors import CameraError, GaugeError
 from tsis.instrument.acquisition import Acquisition
 from tsis.instrument.gauge import ForceAtTime
@@ -50,7 +50,7 @@ def test_only_frames_from_now_on_count_and_no_more_than_asked(camera: ScriptedCa
     for number in range(3):
         camera.script.put(frame(number, level=number))
     until(lambda: acquisition.ring.end == 3)
-    shots = LiveBench(acquisition).still(2)
+    shots = LiveCalibration(acquisition).still(2)
     taken: list[int] = []
     taker = threading.Thread(target=lambda: taken.extend(int(shot.image.grey[0, 0]) for shot in shots))
     taker.start()
@@ -69,7 +69,7 @@ def test_only_frames_from_now_on_count_and_no_more_than_asked(camera: ScriptedCa
 def test_the_last_frame_asked_for_may_be_the_last_that_comes(
     camera: ScriptedCamera, acquisition: Acquisition, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shots = LiveBench(acquisition).still(2)
+    shots = LiveCalibration(acquisition).still(2)
     monkeypatch.setattr(type(acquisition.ring), "end", 0)
     camera.script.put(frame(0, level=4))
     camera.script.put(frame(1, level=5))
@@ -81,12 +81,12 @@ def test_a_camera_that_is_lost_is_one_sentence(camera: ScriptedCamera, acquisiti
     camera.script.put(BREAK)
     until(lambda: acquisition.ring.closed)
     with pytest.raises(CameraError, match=r"must bring frames; none came .*bulk transfer failed"):
-        next(LiveBench(acquisition).still(4))
+        next(LiveCalibration(acquisition).still(4))
 
 
 def test_a_typed_force_belongs_to_the_next_frame(camera: ScriptedCamera, acquisition: Acquisition) -> None:
     found = []
-    taker = threading.Thread(target=lambda: found.append(LiveBench(acquisition).take_frame(0.75)))
+    taker = threading.Thread(target=lambda: found.append(LiveCalibration(acquisition).take_frame(0.75)))
     taker.start()
     number = 0
     while taker.is_alive():
@@ -104,7 +104,7 @@ def test_a_loading_takes_forces_at_the_frames_until_it_is_over(
     shots: list[CalibrationFrame] = []
 
     def take() -> None:
-        shots.extend(LiveBench(acquisition, Log()).loading(lambda: next(over), every_s=0.0))  # type: ignore[arg-type]
+        shots.extend(LiveCalibration(acquisition, Log()).loading(lambda: next(over), every_s=0.0))  # type: ignore[arg-type]
 
     taker = threading.Thread(target=take)
     taker.start()
@@ -126,7 +126,7 @@ def test_a_loading_takes_no_more_often_than_told(camera: ScriptedCamera, acquisi
     shots: list[CalibrationFrame] = []
 
     def take() -> None:
-        shots.extend(LiveBench(acquisition, Log()).loading(lambda: next(over), every_s=1e6))  # type: ignore[arg-type]
+        shots.extend(LiveCalibration(acquisition, Log()).loading(lambda: next(over), every_s=1e6))  # type: ignore[arg-type]
 
     taker = threading.Thread(target=take)
     taker.start()
@@ -144,7 +144,7 @@ def test_a_silent_gauge_ends_the_loading(camera: ScriptedCamera, acquisition: Ac
 
     def take() -> None:
         try:
-            list(LiveBench(acquisition, log).loading(lambda: False))  # type: ignore[arg-type]
+            list(LiveCalibration(acquisition, log).loading(lambda: False))  # type: ignore[arg-type]
         except GaugeError as error:
             raised.append(str(error))
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.calibration.guard import PressHistory
-from tsis.calibration.settling import BINS, judge_settling
+from tsis.calibration.settling import BINS, assess_settling
 from tsis.calibration.settling._decay import DecayFit
 from tsis.errors import InputError
 from tsis.mechanics.small_strain import relaxing_press, settling_time_s
@@ -29,7 +29,7 @@ def fading(
 def test_remaining_change_of_a_standard_linear_solid_is_that_of_its_closed_form(sign: float) -> None:
     time, value = fading([0.3 * sign], [4.0], 10.0, 1e-3)
     left = 0.3 * sign * np.exp(-time[-1] / 4.0)
-    found = judge_settling(time, value)
+    found = assess_settling(time, value)
     assert found.verdict == "settling"
     low, high = found.remaining.interval(0.95)
     assert low < -left / (1 + left) < high
@@ -39,38 +39,38 @@ def test_remaining_change_of_a_standard_linear_solid_is_that_of_its_closed_form(
 
 def test_without_noise_the_waiting_time_is_that_of_the_closed_form() -> None:
     time, value = fading([0.3], [4.0], 10.0, 0.0)
-    assert judge_settling(time, value).wait_s == pytest.approx(4.0 * np.log(0.3 / 0.01) - time[-1], rel=0.05)
+    assert assess_settling(time, value).wait_s == pytest.approx(4.0 * np.log(0.3 / 0.01) - time[-1], rel=0.05)
 
 
 def test_two_exponentials_are_told_apart() -> None:
-    found = [judge_settling(*fading([0.3, 0.1], [1.0, 15.0], 20.0, 1e-3, seed)) for seed in range(20)]
+    found = [assess_settling(*fading([0.3, 0.1], [1.0, 15.0], 20.0, 1e-3, seed)) for seed in range(20)]
     left = 0.1 * np.exp(-20.0 / 15.0)
     assert np.median([one.remaining.value for one in found]) == pytest.approx(-left / (1 + left), rel=0.3)
     assert sum(one.bound < left / (1 + left) for one in found) <= 2  # its certainty is 95 %
 
 
 def test_a_long_plateau_is_settled_and_one_of_a_second_is_not_known_to_be() -> None:
-    assert judge_settling(*fading([0.2], [1.0], 30.0, 1e-3)).settled
-    short = judge_settling(*fading([0.0], [1.0], 1.0, 1e-3))
+    assert assess_settling(*fading([0.2], [1.0], 30.0, 1e-3)).settled
+    short = assess_settling(*fading([0.0], [1.0], 1.0, 1e-3))
     assert short.verdict == "cannot tell"
     assert short.wait_s is None
 
 
 def test_how_long_a_plateau_must_be_depends_on_the_longest_time_constant() -> None:
     plateau = fading([0.0], [1.0], 3.0, 1e-3)
-    assert judge_settling(*plateau, longest_s=2.0).settled
-    assert judge_settling(*plateau, longest_s=1000.0).verdict == "cannot tell"
+    assert assess_settling(*plateau, longest_s=2.0).settled
+    assert assess_settling(*plateau, longest_s=1000.0).verdict == "cannot tell"
 
 
 def test_noise_that_hides_the_trend_leaves_it_unknown() -> None:
-    assert judge_settling(*fading([0.3], [4.0], 8.0, 0.3)).verdict == "cannot tell"
+    assert assess_settling(*fading([0.3], [4.0], 8.0, 0.3)).verdict == "cannot tell"
 
 
 def test_a_travel_before_the_hold_does_not_spoil_the_answer() -> None:
     time = np.arange(0.0, 40.0, 1 / RATE_HZ)
     held = np.where(time < 2.0, time / 2.0, 1 + 0.2 * np.exp(-(time - 2.0) / 3.0))
     value = held + 1e-3 * np.random.default_rng(3).standard_normal(time.size)
-    assert judge_settling(time, value).settled
+    assert assess_settling(time, value).settled
 
 
 def test_settled_presses_are_seen_and_hardly_one_is_called_settled_too_early() -> None:
@@ -86,7 +86,7 @@ def test_settled_presses_are_seen_and_hardly_one_is_called_settled_too_early() -
         noisy = force * (1 + 2e-3 * rng.standard_normal(time.size))
         for until in np.geomspace(1.0, time[-1], 25):
             upto = int(until / 0.05)
-            if judge_settling(time[:upto], noisy[:upto]).settled:
+            if assess_settling(time[:upto], noisy[:upto]).settled:
                 said += 1
                 early += bool(time[upto - 1] < true)
                 break
@@ -107,12 +107,12 @@ def test_settled_presses_are_seen_and_hardly_one_is_called_settled_too_early() -
 )
 def test_series_that_are_none_are_refused(time: list[float], value: list[float], wrong: str) -> None:
     with pytest.raises(InputError, match=wrong):
-        judge_settling(time, value)
+        assess_settling(time, value)
 
 
 def test_a_value_that_crosses_zero_has_no_share_to_settle_to() -> None:
     time = np.arange(0.0, 10.0, 0.1)
-    assert judge_settling(time, np.sin(time)).verdict == "cannot tell"
+    assert assess_settling(time, np.sin(time)).verdict == "cannot tell"
 
 
 @given(
@@ -121,7 +121,7 @@ def test_a_value_that_crosses_zero_has_no_share_to_settle_to() -> None:
 )
 @settings(max_examples=60)
 def test_any_finite_series_gets_a_verdict(steps: list[float], values: list[float]) -> None:
-    found = judge_settling(np.cumsum(steps), values[: len(steps)])
+    found = assess_settling(np.cumsum(steps), values[: len(steps)])
     assert found.verdict in ("settled", "settling", "cannot tell")
     assert 0.0 <= found.bound <= 1.0
     assert (found.wait_s is None) == (found.verdict == "cannot tell")
@@ -129,10 +129,10 @@ def test_any_finite_series_gets_a_verdict(steps: list[float], values: list[float
 
 def test_a_constant_series_is_settled_when_it_is_long_and_its_step_is_known() -> None:
     time, value = np.arange(600) / 5.0, np.full(600, 42.0)
-    assert judge_settling(time, value, step=0.01).settled
-    assert not judge_settling(time[:50], value[:50], step=0.1).settled
-    assert judge_settling(time, value, step=1.0).verdict == "cannot tell"  # 2.4 % may hide below a step
-    assert judge_settling(time, value).verdict == "cannot tell"
+    assert assess_settling(time, value, step=0.01).settled
+    assert not assess_settling(time[:50], value[:50], step=0.1).settled
+    assert assess_settling(time, value, step=1.0).verdict == "cannot tell"  # 2.4 % may hide below a step
+    assert assess_settling(time, value).verdict == "cannot tell"
 
 
 @pytest.mark.parametrize("step", [0.001, 0.002, 0.005, 0.01])
@@ -144,7 +144,7 @@ def test_steps_of_a_display_hide_no_slow_fall(step: float, noise: float) -> None
         for seed in range(4):
             scatter = noise * np.random.default_rng(seed).standard_normal(time.size)
             shown = np.round((1 - 0.04 * (1 - np.exp(-time / 80.0)) + scatter) / step) * step
-            assert not judge_settling(time, shown).settled
+            assert not assess_settling(time, shown).settled
 
 
 @given(step=st.floats(5e-4, 2e-2), size=st.floats(0.02, 0.1), tau=st.floats(5.0, 100.0), seed=st.integers(0, 1000))
@@ -155,12 +155,12 @@ def test_a_display_says_settled_before_it_is_hardly_ever(step: float, size: floa
         return
     time = np.arange(0.0, until, 0.1)
     scatter = 0.2 * step * np.random.default_rng(seed).standard_normal(time.size)
-    assert not judge_settling(time, np.round((1 + size * np.exp(-time / tau) + scatter) / step) * step).settled
+    assert not assess_settling(time, np.round((1 + size * np.exp(-time / tau) + scatter) / step) * step).settled
 
 
 def test_a_fine_display_lets_a_long_plateau_settle() -> None:
     time, value = fading([0.2], [1.0], 40.0, 5e-4)
-    found = judge_settling(time, np.round(value, 3))
+    found = assess_settling(time, np.round(value, 3))
     assert found.settled
     assert found.bound >= 0.001  # a step
 
@@ -169,7 +169,7 @@ def test_a_fine_display_lets_a_long_plateau_settle() -> None:
 @settings(max_examples=25)
 def test_the_unit_of_the_value_and_that_of_time_do_not_matter(scale: float, unit_s: float, seed: int) -> None:
     time, value = fading([0.3], [4.0], 12.0, 2e-3, seed)
-    one, other = judge_settling(time, value), judge_settling(time * unit_s, value * scale, longest_s=100.0 * unit_s)
+    one, other = assess_settling(time, value), assess_settling(time * unit_s, value * scale, longest_s=100.0 * unit_s)
     assert one.verdict == other.verdict
     assert other.bound == pytest.approx(one.bound, rel=1e-2)
 

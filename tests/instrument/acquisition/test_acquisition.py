@@ -157,7 +157,7 @@ def test_a_change_of_size_in_mid_sequence_is_a_loss() -> None:
     second.script.put(frame(0))
     with _Bench(first, second).acquisition() as acquisition:
         until(lambda: acquisition.ring.end == 2)
-        assert "frames of one stream must be alike" in acquisition.account().interruptions[0].reason
+        assert "frames of one stream must have one format" in acquisition.account().interruptions[0].reason
 
 
 def test_adjustments_reach_the_camera_and_its_successor() -> None:

@@ -1,4 +1,4 @@
-"""A probe's calibration as one value and one file: versioned, hashed, readable, refused when it may not serve."""
+"""The calibration of a probe as one value and one file: versioned, hashed and checked before use."""
 
 from tsis.calibration.file._content import (
     CALIBRATION_FILE,

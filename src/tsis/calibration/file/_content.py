@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 
 
 CALIBRATION_FORMAT, CALIBRATION_VERSION = "tsis-calibration", 3
-CALIBRATION_FILE = "calibration.json"  # where nobody chooses another, and in every folder that holds one
+CALIBRATION_FILE = "calibration.json"  # default name
 LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
 
 
 def calibration_sha256(calibration: ProbeCalibration) -> str:
-    """SHA-256 of the content: the name under which results cite the calibration."""
-    result = document_sha256(to_plain(calibration, pack=False))
-    assert result is not None  # values hold neither NaN nor endless nesting
-    return result
+    """SHA-256 of the content, by which results cite the calibration."""
+    sha256 = document_sha256(to_plain(calibration, pack=False))
+    assert sha256 is not None  # values contain neither NaN nor endless nesting
+    return sha256
 
 
 def calibration_bytes(calibration: ProbeCalibration) -> bytes:
@@ -43,33 +43,33 @@ def calibration_bytes(calibration: ProbeCalibration) -> bytes:
     Raises
     ------
     InputError
-        When it would be too large to be read back.
+        When it exceeds `LARGEST_BYTES`.
     """
-    reference = to_plain(calibration)
-    require_bounded_maps(reference, "calibration")
+    content = to_plain(calibration)
+    require_bounded_maps(content, "calibration")
     document = {
         "format": CALIBRATION_FORMAT,
         "version": CALIBRATION_VERSION,
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
         "sha256": calibration_sha256(calibration),
-        "calibration": reference,
+        "calibration": content,
     }
-    content = json_bytes(document)
-    if len(content) > LARGEST_BYTES:
+    encoded = json_bytes(document)
+    if len(encoded) > LARGEST_BYTES:
         raise InputError(
-            f"calibration must take at most {LARGEST_BYTES} bytes, so that it can be read back; got {len(content)}"
+            f"calibration must take at most {LARGEST_BYTES} bytes, so that it can be read back; got {len(encoded)}"
         )
-    return content
+    return encoded
 
 
 def write_calibration(calibration: ProbeCalibration, path: str | os.PathLike[str]) -> str:
-    """Write the file so that it is whole or absent, over nothing that exists; return its identity.
+    """Write a new file atomically and return its identity.
 
     Raises
     ------
     FileInputError
-        When there is such a file already, or it cannot be written.
+        When the file exists already or cannot be written.
     InputError
         As `calibration_bytes`.
     """
@@ -89,35 +89,33 @@ def write_calibration(calibration: ProbeCalibration, path: str | os.PathLike[str
 
 
 def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
-    """Read a calibration file; whether it may be used is asked of the value.
+    """Read a calibration file; `ProbeCalibration.require_usable` checks its use.
 
     Raises
     ------
     FileInputError
-        When it is missing, not such a file, of another version or holds a value out of range.
+        When it is missing, of another format or version, or a value is out of range.
     CalibrationError
-        When its content is not what was written: it was changed or damaged.
+        When its hash does not match: it was changed or damaged.
     """
     source = as_path(path)
-    return _known(read_object(source, most=LARGEST_BYTES), printable_path(source))
+    return _parsed(read_object(source, most=LARGEST_BYTES), printable_path(source))
 
 
 def parse_calibration(content: bytes, name: str) -> ProbeCalibration:
-    """The same from the content of such a file; ``name`` says in errors where it came from.
+    """Parse the content of a calibration file; ``name`` identifies it in errors.
 
     Raises
     ------
-    FileInputError
-        When it is no such file, of another version or holds a value out of range.
-    CalibrationError
-        When it is not what was written: it was changed or damaged.
+    FileInputError, CalibrationError
+        As `read_calibration`.
     """
     if len(content) > LARGEST_BYTES:
         raise FileInputError(f"{name} must be at most {LARGEST_BYTES} bytes; got {len(content)}")
-    return _known(parse_object(content, name), name)
+    return _parsed(parse_object(content, name), name)
 
 
-def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
+def _parsed(document: dict[str, Any], name: str) -> ProbeCalibration:
     if document.get("format") != CALIBRATION_FORMAT:
         raise FileInputError(f"{name} must be a file of {CALIBRATION_FORMAT}; got {document.get('format')!r:.60}")
     if document.get("version") != CALIBRATION_VERSION:
@@ -134,24 +132,23 @@ def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
         )
     try:
         require_bounded_maps(content, "calibration")
-        given = from_plain(ProbeCalibration, content, "calibration")
+        return from_plain(ProbeCalibration, content, "calibration")
     except InputError as error:
         raise FileInputError(f"{name}: {error}") from error
     except CalibrationError as error:
         raise CalibrationError(f"{name}: {error}") from error
-    return given
 
 
 def document_sha256(content: Any) -> str | None:
-    """SHA-256 of a calibration's JSON values; None for NaN or endless nesting, which nothing here ever wrote."""
+    """SHA-256 of a calibration's JSON values; None for NaN or endless nesting."""
     try:
-        return content_sha256(_as_floats(without_maps(content)), escaped=True)  # as in all calibration files so far
+        return content_sha256(_as_floats(without_maps(content)), escaped=True)  # as in all existing files
     except (ValueError, OverflowError, RecursionError):
         return None
 
 
 def _as_floats(content: Any) -> Any:
-    """The content with 60 and 60.0 made alike, which mean the same to every value."""
+    """Integers as floats: 60 and 60.0 have one hash."""
     if isinstance(content, dict):
         return {name: _as_floats(item) for name, item in content.items()}
     if isinstance(content, list):

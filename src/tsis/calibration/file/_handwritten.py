@@ -1,4 +1,4 @@
-"""Values that a laboratory measured by other means and wrote down, as a calibration."""
+"""A calibration from values that a laboratory measured by other means."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ if TYPE_CHECKING:
 
 
 LARGEST_VALUES_BYTES = 2**20
-BY_HAND = ("response", "scale")  # parts that a person can write down
+BY_HAND = ("response", "scale")  # parts that can be entered by hand
 FROM_FRAMES = ("reference", "force_line", "specification", "made", "expires")
 
 
 def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:
-    """Read values that a person wrote down, and date them from now.
+    """Read values that were entered by hand, and date them from now.
 
     Parameters
     ----------
     path
         JSON file with name, probe, and a response or a scale.
     days
-        How long the calibration is good.
+        Validity of the calibration, days.
 
     Raises
     ------
     FileInputError
-        When the file is no such file, or holds what only the frames of a session give.
+        When the file is invalid, or contains parts that only a session's frames provide.
     """
     content = read_object(path, most=LARGEST_VALUES_BYTES)
     if measured := [name for name in FROM_FRAMES if content.get(name) is not None]:
         raise FileInputError(
-            f"{printable_path(path)} must hold values written by hand (name, probe, camera, settings, "
-            f"response, scale); got "
-            f"{', '.join(measured)}, which a session's frames give and whose date cannot be renewed (tsis calibrate)"
+            f"{printable_path(path)} must hold values written by hand (name, probe, camera, settings, response, "
+            f"scale); got {', '.join(measured)}, which a session's frames give and whose date cannot be renewed "
+            "(tsis calibrate)"
         )
     now = datetime.now(UTC).replace(microsecond=0)
     dated: dict[str, Any] = {**content, "made": now.isoformat(), "expires": (now + timedelta(days=days)).isoformat()}
     try:
-        given = from_plain(ProbeCalibration, dated, "calibration")
+        calibration = from_plain(ProbeCalibration, dated, "calibration")
     except InputError as error:
         raise FileInputError(f"{printable_path(path)}: {error}") from error
-    if all(getattr(given, part) is None for part in BY_HAND):
+    if all(getattr(calibration, part) is None for part in BY_HAND):
         raise FileInputError(f"{printable_path(path)} must hold at least one of {', '.join(BY_HAND)}; got none")
-    return given
+    return calibration

@@ -1,4 +1,4 @@
-"""What the parts of a calibration must be for their numbers to mean something, whoever wrote the file."""
+"""The calibration of one probe, and the checks of its parts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 LONGEST_NAME, LONGEST_NOTE = 200, 1000
-YEARS = (2000, 2200)  # within which every time can be brought to another zone and a term be added
+YEARS = (2000, 2200)  # any time in these years can be converted to another zone and extended
 MEASURED_IN: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "reference": MappingProxyType(
@@ -41,7 +41,7 @@ NEVER_NEGATIVE = ("read_noise_grey", "shot_noise_grey", "patch_grey", "residual_
 
 
 def require_name(what: str, text: object, *, longest: int = LONGEST_NAME) -> None:
-    r"""Refuse what is no text that a line of a terminal or a page can show.
+    r"""Refuse a value that is not printable text on one line.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def require_name(what: str, text: object, *, longest: int = LONGEST_NAME) -> Non
 
 
 def require_time(what: str, moment: object) -> None:
-    """Refuse what is neither None nor a time, a time without a zone, or in a year in which nobody calibrates."""
+    """Refuse a time without a zone or in an impossible year; None is accepted."""
     if moment is None:
         return
     if not isinstance(moment, datetime) or moment.tzinfo is None:
@@ -69,7 +69,7 @@ def require_time(what: str, moment: object) -> None:
 
 
 def require_measured(part: str, value: Any) -> None:
-    """Refuse a part whose measured numbers are in another unit, or negative where nothing can be."""
+    """Refuse a part with a measured number in another unit, or negative where only 0 or more is possible."""
     for name, unit in MEASURED_IN.get(part, {}).items():
         number: MeasuredValue | None = getattr(value, name)
         if number is None:
@@ -80,7 +80,7 @@ def require_measured(part: str, value: Any) -> None:
 
 
 def require_sheet(sheet: Specification) -> None:
-    """Refuse a sheet whose lines cannot be shown, or whose numbers are in another unit than their line."""
+    """Refuse a sheet with unprintable rows, or with numbers in another unit than their row."""
     for number, row in enumerate(sheet.rows):
         where = f"specification.rows[{number}]"
         for name in ("quantity", "unit", "fingertip", "printed", "note"):
@@ -95,46 +95,45 @@ def _require_unit(where: str, number: MeasuredValue, unit: str) -> None:
 
 
 Part = TypeVar("Part", PixelScale, CameraReference, ForceLine, Calibration, Specification)
-SETTING_TOLERANCE = 1e-3  # share by which a camera may round what it was set to
+SETTING_TOLERANCE = 1e-3  # relative rounding of settings by the camera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProbeCalibration:
-    """A probe and its camera as they were calibrated; parts that were not measured are None.
+    """The calibration of a probe and its camera; a part that was not measured is None.
 
     Parameters
     ----------
     name
-        What people call this calibration; like all names printable and at most 200 characters.
+        Display name; printable, at most 200 characters.
     probe, camera
-        Whose it is; empty when nobody wrote it down, and then nothing is compared.
+        Names of the calibrated probe and camera; empty when unknown, then not compared.
     settings
-        Camera settings under which it holds, by name.
+        Camera settings of the calibration, by name.
     made, expires
-        When it was made and until when it may be used, with their time zone; None for a simulated one, which does not
-        age.
+        Creation and expiry time with their time zone; None for a simulated calibration, which does not expire.
     scale
         Size of a pixel on the face.
     reference
-        What the camera sees without contact.
+        Grey levels without contact.
     force_line
-        Force by the sum of grey levels.
+        Force from the sum of grey levels.
     response
-        Grey level by pressure, for the estimates.
+        Grey level against pressure, for the estimates.
     specification
         The specification sheet.
 
     Raises
     ------
     InputError
-        When a part is of the wrong kind, of another probe or in another unit; when a time has no zone, the wrong order
-        or no end; when a name cannot be shown on one line.
+        When a part has the wrong type, probe or unit; when a time has no zone or the times are not in order; when a
+        name is not printable on one line.
 
     Examples
     --------
-    >>> known = ProbeCalibration(name="bench", probe="tsis-2011", made=datetime(2026, 11, 22, tzinfo=UTC),
+    >>> calibration = ProbeCalibration(name="bench", probe="tsis-2011", made=datetime(2026, 11, 22, tzinfo=UTC),
     ...     expires=datetime(2027, 5, 22, tzinfo=UTC))
-    >>> known.require_usable(datetime(2027, 6, 1, tzinfo=UTC))
+    >>> calibration.require_usable(datetime(2027, 6, 1, tzinfo=UTC))
     Traceback (most recent call last):
     ...
     tsis.errors.CalibrationError: calibration 'bench' must not be expired; it was good until 2027-05-22 (make a \
@@ -193,14 +192,14 @@ new one: tsis calibrate)
         camera: str | None = None,
         settings: Mapping[str, float] | None = None,
     ) -> None:
-        """Refuse a calibration that is expired, made in the future, or that of another probe, camera or setting.
+        """Refuse a calibration that is expired, dated in the future, or of another probe, camera or setting.
 
         Parameters
         ----------
         now
             The present time, with its zone.
         probe, camera, settings
-            What it is to be used with; None is not compared.
+            What it will be used with; None is not compared.
 
         Raises
         ------
@@ -234,7 +233,7 @@ new one: tsis calibrate)
                 )
 
     def need(self, kind: type[Part], purpose: str) -> Part:
-        """The part of a kind, without which ``purpose`` cannot be.
+        """The part of this type, which ``purpose`` requires.
 
         Raises
         ------
@@ -242,15 +241,15 @@ new one: tsis calibrate)
             When it was not measured.
         """
         name = next(name for name, part in PARTS.items() if part is kind)
-        result = getattr(self, name)
-        if not isinstance(result, kind):
+        part = getattr(self, name)
+        if not isinstance(part, kind):
             raise CalibrationError(
                 f"{purpose} needs the part {name!r}, which calibration {self.name!r} does not hold (tsis calibrate)"
             )
-        return result
+        return part
 
-    def known_response(self, identity: str) -> Calibration:
-        """The response, under a name that tells which file it came from, and of the calibration's probe."""
+    def cited_response(self, identity: str) -> Calibration:
+        """The response, named after the calibration and its hash, for the calibration's probe."""
         response = self.need(Calibration, "an estimate")
         name = f"{self.name or response.name} ({identity[:12]})"
         return replace(response, name=name, probe=response.probe or self.probe)

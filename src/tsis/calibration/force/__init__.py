@@ -1,9 +1,9 @@
-"""The force line: which force makes which sum of grey levels, and how that is measured."""
+"""The force line: sum of grey levels against force, and its measurement by loadings."""
 
-from tsis.calibration.force._curves import HYSTERESIS_POINT, common_forces, mean_of, run_of, usable
+from tsis.calibration.force._curves import HYSTERESIS_POINT, common_forces, fit_run, mean_value, usable_presses
 from tsis.calibration.force._fit import GAUGE_ERROR, fit_force_line
 from tsis.calibration.force._frame import HERTZ_SPREAD, MIDDLE, LoadingFrame, read_loading_frame, total_grey
-from tsis.calibration.force._line import LARGEST_GAUGE_N, ForceLine, ForceLineDiagnostics, joined
+from tsis.calibration.force._line import LARGEST_GAUGE_N, ForceLine, ForceLineDiagnostics, combine_variances
 from tsis.calibration.force._loading import LARGEST_N, STEP_N, TIPS_MM, UNTOUCHED_N, Loading, loading_forces
 
 __all__ = [
@@ -20,13 +20,13 @@ __all__ = [
     "ForceLineDiagnostics",
     "Loading",
     "LoadingFrame",
+    "combine_variances",
     "common_forces",
     "fit_force_line",
-    "joined",
+    "fit_run",
     "loading_forces",
-    "mean_of",
+    "mean_value",
     "read_loading_frame",
-    "run_of",
     "total_grey",
-    "usable",
+    "usable_presses",
 ]

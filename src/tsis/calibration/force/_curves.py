@@ -1,4 +1,4 @@
-"""Loadings brought to common forces, and the lines of single runs."""
+"""Lines of single loadings, and the figures that compare loadings at common forces."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tsis.calibration.force._loading import Loading
 
 
-CLIPPED_FRACTION = 1e-4  # of a patch's pixels; above it a press is saturated
+CLIPPED_FRACTION = 1e-4  # of a patch's pixels; a press with more is saturated
 GRID = 20  # forces at which loadings are compared
 FEWEST = 4
 
@@ -33,9 +33,9 @@ class LoadingRun:
     tip_mm
         Radius of the tip.
     force_n, total_grey
-        Forces less the gauge's zero, and sums of grey levels, shape (n,).
+        Forces minus the gauge's zero, and sums of grey levels, shape (n,).
     rising
-        True where the force was reached from below, shape (n,).
+        True on the loading branch, shape (n,).
     intercept, slope
         Of the line.
     """
@@ -48,38 +48,38 @@ class LoadingRun:
     slope: float
 
     @property
-    def left(self) -> NDArray[np.float64]:
-        """Departures from the line, grey levels, shape (n,)."""
+    def residual_grey(self) -> NDArray[np.float64]:
+        """Residuals of the line, grey levels, shape (n,)."""
         return np.asarray(self.total_grey - self.intercept - self.slope * self.force_n)
 
-    def at(self, force_n: NDArray[np.float64], *, rising: bool) -> NDArray[np.float64]:
+    def sums_at(self, force_n: NDArray[np.float64], *, rising: bool) -> NDArray[np.float64]:
         """Sums of one branch at other forces, linear between presses."""
         branch = self.rising == rising
-        if rising is False:  # the turn belongs to both
+        if rising is False:  # the largest force belongs to both branches
             branch = branch | (self.force_n == self.force_n.max())
         order = np.argsort(self.force_n[branch])
         return np.asarray(np.interp(force_n, self.force_n[branch][order], self.total_grey[branch][order]))
 
     @property
     def has_both_branches(self) -> bool:
-        """Whether it was loaded and unloaded by two presses or more."""
+        """Whether each branch has 2 presses or more."""
         return min(int(self.rising.sum()), int((~self.rising).sum())) >= 2
 
 
-def usable(loading: Loading) -> NDArray[np.bool]:
+def usable_presses(loading: Loading) -> NDArray[np.bool]:
     """Presses whose light stands out of the noise and does not clip, shape (n,)."""
     return np.asarray(loading.touched & (loading.total_grey > 0) & (loading.clipped <= CLIPPED_FRACTION))
 
 
-def run_of(loading: Loading) -> LoadingRun:
-    """The line of one loading.
+def fit_run(loading: Loading) -> LoadingRun:
+    """Fit the line of one loading.
 
     Raises
     ------
     CalibrationError
         When too few presses are usable, or the sum does not rise with the force.
     """
-    good = usable(loading)
+    good = usable_presses(loading)
     if int(good.sum()) < FEWEST:
         raise CalibrationError(
             f"a loading must hold at least {FEWEST} presses that are seen and do not clip; that of the "
@@ -111,21 +111,21 @@ def common_forces(runs: Sequence[LoadingRun]) -> NDArray[np.float64]:
     return np.linspace(low, high, GRID)
 
 
-def mean_of(values: NDArray[np.float64], *, unit: str = "") -> MeasuredValue:
+def mean_value(values: NDArray[np.float64], *, unit: str = "") -> MeasuredValue:
     """Mean of independent values and its standard error; 2 values or more."""
     count = len(values)
     sd = float(np.std(values, ddof=1)) / float(np.sqrt(count))
     return MeasuredValue(value=float(np.mean(values)), sd=sd, degrees_of_freedom=count - 1.0, unit=unit)
 
 
-def spread_of(variance: float, freedom: float, *, unit: str = "") -> MeasuredValue:
-    """A standard deviation that rests on so many degrees of freedom, with its own uncertainty."""
+def spread_value(variance: float, freedom: float, *, unit: str = "") -> MeasuredValue:
+    """A standard deviation with its own uncertainty from its degrees of freedom."""
     freedom = max(freedom, 1.0)
     sd = float(np.sqrt(variance))
     return MeasuredValue(value=sd, sd=sd / float(np.sqrt(2 * freedom)), degrees_of_freedom=freedom, unit=unit)
 
 
-COMPARED_N = 0.8  # where the source compares its tips
+COMPARED_N = 0.8  # the source compares its tips at this force
 FALSE_ALARMS, MISSES = 0.05, 0.05
 HYSTERESIS_POINT = 0.6  # of the largest force
 FEWEST_UNTOUCHED = 3
@@ -134,29 +134,29 @@ FEWEST_UNTOUCHED = 3
 def loading_linearity(runs: Sequence[LoadingRun]) -> MeasuredValue:
     """Largest departure of the mean curve from a straight line over the largest sum, signed.
 
-    The place is picked for being largest, so noise makes it larger; the interval is that of the picked place.
+    The selection of the largest departure biases it upwards; the interval is that of the selected force.
     """
     force = common_forces(runs)
     curves = []
     for run in runs:
-        branches = [run.at(force, rising=way) for way in ((True, False) if run.has_both_branches else (True,))]
+        branches = [run.sums_at(force, rising=way) for way in ((True, False) if run.has_both_branches else (True,))]
         line = run.intercept + run.slope * force
         curves.append((np.mean(branches, axis=0) - line) / line[-1])
-    result = np.array(curves)
-    return mean_of(result[:, int(np.abs(result.mean(axis=0)).argmax())])
+    departures = np.array(curves)
+    return mean_value(departures[:, int(np.abs(departures.mean(axis=0)).argmax())])
 
 
 def loading_hysteresis(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
-    """Loading less unloading over the range, at 0.6 of the largest force; None with fewer than two loops.
+    """Loading minus unloading over the range, at 0.6 of the largest force; None with fewer than two loops.
 
-    Each run's loop is smoothed to ``f (1 - f) (c0 + c1 f)``, f the force over the largest one, which is closed at both
-    ends and which a steady drift of the lamps makes too; the scatter between runs then holds what drift left. Both
-    shapes have more than 95 % of their largest width there; a place picked from the data would be picked for its noise.
+    Each run's loop is smoothed to ``f (1 - f) (c0 + c1 f)``, f the force over the largest one. The shape is closed at
+    both ends. A steady drift of the lamps has the same shape, so the scatter between runs includes the drift. Both
+    terms have more than 95 % of their largest width at 0.6. A force selected from the data would follow the noise.
     """
     loops = [run for run in runs if run.has_both_branches]
     if len(loops) < 2:
         return None
-    return mean_of(np.array([float((_basis(np.array([HYSTERESIS_POINT])) @ _loop(run))[0]) for run in loops]))
+    return mean_value(np.array([float((_basis(np.array([HYSTERESIS_POINT])) @ _loop(run))[0]) for run in loops]))
 
 
 def _basis(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -167,13 +167,13 @@ def _basis(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
 def _loop(run: LoadingRun) -> NDArray[np.float64]:
     largest = float(run.force_n.max())
     force = np.unique(np.round(run.force_n[~run.rising], 12))
-    width = (run.at(force, rising=True) - run.at(force, rising=False)) / (run.intercept + run.slope * largest)
-    result, *_ = np.linalg.lstsq(_basis(force / largest), width, rcond=None)
-    return np.asarray(result)
+    width = (run.sums_at(force, rising=True) - run.sums_at(force, rising=False)) / (run.intercept + run.slope * largest)
+    coefficients, *_ = np.linalg.lstsq(_basis(force / largest), width, rcond=None)
+    return np.asarray(coefficients)
 
 
 def loading_repeatability(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
-    """Standard deviation of sums of one tip and force in repeated loadings over the range; None without repeats."""
+    """Standard deviation of repeated sums at one tip and force over the range; None without repeats."""
     squares, freedom = 0.0, 0
     for tip in {run.tip_mm for run in runs}:
         repeats = [run for run in runs if run.tip_mm == tip and run.has_both_branches]
@@ -181,34 +181,35 @@ def loading_repeatability(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
             continue
         force = common_forces(repeats)
         for rising in (True, False):
-            sums = np.array([run.at(force, rising=rising) for run in repeats])
+            sums = np.array([run.sums_at(force, rising=rising) for run in repeats])
             squares += float(np.mean(np.var(sums, axis=0, ddof=1))) / float(sums.max() ** 2) * (len(repeats) - 1)
         freedom += len(repeats) - 1
-    # Presses of one run share its drift, so a run counts once.
-    return spread_of(squares / (2 * freedom), freedom) if freedom else None
+    # Presses of one run have its drift in common, so a run counts once.
+    return spread_value(squares / (2 * freedom), freedom) if freedom else None
 
 
 def tip_difference(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
-    """Line of the widest tip over that of the second widest at 0.8 N, less one; None with one tip."""
+    """Line of the widest tip over that of the second widest at 0.8 N, minus 1; None with one tip."""
     tips = sorted({run.tip_mm for run in runs})
     if len(tips) < 2:
         return None
     sums = {tip: [run.intercept + run.slope * COMPARED_N for run in runs if run.tip_mm == tip] for tip in tips}
-    legs = [_legs(run) for run in runs if run.has_both_branches]
+    differences = [_branch_difference(run) for run in runs if run.has_both_branches]
     # Loading and unloading are two readings of one run; half their difference is the error of its mean.
-    error = float(np.sqrt(np.mean(np.square(legs)))) if legs else 0.0
+    error = float(np.sqrt(np.mean(np.square(differences)))) if differences else 0.0
     wide, other = np.mean(sums[tips[-1]]), np.mean(sums[tips[-2]])
     sd = error * np.sqrt(1 / len(sums[tips[-1]]) + 1 / len(sums[tips[-2]]))
-    return MeasuredValue(value=float(wide / other - 1), sd=float(sd), degrees_of_freedom=max(1.0, float(len(legs))))
+    freedom = max(1.0, float(len(differences)))
+    return MeasuredValue(value=float(wide / other - 1), sd=float(sd), degrees_of_freedom=freedom)
 
 
-def _legs(run: LoadingRun) -> float:
-    up, down = (float(run.at(np.array([COMPARED_N]), rising=way)[0]) for way in (True, False))
+def _branch_difference(run: LoadingRun) -> float:
+    up, down = (float(run.sums_at(np.array([COMPARED_N]), rising=way)[0]) for way in (True, False))
     return (up - down) / (up + down)
 
 
 def detectable_n(loadings: Sequence[Loading], slope_grey_per_n: float) -> MeasuredValue | None:
-    """Smallest force that the sum over the whole frame tells from no contact, newtons; None without untouched frames.
+    """Smallest force that the sum over the whole frame detects, newtons; None without untouched frames.
 
     Currie's limit ``(z_a + z_b) s sqrt(1 + 1 / n)`` of n untouched sums with the standard deviation s.
     """
@@ -221,4 +222,4 @@ def detectable_n(loadings: Sequence[Loading], slope_grey_per_n: float) -> Measur
         * np.sqrt(1 + 1 / count)
         / slope_grey_per_n
     )
-    return spread_of(float(np.var(untouched, ddof=1)) * float(levels) ** 2, count - 1.0, unit="N")
+    return spread_value(float(np.var(untouched, ddof=1)) * float(levels) ** 2, count - 1.0, unit="N")

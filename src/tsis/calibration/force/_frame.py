@@ -1,4 +1,4 @@
-"""What one frame of a press tells the force line: the sum of grey levels of its bright patch, and its shape."""
+"""Sum of grey levels and shape of the bright patch in one frame of a press."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ if TYPE_CHECKING:
 
 
 PATCH_METHODS = ("threshold", "canny")
-MARGIN = 0.06  # of the patch's radius, by which it is widened to hold all of its light
+MARGIN = 0.06  # of the patch's radius; the mask grows by it to include the light of the edge
 LEAST_MARGIN_PX = 3
-MIDDLE = 0.3  # of the contact's radius: what counts as its middle
+MIDDLE = 0.3  # of the contact's radius
 HERTZ_SPREAD = 2.5  # square of the radius over the mean square distance of a Hertzian contact's light
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadingFrame:
-    """One frame with the force that the gauge showed.
+    """One frame with the gauge's force.
 
     Attributes
     ----------
     force_n
-        What the gauge read, newtons.
+        Force of the gauge, newtons.
     touched
-        Whether the tip was on the probe.
+        Whether the tip touched the probe.
     total_grey, field_grey
-        Sum of grey levels above no contact, over the bright patch (0 when none stands out) and over all good pixels.
+        Sum of grey levels above no contact, over the bright patch (0 without one) and over all good pixels.
     peak_grey, mean_square_mm2
-        Grey level in the middle, and mean square distance of the light from its centroid; 0 when nothing stands out.
+        Grey level in the middle, and mean square distance of the light from its centroid; 0 without a patch.
     clipped
-        Share of the patch's pixels that clip.
+        Fraction of the patch's pixels that clip.
     """
 
     force_n: float
@@ -56,25 +56,25 @@ class LoadingFrame:
 def read_loading_frame(
     image: TactileImage, reference: CameraReference, *, force_n: float, touched: bool, method: str = "threshold"
 ) -> LoadingFrame:
-    """Read one frame of the loading procedure; clipped pixels are counted, not refused, so that the range shows.
+    """Read one frame of the loading procedure; clipped pixels are counted, not refused.
 
     Parameters
     ----------
     image
-        The frame as the camera delivered it.
+        The raw camera frame.
     reference
-        What corrects it.
+        Its correction.
     force_n
-        What the gauge read, newtons.
+        Force of the gauge, newtons.
     touched
-        Whether the tip was on the probe.
+        Whether the tip touched the probe.
     method
         ``"threshold"`` or ``"canny"``.
 
     Raises
     ------
     ImageMismatchError, InputError
-        When the frame does not belong to the reference, the lamps are in another state or the scale is not known.
+        When the frame does not belong to the reference, the lamps changed or the scale is unknown.
     """
     grey = reference.touch_grey(image)
     scale = reference.mm_per_pixel or image.mm_per_pixel
@@ -105,15 +105,15 @@ def read_loading_frame(
 
 
 def total_grey(image: TactileImage, reference: CameraReference, *, method: str = "threshold") -> float:
-    """Sum of grey levels above no contact over the bright patch of a frame, 0 when nothing stands out of the noise.
+    """Sum of grey levels above no contact over the bright patch, 0 when nothing stands out of the noise.
 
-    It is what `ForceLine.force_n` takes: y of the source's (5.4). Where grey level follows pressure as in (5.2), it
-    follows the force, the integral of the pressure (5.3).
+    It is the argument of `ForceLine.force_n`: y of the source's (5.4). Where grey level follows pressure as in (5.2),
+    it follows the force, the integral of the pressure (5.3).
 
     Raises
     ------
     ImageMismatchError, InputError
-        When the frame does not belong to the reference, is saturated, or the lamps are in another state.
+        When the frame does not belong to the reference, is saturated, or the lamps changed.
     """
     corrected = reference.corrected(image)
     mask = patch_mask(corrected, method=method)
@@ -121,7 +121,7 @@ def total_grey(image: TactileImage, reference: CameraReference, *, method: str =
 
 
 def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.bool]:
-    """The pixels of the bright patch with a margin that holds the light of its edge, shape (rows, columns).
+    """The pixels of the bright patch with a margin for the light of its edge, shape (rows, columns).
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.
         A corrected frame.
     method
         ``"threshold"`` cuts six standard deviations of the noise above the dark side; ``"canny"`` fills the outline
-        that Canny's edges draw, and takes the threshold's patch where they do not close.
+        of Canny's edges, or uses the threshold's patch where they do not close.
     """
     require_one_of("segmentation method", method, PATCH_METHODS)
     patch = segment(image, method="noise")
@@ -144,12 +144,12 @@ def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.
 
 
 def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool], threshold: float) -> NDArray[np.bool]:
-    """What Canny's edges enclose of the patch."""
+    """The part of the patch that Canny's edges enclose."""
     smooth = smoothed(grey)
     top = float(smooth[mask].max())
-    observed = np.clip(255 * smooth / top, 0, 255).astype(np.uint8)
+    levels = np.clip(255 * smooth / top, 0, 255).astype(np.uint8)
     low = float(np.clip(255 * threshold / top, 5, 100))
-    edges = cv2.Canny(observed, low, 2 * low, L2gradient=True)
+    edges = cv2.Canny(levels, low, 2 * low, L2gradient=True)
     closed = cv2.morphologyEx(edges, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)) > 0
     filled = ndimage.binary_fill_holes(closed)
     labels, count = ndimage.label(filled)
@@ -162,7 +162,7 @@ def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool], threshold: 
 
 
 def _shape(grey: NDArray[np.float64], mask: NDArray[np.bool], scale: tuple[float, float]) -> tuple[float, float]:
-    """Grey level in the middle of the light, and its mean square distance in mm² from the centroid."""
+    """Grey level in the middle, and mean square distance from the centroid, mm²."""
     rows, columns = np.nonzero(mask)
     light = grey[rows, columns]
     total = float(light.sum())

@@ -1,4 +1,4 @@
-"""The straight line of the sum of grey levels over the force, and how it was found to behave."""
+"""The straight line of the sum of grey levels against force, and its diagnostics."""
 
 from __future__ import annotations
 
@@ -14,54 +14,54 @@ from tsis.errors import InputError
 from tsis.model import require_integer, require_number, require_one_of, require_type
 
 UPPER = 0.975  # quantile at the upper end of a 95 % interval
-LARGEST_LOG = 14.0  # of degrees of freedom: a million of them are as good as any number
-LARGEST_GAUGE_N = 50.0  # the source's gauge ends there; larger numbers are in another unit
+LARGEST_LOG = 14.0  # of degrees of freedom: a million is as good as infinity
+LARGEST_GAUGE_N = 50.0  # range of the source's gauge; larger numbers are in another unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceLine:
-    """``sum = intercept + slope * F`` with F in newtons, the source's (5.4), with all that a new force needs.
+    """``sum = intercept + slope * F`` with F in newtons, the source's (5.4), with the variances of a new force.
 
     Parameters
     ----------
     intercept_grey, slope_grey_per_n
-        The mean line of the units that were loaded, under the light of the untouched reference. The slope's standard
-        deviation holds the force gauge's own.
+        The mean line of the loaded units, under the light of the untouched reference. The slope's standard deviation
+        includes that of the force gauge.
     unit_covariance
         Covariance of the lines of single units (tips; repeats where one tip was used): variance of the intercept
         (grey²), covariance (grey²/N), variance of the slope (grey²/N²).
     units
-        How many units there were, 2 or more.
+        Number of units, 2 or more.
     assumed_tip_share
-        Relative standard deviation between tips that was assumed because one tip only was used; 0 when it was measured.
+        Relative standard deviation between tips, assumed when one tip was used; 0 when it was measured.
     residual_grey, residual_share
-        Scatter of a single press about the line of its unit: a standard deviation in grey levels, and one as a share
-        of the sum, which add in squares; hysteresis and departures from a straight line are in them.
+        Scatter of a single press about the line of its unit: a standard deviation in grey levels, and a fraction of
+        the sum, which add in squares; both include hysteresis and departures from a straight line.
     drift_share
         Relative standard deviation of the lamps between the reference and a new frame, after their correction.
     gauge_share
         Relative standard deviation of the force gauge's own calibration.
     least_n, most_n
-        Range of force, newtons, that the line holds for: resolvable, and without saturation.
+        Range of force, newtons: detectable, and without saturation.
     pixels, full_scale
-        Size of the frame and level at which it clips, from which follows the largest sum that can be.
+        Size of the frame and its clipping level, which limit the sum.
     tips_mm
         Radii of the tips, one or more, each in [0.1, 1000] mm.
     method
-        How the bright patch was found, ``"threshold"`` or ``"canny"``.
+        Segmentation method of the bright patch, ``"threshold"`` or ``"canny"``.
 
     Raises
     ------
     InputError
-        When a value lies outside its range, or the line leads beyond the largest possible sum within its range of
-        force: then forces were not in newtons.
+        When a value lies outside its range, or the line exceeds the largest possible sum within its range of force:
+        then forces were not in newtons.
 
     Examples
     --------
-    >>> def sure(value, unit):
+    >>> def exact(value, unit):
     ...     return MeasuredValue(value=value, sd=0.0, unit=unit)
-    >>> line = ForceLine(intercept_grey=sure(0.056e6, "grey"), slope_grey_per_n=sure(1.4778e6, "grey/N"), units=3,
-    ...     unit_covariance=(0.0, 0.0, 0.0), residual_grey=sure(500.0, "grey"), residual_share=sure(0.0, ""),
+    >>> line = ForceLine(intercept_grey=exact(0.056e6, "grey"), slope_grey_per_n=exact(1.4778e6, "grey/N"), units=3,
+    ...     unit_covariance=(0.0, 0.0, 0.0), residual_grey=exact(500.0, "grey"), residual_share=exact(0.0, ""),
     ...     least_n=0.1, most_n=2.0, pixels=768 * 492, full_scale=255.0, tips_mm=(2.0,))
     >>> force = line.force_n(0.056e6 + 1.4778e6)
     >>> f"{force.value:.3f} N, sd {1000 * force.sd:.2f} mN"
@@ -92,7 +92,7 @@ class ForceLine:
             require_number("unit_covariance", value, least, 1e30, hint="variance, covariance, variance")
         require_integer("units", self.units, 2, 10_000)
         for name in ("assumed_tip_share", "drift_share", "gauge_share"):
-            require_number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
+            require_number(name, getattr(self, name), 0.0, 1.0, hint="a fraction of 1")
         require_number("most_n", self.most_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
         require_number("least_n", self.least_n, 0.0, self.most_n, hint="newtons, at most most_n")
         require_integer("pixels", self.pixels, 1, 2**40)
@@ -105,31 +105,31 @@ class ForceLine:
         self._refuse_impossible_sums()
 
     def _refuse_impossible_sums(self) -> None:
-        reached = self.intercept_grey.value + self.slope_grey_per_n.value * self.most_n
-        if reached > self.largest_grey:
+        largest = self.intercept_grey.value + self.slope_grey_per_n.value * self.most_n
+        if largest > self.largest_grey:
             raise InputError(
                 f"the line must stay within the largest possible sum, {self.largest_grey:.3g} grey levels; it reaches "
-                f"{reached:.3g} at most_n = {self.most_n:g}, {reached / self.largest_grey:.0f} times as much "
+                f"{largest:.3g} at most_n = {self.most_n:g}, {largest / self.largest_grey:.0f} times as much "
                 "(give forces in newtons, not millinewtons)"
             )
 
     @property
     def largest_grey(self) -> float:
-        """Sum of a frame that is all at full scale."""
+        """Sum of a frame at full scale everywhere."""
         return self.pixels * self.full_scale
 
     def force_n(self, total_grey: float) -> MeasuredValue:
-        """The force of a new frame in newtons, of an object that was not among the tips.
+        """The force of a new frame in newtons, of an object other than the tips.
 
         Parameters
         ----------
         total_grey
-            Sum of grey levels above no contact of the bright patch, found with ``method``.
+            Sum of grey levels above no contact of the bright patch, segmented with ``method``.
 
         Returns
         -------
         Measured
-            Force with its prediction uncertainty: the line's, a new object's, a single press's, lamps and gauge.
+            Force with its prediction uncertainty: line, new object, single press, lamps and gauge.
 
         Raises
         ------
@@ -143,45 +143,45 @@ class ForceLine:
                 f"total_grey must belong to a force within [{self.least_n:.3g}, {self.most_n:.3g}] N, for which the "
                 f"line was calibrated; got {total:.4g}, which would be {force:.3g} N (press within the range)"
             )
-        return self.uncertain(force)
+        return self.with_uncertainty(force)
 
-    def uncertain(self, force_n: float) -> MeasuredValue:
-        """A force in newtons with the prediction uncertainty that it has when it is read from one new frame."""
+    def with_uncertainty(self, force_n: float) -> MeasuredValue:
+        """A force in newtons with the prediction uncertainty of one new frame."""
         slope = self.slope_grey_per_n.value
         light = (slope * force_n) ** 2
         a, ab, b = self.unit_covariance
         units = max(a + 2 * ab * force_n + b * force_n**2, 0.0) * (1 + 1 / self.units)
-        sure = light * (self.assumed_tip_share**2 + self.drift_share**2 + self.gauge_share**2)
+        constant = light * (self.assumed_tip_share**2 + self.drift_share**2 + self.gauge_share**2)
         parts = (
             (units, self.units - 1.0),
             (self.residual_grey.value**2, self.residual_grey.degrees_of_freedom),
             (light * self.residual_share.value**2, self.residual_share.degrees_of_freedom),
-            (sure, np.inf),
+            (constant, np.inf),
         )
-        variance, freedom = joined(parts)
+        variance, freedom = combine_variances(parts)
         return MeasuredValue(value=force_n, sd=float(np.sqrt(variance)) / slope, degrees_of_freedom=freedom, unit="N")
 
 
-def joined(parts: tuple[tuple[float, float], ...]) -> tuple[float, float]:
-    """Sum of independent variances, each with its degrees of freedom, and degrees of freedom for the sum.
+def combine_variances(parts: tuple[tuple[float, float], ...]) -> tuple[float, float]:
+    """Sum of independent variances with their degrees of freedom, and the degrees of freedom of the sum.
 
-    They are such that half of the 95 % interval is the root of the sum of squares of the parts' own. The rule of Welch
-    and Satterthwaite promises more freedom just when a part that rests on two or three values happens to be small, and
-    its intervals are too narrow then: with three tips they held the slope in 93 % of trials instead of 95 %.
+    Half of the 95 % interval of the sum is the root of the sum of squares of the parts' half intervals. The rule of
+    Welch and Satterthwaite gives too many degrees of freedom when a part with two or three values happens to be small:
+    with three tips its intervals covered the slope in 93 % of trials instead of 95 %.
 
     Examples
     --------
-    >>> joined(((4.0, 2.0), (0.0, np.inf)))
+    >>> combine_variances(((4.0, 2.0), (0.0, np.inf)))
     (4.0, 2.0)
     """
     total = sum(variance for variance, _ in parts)
     if total <= 0:
         return 0.0, np.inf
     half = sum(variance * float(scipy.stats.t.ppf(UPPER, freedom)) ** 2 for variance, freedom in parts)
-    requested = float(np.sqrt(half / total))
+    quantile = float(np.sqrt(half / total))
 
     def excess(logarithm: float) -> float:
-        return float(scipy.stats.t.ppf(UPPER, np.exp(logarithm))) - requested
+        return float(scipy.stats.t.ppf(UPPER, np.exp(logarithm))) - quantile
 
     if excess(LARGEST_LOG) >= 0:
         return total, np.inf
@@ -190,29 +190,29 @@ def joined(parts: tuple[tuple[float, float], ...]) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceLineDiagnostics:
-    """How well a straight line without memory describes the loadings.
+    """How well a straight line describes the loadings.
 
     Attributes
     ----------
     residual_sd_grey
-        Root mean square departure of single presses from the line of their own unit, grey levels.
+        Root mean square residual of single presses from the line of their own unit, grey levels.
     r_squared
-        Share of the variance of all sums that the one mean line explains.
+        Fraction of the variance of all sums that the mean line explains.
     linearity
         Largest departure of the mean curve from the line over the largest sum, with its uncertainty.
     exponent
-        Power of the force that the sums follow, 1 for a straight line through zero.
+        Power of the force in the sums, 1 for a straight line through zero.
     hysteresis
-        Loading less unloading over the range at 0.6 of the largest force, where loops are widest within 5 %; None with
-        fewer than two loadings that were unloaded, too.
+        Loading minus unloading over the range at 0.6 of the largest force, where loops are widest within 5 %; None
+        with fewer than two loadings with both branches.
     repeatability
-        Standard deviation of sums of one tip and force in repeated loadings over the range; None without repeats.
+        Standard deviation of repeated sums at one tip and force over the range; None without repeats.
     tip_difference
-        Line of the widest tip over that of the second widest at 0.8 N, less one; None with one tip.
+        Line of the widest tip over that of the second widest at 0.8 N, minus 1; None with one tip.
     detectable_n
-        Smallest force that is told from no contact with 5 % false alarms and 5 % misses; None without untouched frames.
+        Smallest force detected with 5 % false alarms and 5 % misses; None without untouched frames.
     saturated
-        True when the largest forces were left out of the valid range because pixels clipped.
+        True when clipping limits the valid range.
     """
 
     residual_sd_grey: float

@@ -1,4 +1,4 @@
-"""One loading of the probe with a tip: what the camera and the force gauge read, in order of time."""
+"""One loading of the probe with a tip: camera and force gauge readings in order of time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 TIPS_MM = (2.0, 10.0, 14.0)
 LARGEST_N, STEP_N = 2.0, 0.1
-UNTOUCHED_N = 0.005  # what a gauge may read without load, before its zero is taken away
+UNTOUCHED_N = 0.005  # largest zero of a gauge without load
 
 
 def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tuple[float, ...]:
@@ -32,7 +32,7 @@ def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tupl
     largest_n
         Largest force in newtons, in [0.001, 50].
     step_n
-        From force to force in newtons, from 0.0001 to the largest.
+        Step in newtons, from 0.0001 to the largest.
 
     Raises
     ------
@@ -59,18 +59,18 @@ class Loading:
     tip_radius_mm
         Radius of the rigid tip, mm, in [0.1, 1000].
     force_n
-        What the gauge read in newtons, shape (n,), n >= 6; within 50 N.
+        Gauge readings in newtons, shape (n,), n >= 6; within 50 N.
     total_grey
         Sum of grey levels above no contact of the bright patch, shape (n,).
     touched
-        Whether the tip was on the probe, shape (n,); where it was not, the gauge shows its zero.
+        Whether the tip touched the probe, shape (n,); without contact the gauge shows its zero.
     field_grey
-        The same sum over all good pixels, bright or not, shape (n,).
+        The same sum over all good pixels, shape (n,).
     peak_grey, mean_square_mm2
         Grey level in the middle of the contact and mean square distance of its light from its centroid, shape (n,);
-        0 where nothing was found.
+        0 without a patch.
     clipped
-        Share of the patch's pixels that clip, shape (n,).
+        Fraction of the patch's pixels that clip, shape (n,).
     run
         Number of the repeat, from 1.
     """
@@ -110,8 +110,8 @@ class Loading:
             )
 
     @classmethod
-    def of(cls, tip_radius_mm: float, readings: Sequence[LoadingFrame], *, run: int = 1) -> Self:
-        """The loading of presses that were read one by one."""
+    def from_frames(cls, tip_radius_mm: float, readings: Sequence[LoadingFrame], *, run: int = 1) -> Self:
+        """The loading of single frames."""
         return cls(
             tip_radius_mm=tip_radius_mm,
             run=run,
@@ -126,12 +126,12 @@ class Loading:
 
     @property
     def zero_n(self) -> float:
-        """What the gauge showed without contact, newtons; 0 when no frame was taken without."""
+        """Gauge reading without contact, newtons; 0 without such frames."""
         return float(self.force_n[~self.touched].mean()) if (~self.touched).any() else 0.0
 
     @property
     def load_n(self) -> NDArray[np.float64]:
-        """Forces less the gauge's zero, shape (n,)."""
+        """Forces minus the gauge's zero, shape (n,)."""
         return np.asarray(self.force_n - self.zero_n)
 
     @property

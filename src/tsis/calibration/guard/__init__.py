@@ -1,4 +1,4 @@
-"""Is a press usable? Named flags on one frame or live, all thresholds in one place."""
+"""The press guard: named flags on one frame or live, with all thresholds in one module."""
 
 from tsis.calibration.guard._check import check_press, guard_reference, press_watch, with_calibrated_scale
 from tsis.calibration.guard._flags import GUARD_FLAGS, GuardFlag, GuardLimits

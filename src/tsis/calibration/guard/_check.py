@@ -1,11 +1,11 @@
-"""Is this press usable? Named flags on one frame; `tsis.calibration.guard._watch` does so live."""
+"""Guard flags of one frame; `tsis.calibration.guard.PressWatch` checks a live stream."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.calibration.guard._flags import GuardLimits, findings
-from tsis.calibration.guard._reading import prepared, read_guard_frame
+from tsis.calibration.guard._flags import GuardLimits, limit_excesses
+from tsis.calibration.guard._reading import prepare_reference, read_guard_frame
 from tsis.calibration.guard._reference import FrameShape, GuardReference
 from tsis.calibration.guard._watch import PressWatch
 from tsis.catalog import list_probes, load_probe
@@ -27,32 +27,32 @@ def check_press(
     settling: Settling | None = None,
     limits: GuardLimits | None = None,
 ) -> tuple[GuardFlag, ...]:
-    """Say what speaks against using a press as it is.
+    """Flags of a press that should not be used as it is.
 
     Parameters
     ----------
     image
-        The frame as the camera delivered it.
+        The raw camera frame.
     reference
-        What it is compared with; a frame alone is that of the untouched probe. What a flag needs and nobody gave is
-        not checked: see `tsis.calibration.guard.GUARD_FLAGS`.
+        What the frame is compared with; a frame alone is that of the untouched probe. A flag whose input is missing
+        is not checked: see `tsis.calibration.guard.GUARD_FLAGS`.
     force_n
         Force of the gauge, N, in [0, 1000]; that of the image when None.
     settling
-        Of the series that the frame ends, by `tsis.calibration.settling.judge_settling`; None leaves ``moving``
-        unchecked.
+        Settling of the series that ends in this frame, by `tsis.calibration.settling.assess_settling`; None leaves
+        ``moving`` unchecked.
     limits
         The thresholds; those of `GuardLimits` when None.
 
     Returns
     -------
     tuple of GuardFlag
-        Those raised, in the order in which they are best cured; empty for a press that nothing speaks against.
+        Raised flags, in the order in which they are best corrected; empty for a usable press.
 
     Raises
     ------
     InputError
-        When an argument is of the wrong kind or out of range.
+        When an argument has the wrong type or is out of range.
     ImageMismatchError
         When the reference is of another size, scale or full scale.
 
@@ -73,12 +73,12 @@ def check_press(
     limits = GuardLimits() if limits is None else limits
     require_type("limits", limits, GuardLimits)
     force = image.force_n if force_n is None else require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
-    reading = read_guard_frame(image.grey, prepared(reference, FrameShape.of(image)), force_n=force)
-    return tuple(finding.flag for finding in findings(reading, limits, settling=settling) if finding.excess > 1.0)
+    reading = read_guard_frame(image.grey, prepare_reference(reference, FrameShape.of(image)), force_n=force)
+    return tuple(finding.flag for finding in limit_excesses(reading, limits, settling=settling) if finding.excess > 1.0)
 
 
 def guard_reference(calibration: UsableCalibration | None) -> GuardReference:
-    """The untouched probe of a calibration; nothing without one."""
+    """The untouched probe of a calibration; an empty reference without one."""
     reference = None if calibration is None else calibration.calibration.reference
     if reference is None:
         return GuardReference()
@@ -95,13 +95,13 @@ def guard_reference(calibration: UsableCalibration | None) -> GuardReference:
 
 
 def press_watch(frame: Frame, calibration: UsableCalibration | None) -> PressWatch:
-    """A guard for the stream that this frame belongs to."""
+    """A guard for the stream of this frame."""
     shape = FrameShape.of(frame.tactile_image(mm_per_pixel=_scale(calibration)))
     return PressWatch(shape, reference=guard_reference(calibration))
 
 
 def with_calibrated_scale(image: TactileImage, calibration: UsableCalibration | None) -> TactileImage:
-    """A frame with the calibration's scale, or as it is; `ImageMismatchError` when that was of another size."""
+    """A frame with the calibration's scale, if any; `ImageMismatchError` when its size differs."""
     scale = None if calibration is None else calibration.calibration.scale
     return image if scale is None else scale.on(image)
 
@@ -112,6 +112,6 @@ def _scale(calibration: UsableCalibration | None) -> tuple[float, float] | None:
 
 
 def _face_radius_mm(calibration: UsableCalibration | None) -> float | None:
-    """Radius of the face of a probe that the catalog knows."""
+    """Radius of the face of a probe in the catalog."""
     name = "" if calibration is None else calibration.calibration.probe
     return load_probe(name).radius_mm if name in list_probes() else None

@@ -1,4 +1,4 @@
-"""Every threshold of the press guard, in one place."""
+"""Every threshold of the press guard, and the flags that they raise."""
 
 from __future__ import annotations
 
@@ -19,48 +19,47 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardLimits:
-    """Up to where a press counts as usable.
+    """Limits of a usable press.
 
     Parameters
     ----------
     least_force_n, most_force_n
-        Window of the force, N, in (0, 100]. By default the range over which forces are calibrated: its first step of
-        0.1 N, and its end of 2 N.
+        Window of the force, N, in (0, 100]. By default the range of the force calibration: its first step of 0.1 N,
+        and its end of 2 N.
     tilt
-        How much brighter the contact may grow from its centre to its edge in one direction, a share of the brightness,
-        in [0.005, 1]. A flat face tilted by an angle presses that much more at one edge: 0.1 is the angle
-        ``0.1 approach / radius``, 2 degrees at 1 N on 5 kPa with ``tsis-2011``.
+        Relative rise of the brightness from the contact's centre to its edge in one direction, in [0.005, 1]. A flat
+        face tilted by an angle presses that much more at one edge: 0.1 is the angle ``0.1 approach / radius``,
+        2 degrees at 1 N on 5 kPa with ``tsis-2011``.
     off_centre
-        Distance of the contact from the probe's axis over the contact's radius, in [0.005, 1]. Estimates take the
-        contact around the axis; at 0.1 the light's own pattern is read a tenth of the radius beside its place.
+        Distance of the contact from the probe's axis over the contact's radius, in [0.005, 1]. Estimates assume that
+        the contact lies on the axis; at 0.1 the pattern of the light is off by a tenth of the radius.
     saturated
-        Share of the contact's pixels at full scale, in [0, 1). The light that clips is lost to every sum; 0.001 lets a
-        sensor's stuck pixels pass and no more.
+        Fraction of the contact's pixels at full scale, in [0, 1). Every sum lacks the light that clips; 0.001 passes
+        a sensor's stuck pixels only.
     ambient
-        Light from outside over the contact's mean light, in [1e-3, 1]: by as much the sum of grey levels errs. Three
-        times the deviation of an unknown constant that a calibration reckons with unless told otherwise (0.01).
+        Light from outside over the contact's mean light, in [1e-3, 1]: the relative error of the sum of grey levels.
+        Three times a calibration's default standard deviation of an unknown constant (0.01).
     flicker
-        Amplitude of the light from outside that swings with the mains, over the contact's mean light, in [1e-3, 1]:
-        the same share, frame by frame.
+        Amplitude of the light from outside at the mains' frequencies, over the contact's mean light, in [1e-3, 1].
     led_drift
-        Change of the lamps since the reference, a share, in [1e-4, 1]. Twice the deviation of the gain that a
-        calibration reckons with unless told otherwise (0.01).
+        Relative change of the lamps since the reference, in [1e-4, 1]. Twice a calibration's default standard
+        deviation of the gain (0.01).
     cropped
-        Level at which the contact's patch reaches the frame's border over the contact's peak, in [0.01, 1]. At one half
-        the patch at half of the peak, which sizes are read from, runs out of the frame.
+        Level at which the contact's patch meets the frame's border over the contact's peak, in [0.01, 1]. At one half
+        the patch at half of the peak, from which sizes are read, leaves the frame.
     frozen
-        How many frames in a row may be alike bit by bit, in [1, 1000]. A sensor's noise never repeats; 2 lets a frame
-        that was delivered twice pass.
+        Number of identical frames in a row, in [1, 1000]. A sensor's noise never repeats; 2 passes a frame that was
+        delivered twice.
     contact
-        Least peak of a contact above what is untouched, a share of full scale, in [1e-4, 1]: 0.01 is two and a half
-        levels of 8 bits, above what black levels wander by; the frame's own noise may ask for more.
+        Least peak of a contact above the untouched level, a fraction of full scale, in [1e-4, 1]: 0.01 is two and a
+        half levels of 8 bits, more than black levels drift; the frame's own noise may require more.
     dark
-        Least peak of a contact that is bright enough to be read, a share of full scale, in [1e-3, 1]. At 0.05 the
+        Least peak of a contact that is bright enough to read, a fraction of full scale, in [1e-3, 1]. At 0.05 the
         rounding and read noise of one pixel of an 8-bit camera is one part in twenty of the peak.
     moving
-        Change of the light still to come, a share, in [1e-4, 0.5]: that of the settling time of a press.
+        Relative change of the light still to come, in [1e-4, 0.5]: that of the settling time of a press.
     release
-        Part of a limit to which a value must come back before a raised flag is taken down in a live view, in [0.5, 1].
+        Part of a limit below which a live view clears a raised flag, in [0.5, 1].
 
     Raises
     ------
@@ -110,19 +109,19 @@ RANGES = {
 }
 
 
-WORST = 1e6  # a value over its limit is said to be at most so far over it
+WORST = 1e6  # largest reported excess
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardFlag:
-    """One thing that speaks against using a press as it is.
+    """A reason not to use a press as it is.
 
     Attributes
     ----------
     name
         A stable name, one of `GUARD_FLAGS`.
     value, limit
-        What was found and the limit that it passed, in the unit that `GUARD_FLAGS` names.
+        The value and the limit that it passed, in the unit of `GUARD_FLAGS`.
     advice
         What to do, in one line.
     """
@@ -140,13 +139,13 @@ class FlagMeaning:
     Attributes
     ----------
     means
-        In words.
+        Explanation.
     limit
-        The field of `GuardLimits` that it is held against.
+        The field of `GuardLimits` that it is compared with.
     unit
         Of value and limit.
     needs
-        What must be known besides the frame.
+        Inputs besides the frame.
     """
 
     means: str
@@ -155,7 +154,7 @@ class FlagMeaning:
     needs: str = ""
 
 
-CONTACT_SHARE, UNTOUCHED = "share of the contact's light", "an untouched frame"
+CONTACT_FRACTION, UNTOUCHED = "fraction of the contact's light", "an untouched frame"
 GUARD_FLAGS = {
     "frozen": FlagMeaning(
         means="the camera delivers one picture again and again",
@@ -163,41 +162,43 @@ GUARD_FLAGS = {
         unit="identical frames in a row",
         needs="a series of frames",
     ),
-    "no-contact": FlagMeaning(means="nothing stands out of the frame", limit="contact", unit="share of full scale"),
+    "no-contact": FlagMeaning(means="nothing stands out of the frame", limit="contact", unit="fraction of full scale"),
     "force-too-small": FlagMeaning(
         means="pressed too lightly", limit="least_force_n", unit="N", needs="the gauge's force"
     ),
     "force-too-large": FlagMeaning(means="pressed too hard", limit="most_force_n", unit="N", needs="the gauge's force"),
     "saturated": FlagMeaning(
-        means="the camera clips inside the contact", limit="saturated", unit="share of the contact's pixels"
+        means="the camera clips inside the contact", limit="saturated", unit="fraction of the contact's pixels"
     ),
-    "dark-frame": FlagMeaning(means="the contact is too dim to read", limit="dark", unit="share of full scale"),
-    "cropped": FlagMeaning(means="the contact runs out of the frame", limit="cropped", unit="share of the peak"),
+    "dark-frame": FlagMeaning(means="the contact is too dim to read", limit="dark", unit="fraction of full scale"),
+    "cropped": FlagMeaning(means="the contact runs out of the frame", limit="cropped", unit="fraction of the peak"),
     "off-centre": FlagMeaning(
-        means="the contact lies beside the probe's axis", limit="off_centre", unit="share of the contact's radius"
+        means="the contact lies beside the probe's axis", limit="off_centre", unit="fraction of the contact's radius"
     ),
     "tilted": FlagMeaning(
-        means="one side is brighter than in a level press", limit="tilt", unit="share of the brightness, centre to edge"
+        means="one side is brighter than in a level press",
+        limit="tilt",
+        unit="fraction of the brightness, centre to edge",
     ),
     "ambient-light": FlagMeaning(
-        means="light from outside reaches the camera", limit="ambient", unit=CONTACT_SHARE, needs=UNTOUCHED
+        means="light from outside reaches the camera", limit="ambient", unit=CONTACT_FRACTION, needs=UNTOUCHED
     ),
     "flicker": FlagMeaning(
         means="light from outside swings with the mains",
         limit="flicker",
-        unit=CONTACT_SHARE,
+        unit=CONTACT_FRACTION,
         needs="a series of frames with times",
     ),
     "led-drift": FlagMeaning(
         means="the lamps are not as bright as in the reference",
         limit="led_drift",
-        unit="share of the lamps' light",
+        unit="fraction of the lamps' light",
         needs=f"{UNTOUCHED} with a reference patch",
     ),
     "moving": FlagMeaning(
-        means="the press has not settled, or nobody can tell yet",
+        means="the press has not settled, or this is not known yet",
         limit="moving",
-        unit="share of the light still to come",
+        unit="fraction of the light still to come",
         needs="a series of frames with times",
     ),
 }
@@ -205,21 +206,21 @@ GUARD_FLAGS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitExcess:
-    """A number held against its limit.
+    """A value compared with its limit.
 
     Attributes
     ----------
     flag
-        As it would be raised.
+        The flag of the value.
     excess
-        How far the value is beyond the limit, as a factor: above 1 it is raised.
+        The value over the limit as a factor; above 1 the flag is raised.
     """
 
     flag: GuardFlag
     excess: float
 
 
-def findings(
+def limit_excesses(
     reading: GuardReading,
     limits: GuardLimits,
     *,
@@ -227,20 +228,20 @@ def findings(
     flicker_grey: float | None = None,
     in_a_row: int = 0,
 ) -> Iterator[LimitExcess]:
-    """Hold every number that is known against its limit, in the order in which faults are best cured.
+    """Compare every available value with its limit, in the order in which faults are best corrected.
 
     Parameters
     ----------
     reading
-        Of the frame.
+        Values of the frame.
     limits
         The limits.
     settling
-        Of the series; None when it is not known.
+        Of the series; None when unknown.
     flicker_grey
-        Amplitude at the mains' frequencies, grey levels; None when it is not known.
+        Amplitude at the mains' frequencies, grey levels; None when unknown.
     in_a_row
-        Number of identical frames that the frame ends; 0 when it is not known.
+        Number of identical frames up to this one; 0 when unknown.
     """
     if in_a_row:
         advice = f"stop and start the camera: {in_a_row} frames in a row are one and the same picture"
@@ -259,7 +260,7 @@ def findings(
         yield from _contact_findings(reading, limits)
     elif blind:
         yield _clipping(reading.saturated or 0.0, limits)
-    # The light that stray light is held against: what the contact gives, or what a contact would give at the least.
+    # Stray light is compared with the contact's light, at least that of the dimmest readable contact.
     light = max(reading.light, limits.dark * reading.full_scale) if touched else limits.dark * reading.full_scale
     if reading.ambient_grey is not None:
         fraction = reading.ambient_grey / light

@@ -1,4 +1,4 @@
-"""Light that swings with the mains: lamps of the room brighten twice a period, at 100 or 120 Hz."""
+"""Flicker of room lamps with the mains, at 100 or 120 Hz."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ if TYPE_CHECKING:
 
 
 LAMPS_HZ = (100.0, 120.0)
-FRAMES = 64  # of the newest that are looked at: two seconds of 30 frames a second
+FRAMES = 64  # newest frames in the fit: two seconds at 30 frames a second
 FEWEST = 16
-LEAST_PERIODS = 1.5  # of the alias in the series: a slower one looks like a trend
-CONFUSED = 2.0  # variance of the swing over that in even sampling; beyond, stalled frames make trends look like it
-SIGNIFICANT = 5.0  # standard deviations of the amplitude; the series is looked at frame by frame
+LEAST_PERIODS = 1.5  # of the alias in the series: a slower oscillation looks like a trend
+CONFUSED = 2.0  # variance of the amplitude over that of even sampling; beyond, stalled frames alias trends
+SIGNIFICANT = 5.0  # standard deviations of the amplitude; the series is tested at every frame
 
 
 def flicker_amplitude(time_s: Sequence[float], level: Sequence[float]) -> float | None:
-    """Amplitude of the swing with the mains in a series of levels.
+    """Amplitude at the mains' frequencies in a series of levels.
 
-    Frames that are further apart than half a period see the swing at another, lower frequency; a fit at the times of
-    the frames does not mind. Where that frequency is near zero, 100 Hz at 25 or 50 frames a second, every frame sees
-    the same phase, and nothing can be told.
+    Frames more than half a period apart alias the flicker to a lower frequency; a fit at the times of the frames
+    still gives its amplitude. Where the alias is near zero (100 Hz at 25 or 50 frames a second), every frame has the
+    same phase and the amplitude is unknown.
 
     Parameters
     ----------
     time_s
         Times of the frames, s, ascending.
     level
-        Grey level where no press reaches, at each of them.
+        Grey level outside the contact, at each of them.
 
     Returns
     -------
     float or None
-        The amplitude in grey levels, 0 when it does not stand out of the noise; None when nobody can tell.
+        The amplitude in grey levels, 0 when it does not stand out of the noise; None when unknown.
 
     Examples
     --------
@@ -49,8 +49,8 @@ def flicker_amplitude(time_s: Sequence[float], level: Sequence[float]) -> float 
         return None
     time = np.asarray(time_s) - time_s[0]
     values = np.asarray(level, dtype=float)
-    results = [item for item in (_amplitude(time, values, hertz) for hertz in LAMPS_HZ) if item is not None]
-    return max(results) if results else None
+    amplitudes = [item for item in (_amplitude(time, values, hertz) for hertz in LAMPS_HZ) if item is not None]
+    return max(amplitudes) if amplitudes else None
 
 
 def _amplitude(time: NDArray[np.float64], values: NDArray[np.float64], hertz: float) -> float | None:
@@ -68,7 +68,7 @@ def _amplitude(time: NDArray[np.float64], values: NDArray[np.float64], hertz: fl
     spread = float(inverse[3, 3] + inverse[4, 4]) / 2
     if spread * len(time) / 2 > CONFUSED:
         return None
-    left = values - columns @ weights
-    variance = float(left @ left) / (len(time) - columns.shape[1]) * spread
+    residuals = values - columns @ weights
+    variance = float(residuals @ residuals) / (len(time) - columns.shape[1]) * spread
     amplitude = float(np.hypot(weights[3], weights[4]))
     return amplitude if amplitude > SIGNIFICANT * np.sqrt(variance) else 0.0

@@ -1,4 +1,4 @@
-"""The level where no press reaches: beyond the face's rim, or the darkest part of the frame."""
+"""Values of one frame that the guard compares with its limits."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
     from tsis.calibration.guard._reference import FrameShape, GuardReference
 
 
-COARSE = 4  # blocks along the side of what the darkest part is looked for in
-LOWEST = 0.05  # share of the frame whose median starts the search
+COARSE = 4  # blocks along the side of a cell in the search for the darkest part
+LOWEST = 0.05  # fraction of the frame whose median starts the search
 LEAST_FRACTION = 0.1  # of the frame: a smaller dark part may be the foot of a contact that fills the frame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutsideLevel:
-    """Levels where no press reaches.
+    """Levels outside the contact.
 
     Attributes
     ----------
     level
-        Of the change of grey level; 0 or the lowest where nothing is known to be untouched.
+        Of the change of grey level; 0 or the lowest where no part is known to be untouched.
     before, since
-        Level of the untouched frame there, and what was added since, grey levels as the camera delivers them; None
-        without an untouched frame or place. Where light from outside is uneven, that of the brightest quadrant.
+        Level of the untouched frame there, and its change since, raw grey levels; None without an untouched frame or
+        part. Where light from outside is uneven, that of the brightest quadrant.
     mean_grey
-        Mean level there of the frame itself; None where nothing is untouched.
+        Mean level of the frame itself there; None where no part is untouched.
     """
 
     level: float
@@ -47,7 +47,7 @@ class OutsideLevel:
 
 
 def level_outside(grey: NDArray[np.float64], change: NDArray[np.float64], prepared: Prepared) -> OutsideLevel:
-    """Look beyond the face's rim where that is known, else at the darkest part of the change."""
+    """Level beyond the face's rim where that is known, else in the darkest part of the change."""
     if prepared.beyond_rim:
         parts, level = prepared.beyond_rim, None
     else:
@@ -66,7 +66,7 @@ def level_outside(grey: NDArray[np.float64], change: NDArray[np.float64], prepar
 
 
 def darkest(change: NDArray[np.float64]) -> tuple[float, NDArray[np.bool] | None]:
-    """Lowest level of a change, and the blocks that are level with it; None when they are too few to be untouched."""
+    """Lowest level of a change, and the blocks at that level; None when they are too few to be untouched."""
     rows, columns = change.shape
     size = (max(1, columns // COARSE), max(1, rows // COARSE))
     coarse = cv2.resize(change, size, interpolation=cv2.INTER_AREA)
@@ -78,15 +78,15 @@ def darkest(change: NDArray[np.float64]) -> tuple[float, NDArray[np.bool] | None
     return lowest, whole.astype(bool)
 
 
-FOOT = 0.05  # of the peak: where the contact's light counts as its own
+FOOT = 0.05  # of the peak: lower limit of the contact's light
 BORDER_STEPS = 6  # of a bisection: to a sixtieth of the peak
-MOST = 0.5  # of the frame's pixels: when more of them clip it is the frame that is saturated
+MOST = 0.5  # of the frame's pixels: when more of them clip, the frame is saturated
 LEAST_AREA = 9  # blocks: a smaller contact has no moments
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardReading:
-    """Numbers of one frame; None is what cannot be told from what was given.
+    """Values of one frame; None when an input is missing.
 
     Attributes
     ----------
@@ -95,26 +95,25 @@ class GuardReading:
     full_scale
         Grey level at which the camera clips.
     contrast
-        Peak of the change above what is untouched, a share of full scale.
+        Peak of the change above the untouched level, a fraction of full scale.
     noise
-        Least contrast that stands out of the frame's noise, a share of full scale.
+        Least contrast that stands out of the frame's noise, a fraction of full scale.
     light
         Mean change of grey level over the frame.
     tilt
-        Gradient of brightness from the contact's centre to its edge, (x, y), a share.
+        Relative gradient of brightness from the contact's centre to its edge, (x, y).
     off_centre
         Distance of the contact's centre from the axis over the contact's radius.
     saturated
-        Share of the contact's pixels at full scale; of all pixels where most of them are, which leaves no contact to
-        stand out.
+        Fraction of the contact's pixels at full scale; of all pixels where most of them clip, which hides the contact.
     cropped
-        Level at which the contact's patch reaches the frame's border, over the peak.
+        Level at which the contact's patch meets the frame's border, over the peak.
     ambient_grey
         Light from outside, grey levels.
     led_drift
-        Change of the lamps since the reference, a share, signed.
+        Relative change of the lamps since the reference, signed.
     outside_grey
-        Mean level where no press reaches, grey levels, as the camera delivers it.
+        Mean level outside the contact, raw grey levels.
     """
 
     force_n: float | None
@@ -132,14 +131,14 @@ class GuardReading:
 
 
 def read_guard_frame(pixels: NDArray[Any], prepared: Prepared, *, force_n: float | None = None) -> GuardReading:
-    """Read a frame of the shape that the companions were prepared for.
+    """Read a frame of the shape that the reference was prepared for.
 
     Parameters
     ----------
     pixels
-        Grey levels as the camera delivered them.
+        Raw grey levels.
     prepared
-        What the frame is compared with.
+        The reference.
     force_n
         Force of the gauge, N.
     """
@@ -184,10 +183,10 @@ def read_guard_frame(pixels: NDArray[Any], prepared: Prepared, *, force_n: float
 def lamps_and_ambient(
     pixels: NDArray[Any], outside: OutsideLevel, prepared: Prepared
 ) -> tuple[float | None, float | None]:
-    """Change of the lamps, a share, and light from outside, grey levels; None is what cannot be told.
+    """Relative change of the lamps, and light from outside in grey levels; None when unknown.
 
-    Lamps that brighten by r multiply what they light, light from outside adds the same a everywhere. A lit patch P and
-    a place O with less light, both untouched, tell the two apart: ``r = (P - O) / (P0 - O0)`` and
+    Lamps that brighten by r multiply the light that they give; light from outside adds the same a everywhere. A lit
+    patch P and a darker part O, both untouched, separate the two: ``r = (P - O) / (P0 - O0)`` and
     ``a = O - dark - r (O0 - dark)``.
     """
     before, since, dark = outside.before, outside.since, prepared.dark_grey or 0.0
@@ -197,17 +196,17 @@ def lamps_and_ambient(
             return None, None
         return (patch - dark) / (patch_before - dark) - 1.0, None
     if patch is not None and patch_before is not None:
-        if patch_before - before < prepared.least_lit:  # no darker place to compare with
+        if patch_before - before < prepared.least_lit:  # no darker part to compare with
             return (patch - dark) / (patch_before - dark) - 1.0, None
         ratio = (patch - before - since) / (patch_before - before)
         return ratio - 1.0, before + since - dark - ratio * (before - dark)
     if prepared.dark_grey is not None and before - dark >= prepared.least_lit:
-        return since / (before - dark), None  # lit by the lamps: one level cannot tell them from other light
+        return since / (before - dark), None  # lit by the lamps: one level cannot separate them from other light
     return None, since
 
 
 def _around(position: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bool]:
-    """The connected part that holds a block."""
+    """The connected part around a block."""
     labels = cv2.connectedComponents(above.astype(np.uint8))[1]
     return np.asarray(labels == labels[position])
 
@@ -215,7 +214,7 @@ def _around(position: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bo
 def _brightest_at_border(smooth: NDArray[np.float64], position: tuple[int, int]) -> float:
     """Highest level at which the part around the peak touches the frame's border.
 
-    Not the brightest light on the border: the rim of a face that is wider than the frame shines there by itself.
+    The brightest light on the border would be wrong: the rim of a face wider than the frame shines there.
     """
     low, high = 0.0, float(smooth[position])
     for _ in range(BORDER_STEPS):
@@ -251,15 +250,15 @@ def _moments(
 
 
 def _clipped(pixels: NDArray[Any], mask: NDArray[np.bool], prepared: Prepared) -> float:
-    """Share of the contact's pixels at full scale."""
+    """Fraction of the contact's pixels at full scale."""
     clipped = pixels >= prepared.shape.full_scale
     if not np.count_nonzero(clipped):
         return 0.0
     return float(prepared.shape.means(clipped)[mask].mean())
 
 
-def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
-    """Bring a reference to the blocks of the frames.
+def prepare_reference(reference: GuardReference, shape: FrameShape) -> Prepared:
+    """Average a reference over the blocks of the frames.
 
     Raises
     ------
@@ -297,5 +296,5 @@ def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
         return prepared
     tilt = read_guard_frame(reference.level.grey, prepared).tilt
     if tilt is None:
-        raise InputError("the level press shows no contact; press the probe square on plain tissue for it")
+        raise InputError("the level press shows no contact; press the probe square on tissue without inclusion for it")
     return replace(prepared, level_tilt=tilt)

@@ -1,7 +1,7 @@
-"""A frame in blocks: means over squares of pixels, and where they lie on the face.
+"""Guard references, and frames in blocks: means over squares of pixels, and their positions on the face.
 
-Contact, tilt and stray light are wide, so that blocks show them as well as pixels do, with less noise and in a tenth of
-the time. Clipping and the reference patch are looked at pixel by pixel.
+Contact, tilt and stray light vary slowly, so blocks show them as well as pixels, with less noise and in a tenth of the
+time. Clipping and the reference patch are read pixel by pixel.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 
 BLOCKS = 192  # blocks along the longer side: a contact of a tenth of the frame is still twenty blocks wide
-RIM = 1.03  # of the face's radius: beyond it the lens brings no light of the contact
-FEWEST = 20  # blocks of a quadrant with which its level is known
+RIM = 1.03  # of the face's radius: the lens shows no light of the contact beyond it
+FEWEST = 20  # blocks of a quadrant that give its level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameShape:
-    """Size of a frame, and what its pixels mean.
+    """Size and scale of a frame.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class FrameShape:
     full_scale
         Grey level at which the camera clips.
     axis_px
-        Where the probe's axis meets the frame, (x, y) in pixels.
+        Position of the probe's axis in the frame, (x, y) in pixels.
     mm_per_pixel
         Size (x, y) of a pixel, mm; None when unknown, then lengths are in pixels.
     """
@@ -68,7 +68,7 @@ class FrameShape:
         return max(1, max(self.rows, self.columns) // BLOCKS)
 
     def means(self, pixels: NDArray[Any]) -> NDArray[np.float64]:
-        """Mean grey level of each block; a rest of less than a block at the right and lower border is spread."""
+        """Mean grey level of each block; a remainder at the right and lower border is spread over the blocks."""
         size = (max(1, self.columns // self.by), max(1, self.rows // self.by))
         grey = pixels.astype(np.float32, copy=False)  # OpenCV would round the means of whole numbers
         return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.float64)
@@ -84,7 +84,7 @@ class FrameShape:
         return x, y
 
     def beyond_rim(self, radius: float) -> tuple[NDArray[np.bool], ...]:
-        """Blocks of each quadrant beyond a face of that radius; quadrants that hold few are left out."""
+        """Blocks of each quadrant beyond a face of that radius, without quadrants of few blocks."""
         x, y = self.positions()
         far = np.hypot(x[None, :], y[:, None]) > RIM * radius
         parts = [far & ((x > 0) == right)[None, :] & ((y > 0) == low)[:, None] for right in (0, 1) for low in (0, 1)]
@@ -93,29 +93,28 @@ class FrameShape:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GuardReference:
-    """What a press is compared with. Each part is optional, and lets the guard tell more.
+    """Frames and values that a press is compared with. Each part is optional and enables more flags.
 
     Parameters
     ----------
     untouched
-        A frame of the probe that touches nothing: tells light from outside, and what a press adds.
+        A frame of the untouched probe: shows light from outside, and the change by a press.
     level
-        A press held square on plain tissue: the tilt is told against it, as lamps of unequal power light a level press
-        unevenly too. Taken as even when None.
+        A level press on tissue without inclusion: the zero of the tilt, as lamps of unequal power light a level press
+        unevenly too. Assumed even when None.
     patch
-        A part of the frame that the lamps light and no press reaches: tells the lamps' drift; needs ``untouched``.
+        A part of the frame that the lamps light outside every contact: shows the lamps' drift; needs ``untouched``.
     face_radius_mm
-        Radius of the probe's face, mm, in [0.1, 1000]: beyond it nothing is touched. Without it, or where the scale is
-        unknown, the darkest part of the frame is taken as untouched when it is a tenth of the frame or more.
+        Radius of the probe's face, mm, in [0.1, 1000]: the frame is untouched beyond it. Without it or the scale, the
+        darkest part of the frame counts as untouched if it covers a tenth of the frame or more.
     dark_grey
-        What the camera reads without light, grey levels; None when nobody measured it.
-    invert
+        Camera level without light, grey levels; None when it was not measured.
         True for probes whose light falls where they are pressed; needs ``untouched``.
 
     Raises
     ------
     InputError
-        When a part lacks what it needs or is of the wrong kind.
+        When a part lacks its companion or has the wrong type.
     ImageMismatchError
         When the frames differ in size, scale or full scale.
     """
@@ -132,8 +131,8 @@ class GuardReference:
             require_image("untouched", self.untouched)
         if self.level is not None:
             require_same_frame(self.level, self.untouched or self.level, "untouched")
-        for name, requested in (("patch", self.patch is not None), ("invert", self.invert)):
-            if requested and self.untouched is None:
+        for name, present in (("patch", self.patch is not None), ("invert", self.invert)):
+            if present and self.untouched is None:
                 raise InputError(f"{name} needs a frame of the untouched probe to compare with; give untouched")
         if self.patch is not None:
             require_type("patch", self.patch, ReferencePatch)
@@ -147,20 +146,20 @@ class GuardReference:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
-    """A reference in the blocks of one shape of frame, so that each frame costs little.
+    """A reference averaged over the blocks of one frame shape.
 
     Attributes
     ----------
     shape
         Of the frames.
     untouched
-        Blocks of the untouched probe; None when there is none.
+        Blocks of the untouched probe; None without such a frame.
     sign
-        1, or -1 for probes whose light falls where they are pressed.
+        1, or -1 for probes with light where they are pressed.
     positions
         Coordinates (x, y) of the blocks' columns and rows.
     beyond_rim
-        Blocks of each quadrant beyond the face's rim; empty where it is not known or not seen.
+        Blocks of each quadrant beyond the face's rim; empty where it is unknown or outside the frame.
     patch, patch_before
         The reference patch and its level when untouched.
     dark_grey
@@ -181,7 +180,7 @@ class Prepared:
 
     @property
     def least_lit(self) -> float:
-        """Grey levels above dark from which a place counts as lit by the lamps."""
+        """Grey levels above dark from which a part counts as lit by the lamps."""
         return LEAST_LIT * self.shape.full_scale
 
     def patch_level(self, pixels: NDArray[Any]) -> float | None:
@@ -192,9 +191,9 @@ class Prepared:
 
     def check_fits(self, pixels: NDArray[Any], full_scale: float) -> None:
         """Refuse a frame of another shape or depth."""
-        requested = (self.shape.rows, self.shape.columns)
-        if pixels.shape != requested or full_scale != self.shape.full_scale:
+        size = (self.shape.rows, self.shape.columns)
+        if pixels.shape != size or full_scale != self.shape.full_scale:
             raise ImageMismatchError(
-                f"frames must keep the size {requested} and full scale {self.shape.full_scale:g} of the watch; got "
+                f"frames must have the size {size} and full scale {self.shape.full_scale:g} of the watch; got "
                 f"{pixels.shape} and {full_scale:g}: begin a new watch for another mode"
             )

@@ -1,4 +1,4 @@
-"""Does the camera still look? A live sensor never delivers the same picture twice, for its noise."""
+"""The press guard of a live stream: flags with hysteresis, and the histories that they need."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.calibration.guard._flags import GuardLimits, findings
+from tsis.calibration.guard._flags import GuardLimits, limit_excesses
 from tsis.calibration.guard._flicker import FRAMES, flicker_amplitude
-from tsis.calibration.guard._reading import prepared, read_guard_frame
+from tsis.calibration.guard._reading import prepare_reference, read_guard_frame
 from tsis.calibration.guard._reference import FrameShape, GuardReference
 from tsis.calibration.settling import BINS, LONGEST_HOLD_S, assess_history
 from tsis.model import require_number, require_type
@@ -30,22 +30,22 @@ LEAST_NOISY = 0.01  # of the pixels: stuck ones of a black picture are fewer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RepeatedFrames:
-    """How often in a row the same picture came.
+    """Number of identical pictures in a row.
 
     Attributes
     ----------
     checksum
         Of the newest picture's pixels; None before the first.
-    in_a_row
-        Number of frames, the newest one included, whose pixels are alike. Pictures that clip all but everywhere, black
-        or white, are alike without being the same: each counts as the first.
+    count
+        Number of identical frames up to the newest. Sensor noise never repeats; pictures that clip almost everywhere
+        are identical without a fault: each counts as the first.
     """
 
     checksum: int | None = None
-    in_a_row: int = 0
+    count: int = 0
 
     def with_picture(self, pixels: NDArray[Any]) -> RepeatedFrames:
-        """The count with one picture more.
+        """The count after one more picture.
 
         Examples
         --------
@@ -53,25 +53,25 @@ class RepeatedFrames:
         >>> grey, black = np.arange(9.0).reshape(3, 3), np.zeros((3, 3))
         >>> for picture in (grey, grey, grey):
         ...     still = still.with_picture(picture)
-        >>> still.in_a_row, still.with_picture(black).with_picture(black).in_a_row
+        >>> still.count, still.with_picture(black).with_picture(black).count
         (3, 1)
         """
         checksum = zlib.crc32(np.ascontiguousarray(pixels).data)
         again = checksum == self.checksum and _noisy(pixels)
-        return RepeatedFrames(checksum=checksum, in_a_row=self.in_a_row + 1 if again else 1)
+        return RepeatedFrames(checksum=checksum, count=self.count + 1 if again else 1)
 
 
 def _noisy(pixels: NDArray[Any]) -> bool:
-    """Whether enough pixels lie between the picture's extremes, so that noise would show."""
+    """Whether enough pixels lie between the picture's extremes to show noise."""
     return bool(((pixels > pixels.min()) & (pixels < pixels.max())).mean() > LEAST_NOISY)
 
 
-STEP = 0.05  # a change between neighbouring bins that is no settling tail but another press
+STEP = 0.05  # a larger relative change between neighbouring bins is another press, not settling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressHistory:
-    """Averages of a series since the press began to be held.
+    """Averages of a series since the start of the press.
 
     Attributes
     ----------
@@ -80,11 +80,11 @@ class PressHistory:
     per_bin
         Samples in each of them, a power of two.
     open_time_s, open_value
-        Sums over the samples that do not fill a bin yet.
+        Sums over the samples of the incomplete bin.
     open_count
         Their number.
     last_s
-        Time of the newest sample; None when there is none.
+        Time of the newest sample; None before the first.
     """
 
     time_s: tuple[float, ...] = ()
@@ -96,7 +96,7 @@ class PressHistory:
     last_s: float | None = None
 
     def with_sample(self, time_s: float, value: float) -> PressHistory:
-        """The history with one sample more; a new one where time runs back or the value steps.
+        """The history after one more sample; a new one where time runs back or the value steps.
 
         Examples
         --------
@@ -135,20 +135,20 @@ class PressHistory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchState:
-    """What a watch remembers from frame to frame, of bounded size.
+    """State of a watch between frames, of bounded size.
 
     Attributes
     ----------
     raised
-        Names of the flags that are up.
+        Names of the raised flags.
     history
         Light of the present press.
     outside
-        Time and level where no press reaches, of the newest frames.
+        Time and level outside the contact, of the newest frames.
     stillness
-        How often in a row the newest picture came.
+        Number of identical pictures in a row.
     reading, settling
-        Of the newest frame; None before the first, and ``settling`` without contact or times.
+        Of the newest frame; None before the first; ``settling`` also without contact or times.
     """
 
     raised: frozenset[str] = frozenset()
@@ -162,24 +162,24 @@ class WatchState:
 class PressWatch:
     """A press guard for the frames of one camera in one mode.
 
-    A flag goes up when its value passes the limit, and comes down when the value has come back to the part ``release``
-    of it: between the two nothing changes, so that noise at a limit does not make flags flicker.
+    A flag is raised when its value passes the limit, and cleared when the value is back below ``release`` times the
+    limit. The hysteresis prevents flags from flickering at a limit.
 
     Parameters
     ----------
     shape
         Of the frames: ``FrameShape.of(image)``.
     reference
-        What presses are compared with; see `GuardReference`.
+        What presses are compared with.
     limits
         The thresholds.
     longest_s
-        Longest time constant of the tissue to be reckoned with, s: see `tsis.calibration.settling.judge_settling`.
+        Longest assumed time constant of the tissue, s: see `tsis.calibration.settling.assess_settling`.
 
     Raises
     ------
     InputError
-        When an argument is of the wrong kind.
+        When an argument has the wrong type.
     ImageMismatchError
         When the reference is of another size or depth than the frames.
 
@@ -208,27 +208,27 @@ class PressWatch:
         self.limits = GuardLimits() if limits is None else limits
         require_type("limits", self.limits, GuardLimits)
         self._longest_s = require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
-        self._prepared: Prepared = prepared(reference, shape)
+        self._prepared: Prepared = prepare_reference(reference, shape)
 
     def step(
         self, state: WatchState, frame: Frame, force_n: float | None = None
     ) -> tuple[tuple[GuardFlag, ...], WatchState]:
-        """Look at the next frame.
+        """Check the next frame.
 
         Parameters
         ----------
         state
-            What the step before returned; ``WatchState()`` at the start.
+            Returned by the step before; ``WatchState()`` at the start.
         frame
-            As the camera delivered it. Without ``time_s`` neither settling nor flicker is checked; a time that runs
-            back, after a camera was lost, begins a new press.
+            The raw camera frame. Without ``time_s`` neither settling nor flicker is checked; a time that runs back,
+            after a camera was lost, begins a new press.
         force_n
             Force of the gauge at that time, N; None when unknown.
 
         Returns
         -------
         tuple of GuardFlag
-            Those that are up.
+            Raised flags.
         WatchState
             For the next step.
 
@@ -244,19 +244,19 @@ class PressWatch:
             require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
         reading = read_guard_frame(frame.pixels, self._prepared, force_n=force_n)
         history, outside = self._remembered(state, frame.time_s, reading)
-        # Between two closed bins the series is the same, and so is the verdict.
+        # Between two complete bins the series is the same, and so is the result.
         settling = state.settling if history.time_s is state.history.time_s else self._assess(history)
         stillness = state.stillness.with_picture(frame.pixels)
-        result = findings(
+        excesses = limit_excesses(
             reading,
             self.limits,
             settling=settling,
             flicker_grey=flicker_amplitude(*_columns(outside)),
-            in_a_row=stillness.in_a_row,
+            in_a_row=stillness.count,
         )
         up = tuple(
             item.flag
-            for item in result
+            for item in excesses
             if item.excess > (self.limits.release if item.flag.name in state.raised else 1.0)
         )
         raised = frozenset(flag.name for flag in up)

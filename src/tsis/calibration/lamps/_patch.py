@@ -1,4 +1,4 @@
-"""Drift of the lamps, read off a part of the frame that no press reaches, and taken out of the frame."""
+"""Drift of the lamps, read from a reference patch outside every contact, and its correction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-LEAST_LIT = 0.02  # of full scale: a patch darker than this measures the black level and not the lamps
+LEAST_LIT = 0.02  # of full scale: a darker patch shows the black level, not the lamps
 LEAST_PIXELS = 16
 ROUNDING = 12.0**-0.5  # standard deviation of rounding to whole grey levels
 
@@ -27,12 +27,12 @@ PixelBox = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferencePatch:
-    """A rectangle of the frame that the lamps light and no press reaches.
+    """A rectangle of the frame that the lamps light outside every contact.
 
     Parameters
     ----------
     first_row, last_row, first_column, last_column
-        Its ends in pixels, the last ones not included; at least 16 pixels together.
+        Its ends in pixels, the last ones excluded; at least 16 pixels together.
 
     Raises
     ------
@@ -64,7 +64,7 @@ class ReferencePatch:
 
     @classmethod
     def from_px(cls, patch_px: PixelBox) -> Self:
-        """The patch from (left, top, right, bottom) in pixels, right and bottom not included, as files hold it.
+        """The patch from (left, top, right, bottom) in pixels, right and bottom excluded, as in files.
 
         Examples
         --------
@@ -92,14 +92,14 @@ class ReferencePatch:
         Raises
         ------
         InputError
-            When it reaches beyond the frame.
+            When it extends beyond the frame.
         """
         require_image("image", image)
         self.require_inside(image.grey.shape)
         return replace(image, grey=self.cut(image.grey), axis_px=None)
 
     def require_inside(self, shape: tuple[int, ...]) -> None:
-        """Refuse a frame of (rows, columns) that the patch reaches beyond."""
+        """Refuse a frame of (rows, columns) that does not contain the patch."""
         rows, columns = shape
         if self.last_row > rows or self.last_column > columns:
             raise InputError(
@@ -113,7 +113,7 @@ class ReferencePatch:
 
 
 def require_lit(light_grey: float, full_scale: float) -> None:
-    """Refuse a patch whose mean lies so few grey levels above dark that it shows the black level and not the lamps."""
+    """Refuse a patch so near the dark level that it shows the black level, not the lamps."""
     if light_grey < LEAST_LIT * full_scale:
         raise InputError(
             f"reference patch must be lit by at least {LEAST_LIT:.0%} of full scale to follow the lamps; it is "
@@ -124,26 +124,26 @@ def require_lit(light_grey: float, full_scale: float) -> None:
 def patch_ratio(
     image: TactileImage, reference: TactileImage, *, patch: ReferencePatch, dark_grey: float = 0.0
 ) -> MeasuredValue:
-    """How bright the lamps are, as a ratio to what they were in the reference.
+    """Brightness of the lamps relative to the reference.
 
     Parameters
     ----------
     image, reference
-        Frames as the camera delivered them, of one camera and mode; the patch is untouched in both.
+        Raw frames of one camera and mode; the patch is untouched in both.
     patch
-        Where both are compared.
+        Part of the frame that is compared.
     dark_grey
-        What the camera reads without light, grey levels; ambient light falls under it when it is the same in both.
+        Camera level without light, grey levels; includes ambient light that is the same in both.
 
     Returns
     -------
     Measured
-        Ratio of the patch's means above ``dark_grey``; its deviation is that of the pixels' noise, rounding included.
+        Ratio of the patch's means above ``dark_grey``, with the uncertainty from noise and rounding of the pixels.
 
     Raises
     ------
     InputError
-        When the patch leaves the frame, is clipped, or is so dark that it shows the black level and not the lamps.
+        When the patch leaves the frame, is clipped, or is too dark to show the lamps.
     ImageMismatchError
         When the frames differ in size, scale or full scale.
 
@@ -175,21 +175,21 @@ def _level(name: str, image: TactileImage, patch: ReferencePatch, dark_grey: flo
 
 
 def drift_corrected(image: TactileImage, ratio: MeasuredValue | float, *, dark_grey: float = 0.0) -> TactileImage:
-    """The frame as the lamps of the reference would have shown it: its light over the ratio of `patch_ratio`.
+    """Scale the light of a frame to the lamps of the reference, by the ratio of `patch_ratio`.
 
     Parameters
     ----------
     image
-        A frame as the camera delivered it.
+        A raw camera frame.
     ratio
         Of the lamps to those of the reference, in [0.05, 20].
     dark_grey
-        What the camera reads without light, grey levels; it does not drift with the lamps and stays.
+        Camera level without light, grey levels; it does not drift with the lamps.
 
     Returns
     -------
     TactileImage
-        ``dark_grey + (image - dark_grey) / ratio``. Clipped pixels were clipped before: look for them in the original.
+        ``dark_grey + (image - dark_grey) / ratio``. Test the original frame for clipped pixels.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""How lamps warm up: ``level (1 + A exp(-t / tau))``, fitted to ratios of a reference patch over time.
+"""Warm-up of lamps: ``level (1 + A exp(-t / tau))``, fitted to ratios of a reference patch over time.
 
-Lamps wander besides. A fit that takes the wander for white noise states intervals that are several times too short, so
-the noise is white plus a random walk, whose share is weighed like the time constant: both on a grid, level and
-amplitude in closed form.
+Lamps also drift at random. A fit that assumes white noise gives intervals several times too short, so the noise model
+is white noise plus a random walk. Its variance and the time constant are integrated over a grid, level and amplitude
+in closed form.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-FEWEST = 12  # values: two of the line, two of the noise, and enough to tell them
-MOST = 150  # the series is averaged to at most so many
+FEWEST = 12  # values: four parameters and enough degrees of freedom
+MOST = 150  # longer series are averaged down to this length
 TAUS = 100  # time constants, from a step of the series to `LONGEST_TIME_CONSTANT` times its length
 LONGEST_TIME_CONSTANT = 3.0  # beyond it an exponential is a line
-WALKS = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # variance of the wander at the end over noise's
+WALKS = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # final variance of the walk over the noise's
 NEGLIGIBLE = 1e-6  # probability of a time constant on the first, coarse grid
-EDGE = 0.5  # probability of time constants longer than the series from which the level counts as not seen
+EDGE = 0.5  # probability of time constants longer than the series from which the level counts as unknown
 SIGNIFICANT = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WarmUp:
-    """Fit of the lamps' warming up.
+    """Fit of the lamps' warm-up.
 
     Attributes
     ----------
     amplitude
-        How much brighter than warm the lamps were at time 0, a share; negative where they grow brighter.
+        Relative excess of the light at time 0 over that of warm lamps; negative where they brighten.
     time_constant_s
-        Of warming up, s.
+        Time constant of the warm-up, s.
     level
         Ratio when warm.
     """
@@ -51,7 +51,7 @@ class WarmUp:
     def wait_s(self, fraction: float, *, now_s: float = 0.0) -> float:
         """Seconds from ``now_s`` after switching on until the light is within ``fraction`` of that when warm.
 
-        The largest amplitude and the longest time constant of their 95 % intervals are reckoned with.
+        The wait uses the upper ends of the 95 % intervals of amplitude and time constant.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class WarmUp:
         >>> round(lamps.wait_s(0.01))
         483
         """
-        require_number("fraction", fraction, 1e-5, 1.0, hint="a share of the warm lamps' light")
+        require_number("fraction", fraction, 1e-5, 1.0, hint="a fraction of the warm lamps' light")
         require_number("now_s", now_s, 0.0, 1e7, hint="seconds")
         largest = max(abs(end) for end in self.amplitude.interval())
         if largest <= fraction:
@@ -74,7 +74,7 @@ class WarmUp:
 
 
 def fit_warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
-    """Fit how lamps warm up.
+    """Fit the warm-up of lamps.
 
     Parameters
     ----------
@@ -86,26 +86,26 @@ def fit_warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
     Returns
     -------
     WarmUp
-        The three numbers with their deviations.
+        The three parameters with their uncertainties.
 
     Raises
     ------
     InputError
         When the series is too short, holds NaN, does not ascend or is not positive.
     CalibrationError
-        When the lamps still change so evenly at its end that the level they settle to cannot be told.
+        When the lamps still change at the end, so that their final level is unknown.
 
     Examples
     --------
     >>> minutes = np.arange(0.0, 2400.0, 20.0)
     >>> noise = 1e-4 * np.random.default_rng(1).standard_normal(minutes.size)
-    >>> found = fit_warm_up(minutes, 1 + 0.05 * np.exp(-minutes / 300.0) + noise)
-    >>> round(found.amplitude.value, 3), round(found.time_constant_s.value / 60, 1)
+    >>> fit = fit_warm_up(minutes, 1 + 0.05 * np.exp(-minutes / 300.0) + noise)
+    >>> round(fit.amplitude.value, 3), round(fit.time_constant_s.value / 60, 1)
     (0.05, 5.0)
     """
     time, value = _checked(time_s, ratio)
     by = -(-len(time) // MOST)
-    first = len(time) % by  # the newest are kept
+    first = len(time) % by  # the oldest remainder is dropped
     time, value = (part[first:].reshape(-1, by).mean(axis=1) for part in (time, value))
     taus = np.geomspace(float(np.diff(time).min()), LONGEST_TIME_CONSTANT * float(time[-1]), TAUS)
     coarse = _posterior(time, value, taus)[0].reshape(len(WALKS), TAUS).sum(axis=0)
@@ -142,7 +142,7 @@ def _checked(time_s: ArrayLike, ratio: ArrayLike) -> tuple[NDArray[np.float64], 
 def _posterior(
     time: NDArray[np.float64], value: NDArray[np.float64], taus: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Probability, (level, level * A) and their deviations, by wander and time constant."""
+    """Probability, (level, level * A) and their standard deviations, by random walk and time constant."""
     fits = [_weighed(time, value, taus, walk) for walk in WALKS]
     logs, means, spreads = (np.concatenate([fit[i] for fit in fits]) for i in range(3))
     weight = np.exp(logs - logs.max())
@@ -152,23 +152,23 @@ def _posterior(
 def _weighed(
     time: NDArray[np.float64], value: NDArray[np.float64], taus: NDArray[np.float64], walk: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Logarithm of the restricted likelihood, (level, level * A) and their deviations, by time constant."""
+    """Logarithm of the restricted likelihood, (level, level * A) and their standard deviations, by time constant."""
     since = time - time[0]
     noise = np.eye(len(time)) + walk * np.minimum(since[:, None], since) / since[-1]
     root = np.linalg.cholesky(noise)
     columns = np.column_stack([np.ones_like(time), value, np.exp(-time[:, None] / taus)])
     white = np.linalg.solve(root, columns)
-    item, observed, fading = white[:, 0], white[:, 1], white[:, 2:]
+    constant, observed, fading = white[:, 0], white[:, 1], white[:, 2:]
     normal = np.empty((len(taus), 2, 2))
-    normal[:, 0, 0], normal[:, 1, 1] = item @ item, (fading**2).sum(axis=0)
-    normal[:, 0, 1] = normal[:, 1, 0] = item @ fading
-    right = np.stack([np.full(len(taus), item @ observed), observed @ fading], axis=1)
+    normal[:, 0, 0], normal[:, 1, 1] = constant @ constant, (fading**2).sum(axis=0)
+    normal[:, 0, 1] = normal[:, 1, 0] = constant @ fading
+    right = np.stack([np.full(len(taus), constant @ observed), observed @ fading], axis=1)
     inverse = np.linalg.inv(normal)
     mean = np.einsum("tij,tj->ti", inverse, right)
-    left = np.maximum(observed @ observed - (mean * right).sum(axis=1), 1e-14 * (observed @ observed))
+    squares = np.maximum(observed @ observed - (mean * right).sum(axis=1), 1e-14 * (observed @ observed))
     free = len(time) - 2
-    logs = -(free * np.log(left) + np.linalg.slogdet(normal)[1]) / 2 - np.log(np.diag(root)).sum()
-    spread = np.sqrt(np.einsum("tii->ti", inverse) * (left / free)[:, None])
+    logs = -(free * np.log(squares) + np.linalg.slogdet(normal)[1]) / 2 - np.log(np.diag(root)).sum()
+    spread = np.sqrt(np.einsum("tii->ti", inverse) * (squares / free)[:, None])
     return logs, mean, spread
 
 

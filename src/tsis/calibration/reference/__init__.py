@@ -1,4 +1,4 @@
-"""What a camera sees without contact, and what later frames are corrected with."""
+"""The camera reference: dark frame, untouched probe, flat field and noise, and the correction of later frames."""
 
 from tsis.calibration.reference._make import make_reference
 from tsis.calibration.reference._noise import PhotonTransfer, photon_transfer

@@ -1,4 +1,4 @@
-"""Make a `CameraReference` from dark, untouched and flat frames: means, bad pixels, light pattern and noise."""
+"""Compute a `CameraReference` from dark, untouched and flat frames: means, bad pixels, light pattern and noise."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 
 LEAST_FRAMES = 4
-BAD_FACTOR = 8.0  # robust standard deviations by which a hot or dead pixel stands out
-MOST_BAD = 0.02  # share of bad pixels that a camera may have
-SMOOTH_PX = 2.0  # about as fine as a lens lets light vary
-READ_AND_ROUNDING = 0.5  # variance of a pixel without light, of which photons in a bright patch make many times as much
+BAD_FACTOR = 8.0  # robust standard deviations at which a pixel counts as hot or dead
+MOST_BAD = 0.02  # largest fraction of bad pixels
+SMOOTH_PX = 2.0  # finest variation of the light behind a lens
+READ_AND_ROUNDING = 0.5  # variance of a pixel without light; photons in a bright patch add many times as much
 
 
 def make_reference(
@@ -47,20 +47,20 @@ def make_reference(
     untouched
         Frames of the untouched probe, the lamps on, 4 or more.
     flats
-        For each level of light 4 or more frames of even contact with the whole face (or of another even light that
-        takes the same way). Without any, light counts as even, and the noise must be told from the untouched frames.
+        4 or more frames for each level of light, of even contact with the whole face (or of another even light on
+        the same path). Without them the light counts as even, and the noise follows from the untouched frames.
     patch_px
-        Where the lamps are seen past the probe: (left, top, right, bottom) in pixels, ends excluded.
+        Reference patch that shows the lamps past the probe: (left, top, right, bottom) in pixels, ends excluded.
     scenes
-        4 or more frames each of still scenes in any light, for the camera's noise alone.
+        4 or more frames of each still scene in any light, for the camera's noise alone.
 
     Raises
     ------
     CalibrationError
-        When frames are too few, clip, or lie the wrong way round (dark brighter than untouched), or when too many
-        pixels are bad.
+        When frames are too few, clip, or appear swapped (dark brighter than untouched), or when too many pixels are
+        bad.
     InputError
-        When the reference patch leaves the frame, holds too few pixels, or the lamps light it too little.
+        When the reference patch leaves the frame, has too few pixels, or is too dark.
     ImageMismatchError
         When the frames have different sizes or full scales.
     """
@@ -109,7 +109,7 @@ def make_reference(
 
 
 def _single(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values that single precision holds, finer than any noise here: files of them are half as large."""
+    """Round to single precision, finer than any noise here: files are half as large."""
     return values.astype(np.float32).astype(float)
 
 
@@ -120,32 +120,32 @@ def _lamps_of(
     if patch is None:
         return np.ones(len(frames))
     patch.require_inside(base.shape)
-    observed = patch.cut(frames - base).mean(axis=(1, 2))
-    require_lit(float(observed.min()), full_scale)
-    return np.asarray(observed / observed.mean())
+    light = patch.cut(frames - base).mean(axis=(1, 2))
+    require_lit(float(light.min()), full_scale)
+    return np.asarray(light / light.mean())
 
 
 def _require_lit(
     patch: ReferencePatch, dark: NDArray[np.float64], light: NDArray[np.float64], full_scale: float
 ) -> None:
-    """Refuse what the press guard would: it knows the mean of the dark frame and not its place in the patch."""
+    """Apply the press guard's limit, which uses the mean of the dark frame instead of its level in the patch."""
     require_lit(float(patch.cut(dark + light).mean()) - float(dark.mean()), full_scale)
 
 
 def _patch_light(
     frames: NDArray[np.float64], base: NDArray[np.float64], patch: ReferencePatch | None, shot: float
 ) -> tuple[MeasuredValue | None, float]:
-    """Mean light of the patch, and how well one frame tells the lamps."""
+    """Mean light of the patch, and the relative standard deviation of one frame's lamp level."""
     if patch is None:
         return None, 0.0
     light = patch.cut(frames - base)
     mean, count = float(light.mean()), light[0].size
-    item = float(np.sqrt((shot * mean + READ_AND_ROUNDING) / count))
-    return MeasuredValue(value=mean, sd=item / float(np.sqrt(len(frames))), unit="grey"), item / mean
+    sd = float(np.sqrt((shot * mean + READ_AND_ROUNDING) / count))
+    return MeasuredValue(value=mean, sd=sd / float(np.sqrt(len(frames))), unit="grey"), sd / mean
 
 
 def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDArray[np.bool]:
-    """Pixels that stand out of their neighbours without light, or that do not answer to it."""
+    """Pixels that differ from their neighbours in the dark or in even light."""
     bad = _outliers(dark.mean(axis=0))
     for level in flats:
         bad |= _outliers(level.mean(axis=0))
@@ -159,9 +159,9 @@ def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDA
 
 def _outliers(mean: NDArray[np.float64]) -> NDArray[np.bool]:
     smooth = cv2.medianBlur(mean.astype(np.float32), 5).astype(float)
-    left = mean - smooth
-    spread = GAUSSIAN_MAD * float(np.median(np.abs(left - np.median(left))))
-    return np.asarray(np.abs(left) > np.maximum(BAD_FACTOR * max(spread, 0.25), 0.15 * np.abs(smooth)))
+    residuals = mean - smooth
+    spread = GAUSSIAN_MAD * float(np.median(np.abs(residuals - np.median(residuals))))
+    return np.asarray(np.abs(residuals) > np.maximum(BAD_FACTOR * max(spread, 0.25), 0.15 * np.abs(smooth)))
 
 
 def _relative(
@@ -171,7 +171,7 @@ def _relative(
     field: NDArray[np.bool],
     patch: ReferencePatch | None,
 ) -> NDArray[np.float64]:
-    """Light over the face relative to its mean over the good pixels; each level counts by its light."""
+    """Light over the face relative to its mean over the good pixels; levels are weighted by their light."""
     total = np.zeros_like(base)
     for level in flats:
         lit = level - base
@@ -188,7 +188,7 @@ def _relative(
 
 
 def _smoothed(relative: NDArray[np.float64], field: NDArray[np.bool]) -> NDArray[np.float64]:
-    """The map of light without its pixels' noise, which all later frames would share; good pixels alone count."""
+    """The map of light without pixel noise, which all later frames would inherit; only good pixels count."""
     weight = field.astype(float)
-    given, sums = (cv2.GaussianBlur(part, (0, 0), SMOOTH_PX) for part in (weight, weight * relative))
-    return np.where(field, sums / np.maximum(given, 1e-9), relative)
+    weights, sums = (cv2.GaussianBlur(part, (0, 0), SMOOTH_PX) for part in (weight, weight * relative))
+    return np.where(field, sums / np.maximum(weights, 1e-9), relative)

@@ -1,8 +1,8 @@
 """Photon transfer: the camera's read noise and shot noise from repeated frames at several levels of light.
 
-A pixel's variance is ``read**2 + 1/12 + shot * light``: read noise, rounding to whole grey levels, and photons. Where
-noise is only some tenths of a level, rounding is not white and its share depends on where between two whole levels the
-mean lies; the first harmonic of that is taken into account,
+A pixel's variance is ``read**2 + 1/12 + shot * light``: read noise, rounding to whole grey levels, and photons. Under
+noise of some tenths of a level rounding is not white; its variance then depends on the position of the mean between
+two whole levels. The fit includes the first harmonic of this dependence,
 
     var(rounded) = s**2 + 1/12 - (4 s**2 + 1/pi**2) q cos(2 pi mean) - (q sin(2 pi mean) / pi)**2
 
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 BANDS = 12  # of the frame, of one level
 LEAST_PIXELS = 200  # in a band
 LEAST_LIGHT_GREY = 10.0  # with less, the whole frame is one band
-CLIPPED_FRACTION = 1e-3  # of the pixels; more of them would cut the noise
-CHANCE = 0.99  # probability up to which the points' scatter about the line is taken for chance
-FAINTEST = 0.1  # of a phase that noise blurred, below which it says nothing
+CLIPPED_FRACTION = 1e-3  # of the pixels; more of them would reduce the noise
+CHANCE = 0.99  # probability below which the points' scatter about the line counts as chance
+FAINTEST = 0.1  # of a phase after blurring by noise, below which it is not used
 LEAST_NOISE_GREY = 0.3  # below it, rounding hides the noise
 
 
@@ -43,9 +43,9 @@ class PhotonTransfer:
     Attributes
     ----------
     read_noise_grey
-        Standard deviation without light, grey levels, rounding taken away.
+        Standard deviation without light, grey levels, without rounding.
     shot_noise_grey
-        Variance a grey level of light: full scale over the full well.
+        Variance per grey level of light: full scale over the full well.
     """
 
     read_noise_grey: MeasuredValue
@@ -88,14 +88,14 @@ def photon_transfer(
     usable: NDArray[np.bool],
     full_scale: float,
 ) -> PhotonTransfer:
-    """Fit the line of variance over light.
+    """Fit the line of variance against light.
 
     Parameters
     ----------
     dark
         Frames without light, shape (n, rows, columns), n >= 2.
     levels
-        For each level of light its frames, each of such a shape; the lamps may flicker from frame to frame.
+        Frames of each level of light, each of such a shape; the lamps may flicker from frame to frame.
     usable
         Pixels that are neither hot nor dead, shape (rows, columns).
     full_scale
@@ -104,7 +104,7 @@ def photon_transfer(
     Raises
     ------
     CalibrationError
-        When pixels clip, when all levels are dark, or when the noise is smaller than rounding can show.
+        When pixels clip, when all levels are dark, or when rounding hides the noise.
     """
     points = []
     base = dark.mean(axis=0)
@@ -121,31 +121,31 @@ def photon_transfer(
 
 
 def _points(values: NDArray[np.float64], base: NDArray[np.float64], *, is_dark: bool) -> list[_Point]:
-    """Variance over light in bands of one level; ``values`` has the shape (frames, pixels)."""
+    """Variance against light in bands of one level; ``values`` has the shape (frames, pixels)."""
     frames = len(values)
     mean = values.mean(axis=0)
     light = np.zeros_like(mean) if is_dark else mean - base
     level = float(light.mean())
-    # A lamp that flickers scales the light of its whole frame; without light only a common offset is left to take away.
+    # A flickering lamp scales the light of its whole frame; without light a common offset remains.
     shift = values.mean(axis=1) - mean.mean()
     shape = light / level if level > 1 else np.ones_like(light)
-    left = values - mean - shift[:, None] * shape
-    variance = np.einsum("ij,ij->j", left, left) / (frames - 1)
+    residuals = values - mean - shift[:, None] * shape
+    variance = np.einsum("ij,ij->j", residuals, residuals) / (frames - 1)
     bands = 1 if level <= LEAST_LIGHT_GREY else max(1, min(BANDS, len(mean) // LEAST_PIXELS))
-    results = []
+    points = []
     for part in np.array_split(np.arange(len(mean)), bands):  # bands of the frame: sorting by light would sort by noise
         observed = float(variance[part].mean())
         true = _unrounded(observed, complex(np.exp(2j * np.pi * mean[part]).mean()), frames)
         error = observed * np.sqrt(2 / (len(part) * (frames - 1)))
-        results.append(_Point(float(light[part].mean()), true, error))
-    return results
+        points.append(_Point(float(light[part].mean()), true, error))
+    return points
 
 
 def _unrounded(observed: float, phase: complex, frames: int) -> float:
-    """Variance before rounding; ``phase`` is the mean of exp(2 pi i m) over pixel means m of so many frames."""
+    """Variance before rounding; ``phase`` is the mean of exp(2 pi i m) over pixel means m of ``frames`` frames."""
     true, bare = max(observed - 1 / 12, LEAST_NOISE_GREY**2 / 2), phase
     for _ in range(30):
-        bare = phase / _left_of_phase(true, bare, frames)
+        bare = phase / _phase_attenuation(true, bare, frames)
         bare /= max(1.0, abs(bare))
         q = float(np.exp(-2 * np.pi**2 * true))
         harmonic = (4 * true + 1 / np.pi**2) * q * bare.real + (q * bare.imag / np.pi) ** 2
@@ -153,17 +153,17 @@ def _unrounded(observed: float, phase: complex, frames: int) -> float:
     return true
 
 
-def _left_of_phase(variance: float, phase: complex, frames: int) -> complex:
-    """What is left of exp(2 pi i mean) when the mean is that of so many noisy, rounded frames.
+def _phase_attenuation(variance: float, phase: complex, frames: int) -> complex:
+    """Attenuation of exp(2 pi i mean) for the mean of n noisy, rounded frames.
 
-    It is the n-th power of the rounded normal's characteristic function at 2 pi / n, of which rounding folds the part
-    at 2 pi / n - 2 pi onto it.
+    It is the n-th power of the rounded normal's characteristic function at 2 pi / n; rounding folds the part at
+    2 pi / n - 2 pi onto it.
     """
     t = 2 * np.pi / frames
     near = float(np.sin(t / 2) / (t / 2) * np.exp(-variance * t**2 / 2))
     folded = float(np.sin(t / 2) / (np.pi - t / 2) * np.exp(-variance * (2 * np.pi - t) ** 2 / 2))
-    left = (near + folded * phase.conjugate()) ** frames
-    return left if abs(left) > FAINTEST else complex(FAINTEST)
+    attenuation = (near + folded * phase.conjugate()) ** frames
+    return attenuation if abs(attenuation) > FAINTEST else complex(FAINTEST)
 
 
 def _line(points: list[_Point]) -> PhotonTransfer:
@@ -174,18 +174,18 @@ def _line(points: list[_Point]) -> PhotonTransfer:
             f"brightest had {light.max():.1f} (add flat-field frames)"
         )
     design = np.stack([np.ones_like(light), light], axis=1) / error[:, None]
-    result, *_ = np.linalg.lstsq(design, variance / error, rcond=None)
+    line, *_ = np.linalg.lstsq(design, variance / error, rcond=None)
     freedom = len(points) - 2
-    misfit = float(np.sum((variance / error - design @ result) ** 2)) / max(freedom, 1)
+    misfit = float(np.sum((variance / error - design @ line) ** 2)) / max(freedom, 1)
     covariance = np.linalg.inv(design.T @ design)
     if freedom > 0 and misfit > scipy.stats.chi2.ppf(CHANCE, freedom) / freedom:
-        covariance = covariance * misfit  # more scatter than the number of pixels explains is error, too
-    if result[0] < LEAST_NOISE_GREY**2:
+        covariance = covariance * misfit  # scatter beyond that of the number of pixels is an error, too
+    if line[0] < LEAST_NOISE_GREY**2:
         raise CalibrationError(
             f"the read noise must be at least {LEAST_NOISE_GREY:g} grey levels to be seen through rounding; got a "
-            f"variance of {result[0]:.3g} (raise the gain, or record more bits)"
+            f"variance of {line[0]:.3g} (raise the gain, or record more bits)"
         )
-    read, slope = float(np.sqrt(result[0])), float(result[1])
+    read, slope = float(np.sqrt(line[0])), float(line[1])
     return PhotonTransfer(
         read_noise_grey=MeasuredValue(value=read, sd=float(np.sqrt(covariance[0, 0])) / (2 * read), unit="grey"),
         shot_noise_grey=MeasuredValue(value=slope, sd=float(np.sqrt(covariance[1, 1])), unit="grey"),

@@ -1,4 +1,4 @@
-"""Dark frame, flat field and untouched probe: what every later frame of the camera is corrected with."""
+"""Dark frame, flat field and untouched probe: the correction of every later frame of the camera."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-LEAST_LIGHT = 0.2  # of the mean: what is darker is not divided by
+LEAST_LIGHT = 0.2  # of the mean: darker pixels are not divided by
 SATURATED_FRACTION = 1e-4  # of the good pixels that may clip
-LAMP_RANGE = (0.8, 1.25)  # times the light at the reference, which no warm lamp leaves
+LAMP_RANGE = (0.8, 1.25)  # of the light at the reference; warm lamps stay within it
 LAMPS_OFF = 0.5  # of the untouched light
-UNSEEN_DRIFT = 0.01  # of the lamps, where no reference patch tells
+UNSEEN_DRIFT = 0.01  # of the lamps, assumed without a reference patch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraReference:
-    """What a camera sees without contact, and how its pixels differ.
+    """The camera's frames without contact, and the differences of its pixels.
 
     Parameters
     ----------
@@ -40,24 +40,24 @@ class CameraReference:
     relative_light
         Light over the face relative to its mean, same shape; ones when no flat field was taken.
     usable
-        False for hot and dead pixels, those too dark to divide by, and the reference patch.
+        False for hot and dead pixels, for pixels too dark to divide by, and for the reference patch.
     full_scale
         Grey level at which the camera clips.
     mm_per_pixel
-        Scale (x, y) of the frames; None when nobody measured it.
+        Scale (x, y) of the frames; None when unknown.
     dark_frames, untouched_frames, flat_frames
-        How many frames went into each map.
+        Number of frames in each map.
     read_noise_grey, shot_noise_grey
-        Noise of one pixel without light, and variance a grey level of light.
+        Noise of one pixel without light, and variance per grey level of light.
     stray_grey
         Mean light without contact.
     patch_px
-        Reference patch (left, top, right, bottom), ends excluded, in which the lamps are seen past the probe; None when
-        there is none, and then the lamps' drift is not corrected.
+        Reference patch (left, top, right, bottom), ends excluded, that shows the lamps past the probe; None without
+        one, then the lamps' drift is not corrected.
     patch_grey
         Mean light of that patch at the reference.
     lamp_sd
-        Relative standard deviation of the lamps' correction by the patch; 0 without.
+        Relative standard deviation of the lamps' correction by the patch; 0 without one.
     """
 
     dark_grey: NDArray[np.float64]
@@ -98,7 +98,7 @@ class CameraReference:
             require_integer(name, getattr(self, name), 0, 10**9)
         for name in ("read_noise_grey", "shot_noise_grey", "stray_grey"):
             require_type(name, getattr(self, name), MeasuredValue)
-        require_number("lamp_sd", self.lamp_sd, 0.0, 1.0, hint="a share of one")
+        require_number("lamp_sd", self.lamp_sd, 0.0, 1.0, hint="a fraction of 1")
         if self.patch_px is not None:
             patch = ReferencePatch.from_px(self.patch_px)
             patch.require_inside(self.dark_grey.shape)
@@ -108,7 +108,7 @@ class CameraReference:
 
     @property
     def patch(self) -> ReferencePatch | None:
-        """The reference patch; None when there is none."""
+        """The reference patch, if any."""
         return None if self.patch_px is None else ReferencePatch.from_px(self.patch_px)
 
     @property
@@ -122,7 +122,7 @@ class CameraReference:
         Raises
         ------
         InputError
-            When it lies beyond all drift: the lamps are off, or set otherwise.
+            When it exceeds all drift: the lamps are off, or set otherwise.
         """
         self._check(image)
         light = image.grey - self.dark_grey
@@ -137,17 +137,17 @@ class CameraReference:
         return ratio
 
     def corrected(self, image: TactileImage) -> TactileImage:
-        """Grey levels that the touch made, under the reference's lamps and even light; no contact reads zero.
+        """Grey levels of the contact alone, under the reference's lamps and even light; no contact reads zero.
 
-        Dark frame and untouched light are taken away, the lamps' drift and the light's pattern divided out; pixels that
-        are not usable take the mean of usable neighbours, or zero.
+        The correction subtracts dark frame and untouched light, and divides by the lamps' drift and the light's
+        pattern. A pixel that is not usable takes the mean of its usable neighbours, or zero.
 
         Raises
         ------
         ImageMismatchError
             When the frame has another size, scale or full scale.
         InputError
-            When it is saturated, or the lamps are in another state.
+            When it is saturated, or the lamps changed.
         """
         self._check(image)
         clipped = self.clipped(image)
@@ -159,14 +159,14 @@ class CameraReference:
         return replace(image, grey=self.touch_grey(image))
 
     def touch_grey(self, image: TactileImage) -> NDArray[np.float64]:
-        """The corrected grey levels whether pixels clip or not, shape (rows, columns)."""
-        lamps = self.lamp_ratio(image)  # which refuses frames that are none of this reference's
+        """The corrected grey levels, clipped pixels included, shape (rows, columns)."""
+        lamps = self.lamp_ratio(image)  # refuses frames of another camera or mode
         touch = (image.grey - self.dark_grey) / lamps - self.untouched_grey
         touch /= np.maximum(self.relative_light, LEAST_LIGHT)
         return _mended(touch, self.usable)
 
     def clipped(self, image: TactileImage) -> float:
-        """Share of good pixels at full scale."""
+        """Fraction of good pixels at full scale."""
         self._check(image)
         return float(np.mean(image.grey[self.usable] >= self.full_scale))
 
@@ -190,9 +190,9 @@ def _lamps(ratio: float) -> str:
 
 
 def _mended(values: NDArray[np.float64], usable: NDArray[np.bool]) -> NDArray[np.float64]:
-    """The map with every unusable pixel replaced by the mean of usable ones around it, zero where there are none."""
+    """Replace unusable pixels by the mean of usable neighbours, zero without any."""
     if usable.all():
         return values
-    given = uniform_filter(usable.astype(float), 3, mode="nearest")
+    weights = uniform_filter(usable.astype(float), 3, mode="nearest")
     sums = uniform_filter(np.where(usable, values, 0.0), 3, mode="nearest")
-    return np.where(usable, values, np.divide(sums, given, out=np.zeros_like(sums), where=given > 0.1))
+    return np.where(usable, values, np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0.1))

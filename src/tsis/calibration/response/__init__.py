@@ -1,4 +1,4 @@
-"""A probe's answer to pressure: grey levels a kilopascal, and where it saturates."""
+"""Response of a probe to pressure: grey levels per kilopascal, and saturation."""
 
 from tsis.calibration.response._fit import fit_response
 from tsis.calibration.response._value import PressureResponse, Saturation

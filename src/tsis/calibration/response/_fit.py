@@ -1,8 +1,8 @@
-"""How saturation flattens the light of a Hertzian contact: its middle, its spread and its sum.
+"""Fit of gain and saturation: saturation flattens the middle, the spread and the sum of a Hertzian contact's light.
 
 Under ``p = p0 sqrt(1 - r**2 / a**2)`` rough contact shows ``g = erf(0.886 x s) / x`` with ``s = p / p0`` and
-``x = p0 / saturation``, which is ``s`` for small x. All is written over ``x**2``, in which it is smooth through zero,
-so that noise may ask for a little less than no saturation.
+``x = p0 / saturation``, which is ``s`` for small x. All functions take ``x**2``: they are smooth through zero, so noise
+may lead to slightly negative values.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from scipy.special import erf, erfi
 
 from tsis.calibration._measured import MeasuredValue
-from tsis.calibration.force import GAUGE_ERROR, HERTZ_SPREAD, MIDDLE, joined, run_of, usable
+from tsis.calibration.force import GAUGE_ERROR, HERTZ_SPREAD, MIDDLE, combine_variances, fit_run, usable_presses
 from tsis.calibration.response._value import PressureResponse, Saturation
 from tsis.errors import CalibrationError, InputError
 from tsis.model import MN_PER_N, require_number
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from tsis.calibration.reference import CameraReference
 
 
-LOWEST, HIGHEST = -0.5, 4.0  # of x**2: beyond twice the saturation nothing but its level is left
+LOWEST, HIGHEST = -0.5, 4.0  # of x**2: beyond twice the saturation only its level remains
 TABLE = 226
 POINTS = 48
 
 
 def light_fraction(square: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum of the light over what it would be without saturation, for x², any shape."""
+    """Sum of the light over its value without saturation, for x² of any shape."""
     table = _table()
     return np.asarray(np.interp(square, table[0], table[1]))
 
@@ -56,14 +56,14 @@ def peakedness(square: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=1)
 def _table() -> tuple[NDArray[np.float64], ...]:
-    """x², light share, spread factor, peakedness."""
+    """x², light fraction, spread factor, peakedness."""
     square = np.linspace(LOWEST, HIGHEST, TABLE)
     node, weight = leggauss(POINTS)
     u, w = (node + 1) / 2, weight / 2  # s of the contact; areas go with s ds
     light = _shown(square[:, None], u[None, :]) * u
     total = light @ w
     spread = (light * (1 - u**2)) @ w / total
-    # The middle: s from sqrt(1 - m**2 a² spread) to 1, where its radius follows the spread that is seen.
+    # The middle: s from sqrt(1 - m**2 a² spread) to 1; its radius follows the observed spread.
     least = np.sqrt(1 - MIDDLE**2 * HERTZ_SPREAD * spread)
     s = least[:, None] + (1 - least[:, None]) * u
     middle = ((_shown(square[:, None], s) * s) @ w) / (s @ w)
@@ -71,13 +71,13 @@ def _table() -> tuple[NDArray[np.float64], ...]:
 
 
 def _shown(square: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``erf(0.886 x s) / x`` over x², with its continuation to negative x²; its slope at zero is that of s."""
+    """``erf(0.886 x s) / x`` over x², continued to negative x²; its slope at zero is that of s."""
     root = ERF_SLOPE * np.sqrt(np.maximum(np.abs(square), 1e-12))
     bent = np.where(square >= 0, erf(root * s), erfi(root * s))
     return np.asarray(bent / root * np.sqrt(np.pi) / 2)
 
 
-LEAST_FRACTION = 0.1  # of the largest force: below it the contact holds too few pixels to have a shape
+LEAST_FRACTION = 0.1  # of the largest force: below it the contact has too few pixels for a shape
 FEWEST = 6
 
 
@@ -88,18 +88,18 @@ def fit_response(
     gauge_fraction: float = GAUGE_ERROR,
     area_fraction: float = 0.0,
 ) -> PressureResponse:
-    """Fit gain and saturation to the loading branches; unloading, which may remember, is left out.
+    """Fit gain and saturation to the loading branches; unloading may show memory and is left out.
 
     Parameters
     ----------
     loadings
         Loadings of rigid round tips, two or more, best of several radii: the smallest presses hardest.
     reference
-        What corrected the frames; its scale must be known.
+        The reference that corrected the frames; its scale must be known.
     gauge_fraction
         Relative standard deviation of the force gauge's calibration.
     area_fraction
-        Relative standard deviation of the area of a pixel on the face, from the calibration of the scale.
+        Relative standard deviation of a pixel's area on the face, from the calibration of the scale.
 
     Raises
     ------
@@ -111,16 +111,16 @@ def fit_response(
     if reference.mm_per_pixel is None:
         raise InputError("the reference's mm_per_pixel must be known for the gain; calibrate the scale first")
     if len(loadings) < 2:
-        raise CalibrationError(f"the answer to pressure needs at least 2 loadings; got {len(loadings)}")
-    require_number("gauge_fraction", gauge_fraction, 0.0, 0.5, hint="a share of one")
-    require_number("area_fraction", area_fraction, 0.0, 0.5, hint="a share of one")
+        raise CalibrationError(f"the response to pressure needs at least 2 loadings; got {len(loadings)}")
+    require_number("gauge_fraction", gauge_fraction, 0.0, 0.5, hint="a fraction of 1")
+    require_number("area_fraction", area_fraction, 0.0, 0.5, hint="a fraction of 1")
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     saturation = _saturation(loadings, pixel)
     bend = saturation.bend_per_kpa2
     slopes = _slopes(loadings, bend.value)
     gain = float(slopes.mean())
     by_bend = (float(_slopes(loadings, bend.value + bend.sd).mean()) - gain) ** 2
-    variance, freedom = joined(
+    variance, freedom = combine_variances(
         (
             (float(np.var(slopes, ddof=1)) / len(slopes), len(slopes) - 1.0),
             (by_bend, bend.degrees_of_freedom),
@@ -145,21 +145,21 @@ def _saturation(loadings: Sequence[Loading], pixel_mm2: float) -> Saturation:
         raise CalibrationError(
             f"the saturation needs at least {FEWEST} presses that are seen and do not clip; got {len(force)}"
         )
-    # Where little light shines the shape is noisy: its variance falls about as the sum rises.
+    # A faint contact has a noisy shape: its variance falls about as the sum rises.
     weight = np.sqrt(total / total.max())
     scale = float((1.5 * force * MN_PER_N / (np.pi * HERTZ_SPREAD * spread)).max()) ** -2
 
-    def left(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
         square = _squares(force, spread, unknown[0] * scale)
         return np.asarray(weight * (np.log(shape) - np.log(peakedness(square)) - unknown[1] / spread))
 
-    result = least_squares(left, np.array([0.1, 0.0]), x_scale=np.array([0.1, 0.01]))
+    fit = least_squares(residuals, np.array([0.1, 0.0]), x_scale=np.array([0.1, 0.01]))
     freedom = len(force) - 2.0
-    slopes = np.asarray(result.jac)
-    covariance = np.linalg.inv(slopes.T @ slopes) * float(2 * result.cost) / freedom
+    slopes = np.asarray(fit.jac)
+    covariance = np.linalg.inv(slopes.T @ slopes) * float(2 * fit.cost) / freedom
     return Saturation(
         bend_per_kpa2=MeasuredValue(
-            value=float(result.x[0]) * scale,
+            value=float(fit.x[0]) * scale,
             sd=float(np.sqrt(covariance[0, 0])) * scale,
             degrees_of_freedom=freedom,
             unit="1/kPa2",
@@ -168,14 +168,14 @@ def _saturation(loadings: Sequence[Loading], pixel_mm2: float) -> Saturation:
 
 
 def _shapes(loading: Loading, pixel_mm2: float) -> NDArray[np.float64]:
-    """Force, mean square width, peakedness and sum of presses that have a shape, shape (4, n)."""
+    """Force, mean square width, peakedness and sum of presses with a shape, shape (4, n)."""
     good = _rising(loading) & (loading.load_n >= LEAST_FRACTION * loading.load_n.max()) & (loading.mean_square_mm2 > 0)
     force, spread, total = loading.load_n[good], loading.mean_square_mm2[good], loading.total_grey[good]
     return np.array([force, spread, loading.peak_grey[good] * spread / (total * pixel_mm2), total])
 
 
 def _rising(loading: Loading) -> NDArray[np.bool]:
-    return np.asarray(usable(loading) & loading.rising)
+    return np.asarray(usable_presses(loading) & loading.rising)
 
 
 def _squares(force_n: NDArray[np.float64], spread_mm2: NDArray[np.float64], bend: float) -> NDArray[np.float64]:
@@ -188,7 +188,7 @@ def _squares(force_n: NDArray[np.float64], spread_mm2: NDArray[np.float64], bend
 
 
 def _slopes(loadings: Sequence[Loading], bend: float) -> NDArray[np.float64]:
-    """Slope in grey levels a newton at small force of each tip, or of each repeat when there is one tip."""
+    """Slope in grey levels per newton at small force of each tip, or of each repeat of a single tip."""
     slopes: dict[float, list[float]] = {}
     for loading in loadings:
         good = _rising(loading)
@@ -201,6 +201,6 @@ def _slopes(loadings: Sequence[Loading], bend: float) -> NDArray[np.float64]:
 
 
 def _scatter(loadings: Sequence[Loading]) -> float:
-    """Relative scatter of presses about the line of their run, each at the largest force of its run."""
-    runs = [run_of(loading) for loading in loadings]
-    return float(np.sqrt(np.mean([np.mean(run.left**2) / float(run.total_grey.max()) ** 2 for run in runs])))
+    """Relative scatter of presses about the line of their run, relative to its largest sum."""
+    runs = [fit_run(loading) for loading in loadings]
+    return float(np.sqrt(np.mean([np.mean(run.residual_grey**2) / float(run.total_grey.max()) ** 2 for run in runs])))

@@ -1,4 +1,4 @@
-"""What the estimates need of a calibrated probe: grey level a kilopascal, and where the answer saturates."""
+"""Response of a calibrated probe for the estimates: grey levels per kilopascal, and saturation."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ LEAST_SATURATION_KPA, LARGEST_SATURATION_KPA = 1e-3, 1e6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Saturation:
-    """Where the real contact saturates, known by the bend that it makes: ``bend = 1 / saturation**2``.
+    """Saturation of the real contact area, as the curvature of the response: ``bend = 1 / saturation**2``.
 
     Parameters
     ----------
     bend_per_kpa2
-        The bend, 1/kPa²; not told from zero when no press came near saturation.
+        The bend, 1/kPa²; consistent with zero when no press came near saturation.
 
     Examples
     --------
-    >>> open_above = Saturation(bend_per_kpa2=MeasuredValue(value=1e-6, sd=1e-6))
-    >>> open_above.value_kpa, round(open_above.interval()[0]), open_above.interval()[1]
+    >>> saturation = Saturation(bend_per_kpa2=MeasuredValue(value=1e-6, sd=1e-6))
+    >>> saturation.value_kpa, round(saturation.interval()[0]), saturation.interval()[1]
     (1000.0, 581, inf)
     """
 
@@ -40,7 +40,7 @@ class Saturation:
         require_type("bend_per_kpa2", self.bend_per_kpa2, MeasuredValue)
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Ends in kPa; the upper one is infinite when a straight answer cannot be excluded."""
+        """Ends in kPa; the upper end is infinite when a straight response cannot be excluded."""
         low, high = self.bend_per_kpa2.interval(level)
         return (
             1 / float(np.sqrt(high)) if high > 0 else LARGEST_SATURATION_KPA,
@@ -54,7 +54,7 @@ class Saturation:
 
     @property
     def value_kpa(self) -> float:
-        """Best value, kPa: of the bend, or of the largest bend that cannot be excluded where none was seen."""
+        """Best value, kPa; where the bend is not positive, that of the upper end of its interval."""
         bend = self.bend_per_kpa2.value
         if bend <= 0:
             return self.interval()[0]
@@ -63,14 +63,14 @@ class Saturation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureResponse:
-    """Rough-contact answer of a probe: ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
+    """Rough-contact response of a probe: ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
 
     Parameters
     ----------
     gain_grey_per_kpa
-        Grey levels a kilopascal at small pressure under the mean light of the face.
+        Grey levels per kilopascal at small pressure under the mean light of the face.
     saturation
-        Where it bends.
+        Its saturation.
     repeatability_share
         Relative standard deviation from press to press.
     gauge_share
@@ -83,7 +83,7 @@ class PressureResponse:
     gauge_share: float
 
     def calibration(self, reference: CameraReference, *, name: str, probe: str) -> Calibration:
-        """What `tsis.inclusion.estimate` and `tsis.hardness.estimate` take, for frames that `reference` corrected.
+        """The input of `tsis.inclusion.estimate` and `tsis.hardness.estimate`, for frames that `reference` corrected.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class PressureResponse:
             Name of the probe.
         """
         gain = self.gain_grey_per_kpa
-        # The estimates take a normal gain: one as wide as the 95 % interval, which few tips leave wider than that.
+        # The estimates assume a normal gain: as wide as the 95 % interval of Student's t.
         gain_sd = (gain.interval()[1] / gain.value - 1) / NORMAL_95
         return Calibration(
             gain_grey_per_kpa=gain.value,

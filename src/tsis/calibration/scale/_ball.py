@@ -1,4 +1,4 @@
-"""The fit of a ball's shape to presses whose travels are known."""
+"""Pixel scale from presses of a ball at known travels."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.scale._ball_press import (
     SECTORS,
     jackknife,
-    left_by_polynomial,
     pixel_aspect_ratio,
+    polynomial_residuals,
     read_ball_press,
     without_sector,
 )
@@ -35,7 +35,8 @@ def first_shape(
 ) -> NDArray[np.float64]:
     """Starting values: log sizes x and y, and the shift (x, y) of each centre.
 
-    At the level of the shallowest press's middle the deepest one is ``r`` wide, where the ball is higher by the travel.
+    At the level of the shallowest press's middle the deepest press has the radius ``r`` at which the ball is higher
+    by the travel.
     """
     shallow, deep = presses[int(np.argmin(travel))], presses[int(np.argmax(travel))]
     squares = shallow.x**2 + (ratio * shallow.y) ** 2
@@ -50,13 +51,13 @@ def first_shape(
 def fit_shape(
     presses: list[BallPress], travel: NDArray[np.float64], radius: float, *, first: NDArray[np.float64]
 ) -> Any:
-    """Least squares of log sizes and shifts: SciPy's result, its ``x`` laid out as in `first_shape`."""
+    """Fit log sizes and shifts by least squares: SciPy's result, its ``x`` laid out as in `first_shape`."""
     grey = np.concatenate([press.grey for press in presses])
 
-    def left(shape: NDArray[np.float64]) -> NDArray[np.float64]:
-        return left_by_polynomial(_depths(presses, travel, radius, shape), grey)
+    def residuals(shape: NDArray[np.float64]) -> NDArray[np.float64]:
+        return polynomial_residuals(_depths(presses, travel, radius, shape), grey)
 
-    return least_squares(left, first, x_scale=np.concatenate([[0.01, 0.01], np.ones(len(first) - 2)]))
+    return least_squares(residuals, first, x_scale=np.concatenate([[0.01, 0.01], np.ones(len(first) - 2)]))
 
 
 def _depths(
@@ -68,7 +69,7 @@ def _depths(
     parts = []
     for press, reading, shift in zip(presses, travel, shifts, strict=True):
         squares = (size_x * (press.x - shift[0])) ** 2 + (size_y * (press.y - shift[1])) ** 2
-        # Beyond the ball's equator, where only a search may stray, it falls on steadily.
+        # Beyond the ball's equator, where only the search can go, the depth decreases steadily.
         parts.append(
             reading - radius + np.sqrt(np.maximum(radius**2 - squares, 0.0)) - np.maximum(squares / radius**2 - 1, 0.0)
         )
@@ -78,7 +79,7 @@ def _depths(
 def shape_slopes(
     presses: list[BallPress], travel: NDArray[np.float64], radius: float, shape: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Change of the log sizes for 1 mm of each reading and of the radius, shape (presses + 1, 2)."""
+    """Change of the log sizes per 1 mm of each reading and of the radius, shape (presses + 1, 2)."""
     step = 0.01 * float(np.ptp(travel))
     rows = []
     for k in range(len(travel)):
@@ -94,7 +95,7 @@ LEAST_TRAVEL = 0.02  # difference of the travels over the ball's radius
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BallDiagnostics:
-    """What was found on the way to a scale from a ball.
+    """Diagnostics of a scale from a ball.
 
     Attributes
     ----------
@@ -103,9 +104,9 @@ class BallDiagnostics:
     radii_px
         Radius of the region used in each press along the image's x axis, shape (presses,), pixels.
     axis_ratio
-        Height over width of a pixel, from the roundness of the ball alone.
+        Height over width of a pixel, from the roundness of the ball.
     residual_grey
-        Root mean square of what the fit leaves, grey levels.
+        Root mean square residual of the fit, grey levels.
     darker
         True when the ball makes the probe darker.
     """
@@ -121,7 +122,7 @@ class BallDiagnostics:
 
 
 def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = None) -> MeasuredValue:
-    """Height over width of a pixel from one press of a ball of any radius: the contact is as wide as it is high.
+    """Height over width of a pixel from one press of a ball of any radius, whose contact is round.
 
     Parameters
     ----------
@@ -133,12 +134,12 @@ def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = N
     Returns
     -------
     Measured
-        ``mm_per_pixel_y / mm_per_pixel_x``, with the standard uncertainty that leaving out sectors gives.
+        ``mm_per_pixel_y / mm_per_pixel_x``, with the jackknife uncertainty over sectors.
 
     Raises
     ------
     CalibrationError
-        When there is no ball in the image, or one that is cropped or too small.
+        When the image shows no ball, or a cropped or too small one.
 
     Examples
     --------
@@ -165,38 +166,38 @@ def scale_from_ball(
 ) -> tuple[PixelScale, BallDiagnostics]:
     """Measure the size of a pixel along each image axis with a ball at two or more depths.
 
-    It needs a probe whose grey level follows the depth of its face (a translucent gel on a stiff back). Where it
-    follows pressure, as on a waveguide, use `scale_from_dots`.
+    The probe's grey level must follow the depth of its face (a translucent gel on a stiff back). Where it follows
+    pressure, as on a waveguide, use `scale_from_dots`.
 
     Parameters
     ----------
     images
         Two or more presses of one ball, none cropped.
     reference
-        The untouched probe in the same light; None when the images hold the change already.
+        The untouched probe in the same light; None when the images are changes already.
     ball_radius_mm
         Radius of the ball, in [0.2, 50] mm.
     travel_mm
-        Reading of the stage that moves ball against probe, one a press, larger is deeper; only differences count.
+        Reading of the stage that moves the ball for each press, larger is deeper; only differences count.
     ball_radius_sd_mm
         Standard uncertainty of the radius, in [0, 5] mm.
     travel_sd_mm
-        Standard uncertainty of each reading, in [0, 1] mm. It is mostly what limits the scale.
+        Standard uncertainty of each reading, in [0, 1] mm. It usually dominates the uncertainty of the scale.
 
     Returns
     -------
     scale : Scale
-        The pixel sizes with their uncertainties, at the mean place of the presses.
+        The pixel sizes with their uncertainties, at the mean position of the presses.
     diagnostics : BallDiagnostics
-        Where the presses were found, and the ratio of the axes.
+        Positions of the presses, and the ratio of the axes.
 
     Raises
     ------
     CalibrationError
-        When there is no ball in an image, when presses are too few or too much alike, or when the scale would be no
-        tactile probe's.
+        When an image shows no ball, when presses are too few or their depths too similar, or when the scale is
+        impossible for a tactile probe.
     ImageMismatchError
-        When images or the reference are no companions.
+        When images or the reference differ in size or full scale.
     InputError
         When an argument is outside its range.
 
@@ -221,20 +222,18 @@ def scale_from_ball(
         raise ImageMismatchError("images must have one shape; record all presses in one mode of the camera")
     if len({press.darker for press in presses}) > 1:
         raise CalibrationError(
-            "the ball must change the light alike in all presses; it makes some darker, some brighter"
+            "the ball must change the light in one direction; it makes some presses darker, some brighter"
         )
     start = np.array([pixel_aspect_ratio(press) for press in presses])
     fit = fit_shape(presses, travel, radius, first=first_shape(presses, travel, radius, float(np.median(start))))
-    fractions = [
+    parts = [
         fit_shape([without_sector(press, sector) for press in presses], travel, radius, first=fit.x).x
         for sector in range(SECTORS)
     ]
-    x, y = _sizes(
-        fit.x, np.array(fractions), shape_slopes(presses, travel, radius, fit.x), ball_radius_sd_mm, travel_sd_mm
-    )
+    x, y = _sizes(fit.x, np.array(parts), shape_slopes(presses, travel, radius, fit.x), ball_radius_sd_mm, travel_sd_mm)
     check_field((x.value, y.value), images[0].grey.shape, "ball_radius_mm and travel_mm", radius)
     centres = np.array([press.centre_px for press in presses]) + fit.x[2:].reshape(-1, 2)
-    ratios = np.exp(np.array(fractions)[:, 1] - np.array(fractions)[:, 0])
+    ratios = np.exp(np.array(parts)[:, 1] - np.array(parts)[:, 0])
     scale = PixelScale(
         mm_per_pixel_x=x,
         mm_per_pixel_y=y,
@@ -272,17 +271,17 @@ def _checked_travel(images: Sequence[TactileImage], travel_mm: Sequence[float], 
 
 def _sizes(
     shape: NDArray[np.float64],
-    fractions: NDArray[np.float64],
+    parts: NDArray[np.float64],
     slopes: NDArray[np.float64],
     radius_sd_mm: float,
     travel_sd_mm: float,
 ) -> tuple[MeasuredValue, MeasuredValue]:
-    results = []
+    sizes = []
     for axis in (0, 1):
         size = float(np.exp(shape[axis]))
-        frames = jackknife(np.exp(fractions[:, axis]), size, unit=UNIT)
-        given = size**2 * (np.sum((slopes[:-1, axis] * travel_sd_mm) ** 2) + (slopes[-1, axis] * radius_sd_mm) ** 2)
-        total = frames.sd**2 + float(given)
+        frames = jackknife(np.exp(parts[:, axis]), size, unit=UNIT)
+        inputs = size**2 * (np.sum((slopes[:-1, axis] * travel_sd_mm) ** 2) + (slopes[-1, axis] * radius_sd_mm) ** 2)
+        total = frames.sd**2 + float(inputs)
         freedom = frames.degrees_of_freedom * (total / frames.sd**2) ** 2 if frames.sd > 0 else np.inf
-        results.append(MeasuredValue(value=size, sd=total**0.5, degrees_of_freedom=float(freedom), unit=UNIT))
-    return results[0], results[1]
+        sizes.append(MeasuredValue(value=size, sd=total**0.5, degrees_of_freedom=float(freedom), unit=UNIT))
+    return sizes[0], sizes[1]

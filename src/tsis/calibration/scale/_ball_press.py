@@ -1,4 +1,4 @@
-"""The pixels of a frame in which the face is the ball's, and how round they are."""
+"""The pixels of a frame inside a ball's contact, and their roundness."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-RESPONSE_ORDER = 4  # of the polynomial that stands for the answer of grey level to depth
-INNER = 0.75  # share of the radius of steepest fall: beyond the contact's edge the face is the gel's and not the ball's
-SECTORS = 12  # of the face about the ball, left out one at a time for the uncertainty
+RESPONSE_ORDER = 4  # of the polynomial of grey level against depth
+INNER = 0.75  # fraction of the radius of steepest fall: beyond the contact's edge the face is the gel's
+SECTORS = 12  # of the face about the ball, left out in turn for the uncertainty
 MOST_PIXELS = 3000  # of a press; more are averaged in blocks
-LEAST_LIGHT = 0.1  # of the reference's median, below which nothing is divided by
+LEAST_LIGHT = 0.1  # of the reference's median; lower light is not divided by
 LEAST_PIXELS = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BallPress:
-    """Pixels of a press inside the ball's contact: places less a first centre, grey change, sector."""
+    """Pixels of a press inside the ball's contact: positions relative to a first centre, grey change, sector."""
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
@@ -41,7 +41,7 @@ class BallPress:
 
 
 def read_ball_press(image: TactileImage, reference: TactileImage | None) -> BallPress:
-    """The pixels in which the face is the ball's, of whichever sign."""
+    """The pixels inside the ball's contact, which may be darker or brighter."""
     require_image("image", image)
     change = replace(signal(image, reference), mm_per_pixel=None)
     darkened = replace(change, grey=0.0 - change.grey)
@@ -55,10 +55,10 @@ def read_ball_press(image: TactileImage, reference: TactileImage | None) -> Ball
             "the middle of the face, and give the untouched probe as reference)"
         )
     rows, columns = np.nonzero(patch.mask)
-    # About a pixel as high as wide: the patch's own extents stretch the circle to the ellipse of the image.
+    # About a pixel's height over width: the patch's own extents stretch the circle to the ellipse of the image.
     wide, high = columns.std(), rows.std()
     span, down = np.sqrt(wide / high), np.sqrt(high / wide)
-    # Means of blocks of pixels, which keep the light of all of them; inside a block the ball hardly bends.
+    # Means of blocks preserve the light of all pixels; the ball hardly bends inside a block.
     block = max(1, int(np.sqrt(np.pi / MOST_PIXELS) * INNER * contact.radius_px))
     whole = change.grey[: change.grey.shape[0] // block * block, : change.grey.shape[1] // block * block]
     grey = block_reduce(whole, block, np.mean)  # type: ignore[no-untyped-call]
@@ -84,7 +84,7 @@ def read_ball_press(image: TactileImage, reference: TactileImage | None) -> Ball
 
 
 def _in_even_light(darkened: TactileImage, reference: TactileImage | None) -> TactileImage:
-    """Light that a depth takes away is a share of what was there: where that is uneven, so is the loss."""
+    """The darkening in even light: a depth removes a fraction of the light, so uneven light causes uneven loss."""
     if reference is None:
         return darkened
     light = smoothed(reference.grey)
@@ -93,32 +93,32 @@ def _in_even_light(darkened: TactileImage, reference: TactileImage | None) -> Ta
 
 
 def without_sector(press: BallPress, sector: int | None) -> BallPress:
-    """The press less one sector about the ball; None leaves all."""
-    save = slice(None) if sector is None else press.sector != sector
-    return replace(press, x=press.x[save], y=press.y[save], grey=press.grey[save], sector=press.sector[save])
+    """The press without one sector about the ball; None removes no sector."""
+    mask = slice(None) if sector is None else press.sector != sector
+    return replace(press, x=press.x[mask], y=press.y[mask], grey=press.grey[mask], sector=press.sector[mask])
 
 
 def pixel_aspect_ratio(press: BallPress) -> float:
-    """Height over width of a pixel, at which the signal is the same all round its centre."""
+    """Height over width of a pixel at which the signal is constant along circles about its centre."""
     size = press.radius_px
 
-    def left(shape: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residuals(shape: NDArray[np.float64]) -> NDArray[np.float64]:
         squares = ((press.x - shape[1]) ** 2 + (np.exp(shape[0]) * (press.y - shape[2])) ** 2) / size**2
-        return left_by_polynomial(squares, press.grey)
+        return polynomial_residuals(squares, press.grey)
 
-    result = least_squares(left, np.zeros(3), x_scale=(0.01, 1.0, 1.0))
-    return float(np.exp(result.x[0]))
+    fit = least_squares(residuals, np.zeros(3), x_scale=(0.01, 1.0, 1.0))
+    return float(np.exp(fit.x[0]))
 
 
-def left_by_polynomial(depth: NDArray[np.float64], grey: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Grey levels less the best polynomial of a depth."""
+def polynomial_residuals(depth: NDArray[np.float64], grey: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Grey levels minus the best polynomial of a depth."""
     middle, half = (depth.max() + depth.min()) / 2, np.ptp(depth) / 2
     basis = np.polynomial.chebyshev.chebvander((depth - middle) / half, RESPONSE_ORDER)
     return np.asarray(grey - basis @ np.linalg.lstsq(basis, grey, rcond=None)[0])
 
 
-def jackknife(fractions: NDArray[np.float64], whole: float, *, unit: str) -> MeasuredValue:
-    """A number with the spread that it shows when one part of the data after the other is left out."""
-    count = len(fractions)
-    variance = (count - 1) / count * float(((fractions - fractions.mean()) ** 2).sum())
+def jackknife(values: NDArray[np.float64], whole: float, *, unit: str) -> MeasuredValue:
+    """The value of all data with the jackknife spread of ``values``, each without one part of the data."""
+    count = len(values)
+    variance = (count - 1) / count * float(((values - values.mean()) ** 2).sum())
     return MeasuredValue(value=float(whole), sd=variance**0.5, degrees_of_freedom=count - 1, unit=unit)

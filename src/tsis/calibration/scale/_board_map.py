@@ -1,9 +1,9 @@
-"""The map from a dot board to the image, lens distortion included, and the size of a pixel with its uncertainty.
+"""The map from a dot board to the image with lens distortion, and the size of a pixel with its uncertainty.
 
-The image coordinates of the dots are polynomials of the board's: the linear terms are scale and rotation, quadratic
-ones the perspective of a tilted camera, cubic and higher ones the lens. All are fitted by least squares, each image
-axis with its own residual variance, for noise is in pixels and the dots' own scatter in millimetres, which are not
-alike where pixels are not square.
+The image coordinates of the dots are polynomials of the board's: linear terms are scale and rotation, quadratic terms
+the perspective of a tilted camera, cubic and higher terms the lens. The least-squares fit gives each image axis its own
+residual variance: noise is in pixels, the scatter of the dots in millimetres, and their ratio differs between the axes
+where pixels are not square.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-FIRST_ORDER, LENS_ORDER, WIDE_ORDER = 1, 3, 5  # even orders alone bring no lens, whose distortion is odd
-SPARE = 0.375  # least share of the dots' coordinates left over as degrees of freedom
-BEYOND_CHANCE = 1e-3  # chance below which distortion is said to be seen
-WORTH_FITTING = 0.05  # chance below which wide-angle terms are fitted: to leave out true ones shifts the scale
-STRAY = 1e-3  # chance that one dot of a good board is taken for a stray
-MOST_STRAYS = 0.1  # share of the dots
+FIRST_ORDER, LENS_ORDER, WIDE_ORDER = 1, 3, 5  # the distortion of a lens is odd
+SPARE = 0.375  # least fraction of the dots' coordinates that remains as degrees of freedom
+BEYOND_CHANCE = 1e-3  # probability below which distortion counts as observed
+WORTH_FITTING = 0.05  # probability below which wide-angle terms are fitted: omitted true terms shift the scale
+STRAY = 1e-3  # probability that one dot of a good board counts as a stray
+MOST_STRAYS = 0.1  # fraction of the dots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,7 +39,7 @@ class BoardMap:
     ----------
     cells
         Lattice coordinates of the dots, shape (n, 2).
-    places_px
+    positions_px
         Their measured centres (x, y), shape (n, 2), pixels.
     order
         Order of the polynomial.
@@ -52,19 +52,19 @@ class BoardMap:
     """
 
     cells: NDArray[np.float64]
-    places_px: NDArray[np.float64]
+    positions_px: NDArray[np.float64]
     order: int
     factors: NDArray[np.float64]
     spread: NDArray[np.float64]
     sd_px: NDArray[np.float64]
 
     def at(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Places (x, y) in the image of lattice coordinates, shape (n, 2), pixels."""
+        """Image positions (x, y) of lattice coordinates, shape (n, 2), pixels."""
         return np.asarray(self._terms(cells) @ self.factors)
 
     def residuals_px(self) -> NDArray[np.float64]:
-        """What the map leaves of each dot, shape (n, 2), pixels."""
-        return self.places_px - self.at(self.cells)
+        """Residual of each dot, shape (n, 2), pixels."""
+        return self.positions_px - self.at(self.cells)
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -72,8 +72,8 @@ class BoardMap:
         return len(self.cells) - len(self.factors)
 
     def cell_at(self, position_px: tuple[float, float]) -> NDArray[np.float64]:
-        """Lattice coordinates of a place in the image, by Newton's method from the nearest dot."""
-        cell = self.cells[np.argmin(np.linalg.norm(self.places_px - position_px, axis=1))]
+        """Lattice coordinates of an image position, by Newton's method from the nearest dot."""
+        cell = self.cells[np.argmin(np.linalg.norm(self.positions_px - position_px, axis=1))]
         for _ in range(20):
             miss = np.asarray(position_px) - self.at(cell[None])[0]
             step = np.linalg.lstsq(self._step_px(cell, extent=1e-3), miss, rcond=None)[0]
@@ -81,24 +81,23 @@ class BoardMap:
         return np.asarray(cell)
 
     def face_step(self, cell: NDArray[np.float64], *, extent: float = 1.0) -> NDArray[np.float64]:
-        """Way on the face, in pitches, of one pixel along each image axis: columns x and y of a (2, 2) array.
+        """Step on the face, in pitches, of one pixel along each image axis: columns x and y of a (2, 2) array.
 
-        It is the mean over ``extent`` pitches to either side: one, for a board resolves no finer.
+        The step is the mean over ``extent`` pitches to either side; a board resolves no less than one.
         """
         return np.asarray(np.linalg.inv(self._step_px(cell, extent=extent)))
 
     def pixel_size(self, cell: NDArray[np.float64], *, pitch: MeasuredValue) -> tuple[MeasuredValue, MeasuredValue]:
-        """Size (x, y) of a pixel on the face about a place on the lattice, by propagation of the residuals' variance.
+        """Size (x, y) of a pixel on the face at a lattice position, by propagation of the residuals' variance.
 
-        The degrees of freedom are those of Welch and Satterthwaite for the parts that the two image axes and the pitch
-        bring.
+        The degrees of freedom follow Welch and Satterthwaite for the two image axes and the pitch.
         """
         back = self.face_step(cell)
         slopes = self._slopes(cell, extent=1.0)
-        x, y = (self._one_size(back, slopes, axis, pitch) for axis in (0, 1))
+        x, y = (self._size_along(back, slopes, axis, pitch) for axis in (0, 1))
         return x, y
 
-    def _one_size(
+    def _size_along(
         self, back: NDArray[np.float64], slopes: NDArray[np.float64], axis: int, pitch: MeasuredValue
     ) -> MeasuredValue:
         size = float(np.linalg.norm(back[:, axis]))
@@ -113,10 +112,10 @@ class BoardMap:
     def bend(
         self, cell: NDArray[np.float64], *, point: float = 1e-3
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How the pixel size bends over one pitch to either side: the share, and its noise.
+        """Relative bend of the pixel size over one pitch to either side, and its noise.
 
-        The share (x, y) is that of the mean over one pitch above the size at the place itself; its standard deviation
-        comes by propagation of the residuals' variance.
+        The bend (x, y) is the excess of the mean over one pitch above the size at the position itself; its standard
+        deviation follows by propagation of the residuals' variance.
         """
         back, here = (self.face_step(cell, extent=extent) for extent in (1.0, point))
         sizes = np.linalg.norm(back, axis=0)
@@ -125,7 +124,7 @@ class BoardMap:
         return sizes / np.linalg.norm(here, axis=0) - 1, noise / sizes
 
     def _variances(self, back: NDArray[np.float64], slopes: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
-        """Variance of a pixel's size, in pitches, that each image axis of the dots' places brings, shape (2,)."""
+        """Variance of a pixel's size, in pitches, from each image axis of the dots' positions, shape (2,)."""
         # d|K e| = -u K dJ K e with K the inverse of J and u the direction of K e.
         weights = back[:, axis] / np.linalg.norm(back[:, axis]) @ back
         along = slopes @ back[:, axis]
@@ -144,9 +143,9 @@ class BoardMap:
 
 
 def terms(cells: NDArray[np.float64], about: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """Products of powers of lattice coordinates up to an order, in the middle and half width of those ``about``.
+    """Products of powers of lattice coordinates up to an order, scaled by middle and half width of ``about``.
 
-    Three rows tell no cubic from a linear term across them: powers stay below the number of rows and of columns.
+    Three rows cannot separate a cubic from a linear term: powers stay below the number of rows and of columns.
     """
     middle, half = (about.max(axis=0) + about.min(axis=0)) / 2, np.ptp(about, axis=0) / 2
     u, v = ((cells - middle) / half).T
@@ -155,14 +154,14 @@ def terms(cells: NDArray[np.float64], about: NDArray[np.float64], order: int) ->
 
 
 def fit_map(cells: NDArray[np.float64], positions_px: NDArray[np.float64]) -> BoardMap:
-    """The map of the order that the dots carry.
+    """The map of the highest order that the dots support.
 
-    The lens's cubic terms are always fitted, seen or not: an interval that leaves them out holds only where there are
-    none. Those of a wide-angle lens join when chance hardly explains what they gain.
+    The lens's cubic terms are always fitted: without them an interval is valid only for a lens without distortion.
+    Wide-angle terms are added when chance hardly explains their improvement.
     """
     if not carries(cells, LENS_ORDER):
         raise CalibrationError(
-            f"the dots must fill rows and columns, so that the lens's distortion can be told from the scale; got "
+            f"the dots must fill rows and columns, so that the lens's distortion can be separated from the scale; got "
             f"{len(cells)} dots that do not (press the whole board on the face)"
         )
     order = fit_order(cells, positions_px, LENS_ORDER)
@@ -174,31 +173,31 @@ def fit_map(cells: NDArray[np.float64], positions_px: NDArray[np.float64]) -> Bo
 
 
 def carries(cells: NDArray[np.float64], order: int) -> bool:
-    """Whether dots are enough, and lie in rows and columns enough, for a polynomial of an order."""
+    """Whether number, rows and columns of the dots suffice for a polynomial of an order."""
     design = terms(cells, cells, order)
     count = design.shape[1]
     return count <= (1 - SPARE) * len(cells) and bool(np.linalg.matrix_rank(design) == count)
 
 
 def _counts(cells: NDArray[np.float64]) -> tuple[int, int]:
-    """How many columns and rows of the lattice hold dots."""
+    """Number of columns and rows of the lattice with dots."""
     return len(np.unique(cells[:, 0])), len(np.unique(cells[:, 1]))
 
 
 def chance_of(small: BoardMap, large: BoardMap) -> float:
-    """Chance that a map of higher order fits so much better where the lower order is true (Fisher's F)."""
-    added, left = 2 * (len(large.factors) - len(small.factors)), 2 * large.degrees_of_freedom
-    # Each image axis by its own variance, as in the fit.
+    """Probability of such an improvement by the higher order where the lower order is true (Fisher's F)."""
+    added, freedom = 2 * (len(large.factors) - len(small.factors)), 2 * large.degrees_of_freedom
+    # Each image axis with its own variance, as in the fit.
     before = (small.residuals_px() ** 2).sum(axis=0) / large.sd_px**2
-    gained = float(before.sum()) - left
-    return float(scipy.stats.f.sf(max(gained, 0.0) / added, added, left))
+    gained = float(before.sum()) - freedom
+    return float(scipy.stats.f.sf(max(gained, 0.0) / added, added, freedom))
 
 
 def without_strays(cells: NDArray[np.float64], positions_px: NDArray[np.float64]) -> NDArray[np.bool]:
-    """True for the dots to keep: those whose place the others' map, taken without them, does not rule out."""
-    save = np.ones(len(cells), dtype=bool)
+    """True for the dots whose position agrees with a map fitted without them."""
+    good = np.ones(len(cells), dtype=bool)
     for _ in range(int(MOST_STRAYS * len(cells))):
-        fitted = fit_map(cells[save], positions_px[save])
+        fitted = fit_map(cells[good], positions_px[good])
         design = terms(fitted.cells, fitted.cells, fitted.order)
         lever = 1 - np.einsum("ij,jk,ik->i", design, fitted.spread, design)
         freedom = fitted.degrees_of_freedom
@@ -207,20 +206,20 @@ def without_strays(cells: NDArray[np.float64], positions_px: NDArray[np.float64]
         worst = int(np.argmax(outside))
         if outside[worst] < scipy.stats.t.isf(STRAY / (4 * len(cells)), freedom - 1):
             break
-        save[np.flatnonzero(save)[worst]] = False
-    return save
+        good[np.flatnonzero(good)[worst]] = False
+    return good
 
 
 def fit_order(cells: NDArray[np.float64], positions_px: NDArray[np.float64], order: int) -> BoardMap:
-    """The least-squares map of a given order."""
+    """Fit the map of a given order by least squares."""
     design = terms(cells, cells, order)
     factors = np.linalg.lstsq(design, positions_px, rcond=None)[0]
-    left = ((positions_px - design @ factors) ** 2).sum(axis=0)
+    squares = ((positions_px - design @ factors) ** 2).sum(axis=0)
     return BoardMap(
         cells=cells,
-        places_px=positions_px,
+        positions_px=positions_px,
         order=order,
         factors=np.asarray(factors, dtype=float),
         spread=np.asarray(np.linalg.inv(design.T @ design), dtype=float),
-        sd_px=np.sqrt(left / (len(cells) - len(factors))),
+        sd_px=np.sqrt(squares / (len(cells) - len(factors))),
     )

@@ -1,7 +1,7 @@
-"""What a clean fit of the dots cannot know of the scale: bent pixels, a board that is not square, a spot's own bias.
+"""Pixel scale from a dot board, with the uncertainty that the residuals do not show: bend, skew, bias of a spot.
 
-The residuals tell how well the dots fit the map. Where they fit to a hundredth of a pixel, what the map leaves out is
-larger. The bend counts in full: the mean over a pitch and the size at the place itself are both called the scale.
+The residuals show how well the dots fit the map. Where they fit to a hundredth of a pixel, the errors outside the map
+are larger. The bend counts in full: both the mean over a pitch and the size at the position itself are the scale.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-LEAST_FRACTION = 2e-4  # relative; no picture of spots goes below it: light, aberrations, the gel's creep
+LEAST_FRACTION = 2e-4  # least relative uncertainty of a picture of spots: light, aberrations, the gel's creep
 EVEN = 3**0.5  # bound of an even distribution over its standard deviation
 BY_CHANCE = 2.0  # standard deviations that noise explains
 
@@ -43,35 +43,35 @@ BY_CHANCE = 2.0  # standard deviations that noise explains
 def with_model_uncertainty(
     sizes: tuple[MeasuredValue, MeasuredValue], fitted: BoardMap, cell: NDArray[np.float64]
 ) -> tuple[MeasuredValue, ...]:
-    """Pixel sizes (x, y) with the uncertainty of what the map of the dots leaves out added to that of its residuals.
+    """Pixel sizes (x, y) with the uncertainty of the map itself added to that of its residuals.
 
     Parameters
     ----------
     sizes
-        As the residuals alone give them, pitch included.
+        From the residuals alone, pitch included.
     fitted
         The map from board to image.
     cell
-        Place on the lattice, shape (2,), in pitches.
+        Lattice position, shape (2,), in pitches.
     """
     bend = _beyond_noise(*fitted.bend(cell))
-    # Between no error and half the skew anything is as likely (GUM 4.3.7: bound over the root of three).
+    # An error between none and half the skew is equally likely (GUM 4.3.7: bound over the root of three).
     askew = _skew_beyond_noise(fitted, cell) / 2 / EVEN
     fractions = np.sqrt(LEAST_FRACTION**2 + bend**2 + askew**2)
     return tuple(_widened(size, float(fraction)) for size, fraction in zip(sizes, fractions, strict=True))
 
 
 def _beyond_noise(values: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Size of what was found less what noise explains, which the residuals' part has counted already."""
+    """The part of ``values`` that noise does not explain; the residuals' part includes the rest."""
     return np.asarray(np.sqrt(np.maximum(values**2 - (BY_CHANCE * noise) ** 2, 0.0)))
 
 
 def _skew_beyond_noise(fitted: BoardMap, cell: NDArray[np.float64]) -> float:
     """Sine of the skew that noise does not explain.
 
-    Cameras' axes are square, so it is the board's or the tilt's. Pitches that differ by a share e, turned by 45
-    degrees, show a skew of e and make both pixel sizes wrong by e / 2; a board sheared by an angle s makes one wrong
-    by 1 - cos(s), which is less.
+    Cameras have square axes, so the skew comes from the board or the tilt. Pitches with a relative difference e,
+    rotated by 45 degrees, show a skew of e and an error of e / 2 in both pixel sizes; a board sheared by an angle s
+    causes a smaller error in one of them, 1 - cos(s).
     """
     sine = np.sin(np.radians(skew_deg(fitted.face_step(cell))))
     x, y = fitted.pixel_size(cell, pitch=MeasuredValue(value=1.0, sd=0.0))
@@ -79,46 +79,46 @@ def _skew_beyond_noise(fitted: BoardMap, cell: NDArray[np.float64]) -> float:
 
 
 def _widened(size: MeasuredValue, fraction: float) -> MeasuredValue:
-    given = (fraction * size.value) ** 2
-    total = size.sd**2 + given
-    # Only the residuals' part rests on few degrees of freedom (Welch and Satterthwaite).
+    added = (fraction * size.value) ** 2
+    total = size.sd**2 + added
+    # Only the residuals' part has few degrees of freedom (Welch and Satterthwaite).
     freedom = size.degrees_of_freedom * (total / size.sd**2) ** 2 if size.sd > 0 else np.inf
     return MeasuredValue(value=size.value, sd=total**0.5, degrees_of_freedom=float(freedom), unit=size.unit)
 
 
 FEWEST = 16  # dots
 LEAST_SIDE = 3  # dots along each side of the lattice: two have no residual
-MOST_STRANGERS = 0.5  # share of the spots off the lattice
+MOST_STRANGERS = 0.5  # fraction of the spots off the lattice
 ROUGHEST = 0.06  # root mean square residual over the dots' distance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DotDiagnostics:
-    """What was found on the way to a scale from dots.
+    """Diagnostics of a scale from dots.
 
     Attributes
     ----------
     centres_px
         Centres (x, y) of the dots used, shape (n, 2), pixels.
     cells
-        Their places on the lattice, whole pitches, shape (n, 2).
+        Their lattice positions, whole pitches, shape (n, 2).
     residuals_px
-        Centre less fitted place, shape (n, 2), pixels.
+        Centre minus fitted position, shape (n, 2), pixels.
     strays_px
-        Spots that are no dots of the lattice, shape (m, 2), pixels.
+        Spots outside the lattice, shape (m, 2), pixels.
     bright
-        True when the dots are brighter than what surrounds them.
+        True when the dots are brighter than their surroundings.
     width_px
         Standard deviation of a Gaussian as wide as the dots, pixels.
     order
         Order of the polynomial fitted: 3, or 5 for a wide-angle lens.
     distortion_chance
-        Chance that what looks like distortion is none.
+        Probability of the apparent distortion without any.
     distorted
         True when the distortion is beyond chance.
     largest_change
-        Largest relative difference between the pixel size at a dot and that of the scale, of either axis: how far the
-        one scale may err elsewhere in the image.
+        Largest relative difference, along either axis, between the pixel size at a dot and the scale: the error of
+        the scale elsewhere in the image.
     """
 
     centres_px: NDArray[np.float64]
@@ -146,19 +146,19 @@ def scale_from_dots(
 ) -> tuple[PixelScale, DotDiagnostics]:
     """Measure the size of a pixel along each image axis on a square board of dots.
 
-    The dots may be darker or brighter than what surrounds them, turned by any angle, and some may be missing. The scale
-    is that at the probe's axis (``image.axis_px``), as the mean over one pitch to either side. Perspective and lens
-    distortion are fitted along, so that they widen the interval and do not shift the scale. The interval also allows
-    for how much the pixel size bends over that pitch, for a skew beyond noise, and for 2e-4 of the size in any case.
+    The dots may be darker or brighter than their surroundings and rotated by any angle, and some may be missing. The
+    scale is the mean over one pitch to either side of the probe's axis (``image.axis_px``). Perspective and lens
+    distortion are fitted too: they widen the interval and do not shift the scale. The interval also includes the bend
+    of the pixel size over that pitch, a skew beyond noise, and at least 2e-4 of the size.
 
-    Along the image's axes a board with two pitches looks like one whose camera has longer pixels: it is refused only
-    where the pixels' sides would differ by more than a quarter. A board turned by 45 degrees shows unlike pitches as
-    skew. Where every second dot is missing as on a chessboard the lattice is again square, and nothing shows it.
+    Along the image's axes a board with two pitches looks like a camera with longer pixels: it is refused only where
+    the pixels' sides would differ by more than a quarter. Rotated by 45 degrees it shows its pitches as skew. Where
+    every second dot is missing as on a chessboard the lattice is again square; this is not detected.
 
     Parameters
     ----------
     image
-        The probe with the board pressed on it; a scale it already has is not used.
+        The probe with the board pressed on it; its own scale is not used.
     reference
         The untouched probe in the same light; None when the light is even.
     pitch_mm
@@ -166,7 +166,7 @@ def scale_from_dots(
     pitch_sd_mm
         Its standard uncertainty, in [0, 1] mm: of the mean pitch over the board, not the scatter of single dots.
     min_dots
-        Fewest dots to measure on, 16 or more: fewer do not tell distortion from scale.
+        Fewest dots, 16 or more: fewer cannot separate distortion from scale.
 
     Returns
     -------
@@ -178,11 +178,11 @@ def scale_from_dots(
     Raises
     ------
     CalibrationError
-        When there are no dots, or too few, when they form no square lattice or more than one, when a pixel would be
-        outside 0.8 to 1.25 times as high as wide or the lattice more than 3 degrees askew, or when the scale would be
-        no tactile probe's.
+        When there are no dots, or too few, when they form no square lattice or several, when a pixel would be
+        outside 0.8 to 1.25 times as high as wide or the lattice more than 3 degrees askew, or when the scale is
+        impossible for a tactile probe.
     ImageMismatchError
-        When the reference is no companion of the image.
+        When the reference differs from the image in size, scale or full scale.
     InputError
         When an argument is outside its range.
 
@@ -191,7 +191,7 @@ def scale_from_dots(
     >>> from tsis.imaging import Sensor
     >>> from tsis.virtual import dot_board_frame
     >>> frame = dot_board_frame(Sensor(mm_per_pixel=(0.0336, 0.0392)), rng=np.random.default_rng(1), pitch_mm=2.5)
-    >>> scale, found = scale_from_dots(frame, pitch_mm=2.5)
+    >>> scale, diagnostics = scale_from_dots(frame, pitch_mm=2.5)
     >>> [round(size, 4) for size in scale.mm_per_pixel]
     [0.0336, 0.0392]
     """
@@ -225,7 +225,7 @@ def scale_from_dots(
         rotation_deg=rotation_deg(step),
         skew_deg=skew_deg(step),
     )
-    chance = chance_of(fit_order(fitted.cells, fitted.places_px, FIRST_ORDER), fitted)
+    chance = chance_of(fit_order(fitted.cells, fitted.positions_px, FIRST_ORDER), fitted)
     diagnostics = DotDiagnostics(
         centres_px=centres,
         cells=fitted.cells,
@@ -242,7 +242,7 @@ def scale_from_dots(
 
 
 def _dots(spots: Spots, least: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Lattice coordinates and centres of the dots, and the centres of the spots that are none."""
+    """Lattice coordinates and centres of the dots, and the centres of the other spots."""
     positions = spots.positions_px
     if len(positions) < least:
         raise CalibrationError(
@@ -252,9 +252,8 @@ def _dots(spots: Spots, least: int) -> tuple[NDArray[np.float64], NDArray[np.flo
     rows = index_lattice(positions)
     if len(rows) < max(least, (1 - MOST_STRANGERS) * len(positions)):
         raise CalibrationError(
-            f"image must show at least {least} dots of a square lattice; of {len(positions)} spots "
-            f"{len(rows)} lie on one "
-            "(press the dot board flat on the face, and clean the face)"
+            f"image must show at least {least} dots of a square lattice; of {len(positions)} spots {len(rows)} lie on "
+            "one (press the dot board flat on the face, and clean the face)"
         )
     cells = rows[:, 1:].astype(float)
     centres = in_even_light(positions[rows[:, 0]], spots.strength[rows[:, 0]], spots.width_px)
@@ -263,10 +262,10 @@ def _dots(spots: Spots, least: int) -> tuple[NDArray[np.float64], NDArray[np.flo
             f"the dots must form at least {LEAST_SIDE} rows and {LEAST_SIDE} columns; {len(rows)} dots lie in fewer "
             "(press the whole board on the face)"
         )
-    save = without_strays(cells, centres)
-    dots = set(rows[save, 0].tolist())
+    good = without_strays(cells, centres)
+    dots = set(rows[good, 0].tolist())
     strays = np.array([position for spot, position in enumerate(positions) if spot not in dots]).reshape(-1, 2)
-    return cells[save], centres[save], strays
+    return cells[good], centres[good], strays
 
 
 def _cell_of_axis(fitted: BoardMap, axis_px: tuple[float, float]) -> NDArray[np.float64]:
@@ -281,7 +280,7 @@ def _cell_of_axis(fitted: BoardMap, axis_px: tuple[float, float]) -> NDArray[np.
 
 
 def _check_rough(fitted: BoardMap) -> None:
-    nearest = np.asarray(cKDTree(fitted.places_px).query(fitted.places_px, k=2)[0])
+    nearest = np.asarray(cKDTree(fitted.positions_px).query(fitted.positions_px, k=2)[0])
     rough = _root_mean_square(fitted.residuals_px()) / float(np.median(nearest[:, 1]))
     if rough > ROUGHEST:
         raise CalibrationError(

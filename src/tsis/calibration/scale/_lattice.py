@@ -1,4 +1,4 @@
-"""Which two directions of a lattice of dots are the board's rows and columns."""
+"""Lattice coordinates of spots, and the two lattice directions that are the board's rows and columns."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-MOST_SKEW_DEG = 3.0  # between the image's axes as the board shows them; noise and scatter make some tenths
-# Height over width of a pixel; rows of a hexagonal board or one with a row in two missing make it 0.58 or 0.5 times.
+MOST_SKEW_DEG = 3.0  # between the image's axes on the board; noise and scatter cause some tenths
+# Height over width of a pixel; a hexagonal board or one with every second row missing gives 0.58 or 0.5 times that.
 PIXEL_RATIO = (0.8, 1.25)
-LONGEST_PIXEL = 2.5  # ratio of the sides that a lattice of unlike pitches is looked for with, to say what is wrong
-CLEAR_SKEW_DEG = 4.0  # by which the right pair of lattice axes is squarer than the next
-# Pairs of axes that count one and the same lattice of points; the first dots found may have had gaps for neighbours.
+LONGEST_PIXEL = 2.5  # ratio of the sides up to which a lattice of two pitches is recognised for the error message
+CLEAR_SKEW_DEG = 4.0  # by which the best pair of lattice axes must be squarer than the second
+# Pairs of axes that describe the same lattice; the first dots may have had gaps as neighbours.
 WAYS = [(i, j) for i in range(3) for j in range(-2, 3) if i > 0 or j > 0]
 AXES = [
     np.array(pair)
@@ -33,11 +33,11 @@ AXES = [
 
 
 def with_square_axes(fitted: BoardMap, cell: NDArray[np.float64]) -> BoardMap:
-    """The same dots counted along the two lattice axes that make the image's axes perpendicular on the face.
+    """The same dots along the two lattice axes that make the image's axes perpendicular on the face.
 
-    A turned board's diagonal may be shorter in the image than its side where pixels are far from square. A square
-    lattice at 32 degrees, counted along a diagonal, is again square, of pixels 2.6 times as long as wide; no camera has
-    such.
+    Where pixels are far from square, the diagonal of a rotated board may be shorter in the image than its side. A
+    square lattice at 32 degrees along a diagonal is again square, with pixels 2.6 times as long as wide, which no
+    camera has.
     """
     step = fitted.face_step(cell)
     skews = np.array([abs(skew_deg(axes @ step)) for axes in AXES])
@@ -49,19 +49,19 @@ def with_square_axes(fitted: BoardMap, cell: NDArray[np.float64]) -> BoardMap:
         raise _no_square(skews, ratios, usual)
     if usual[second] and skews[second] - skews[first] < CLEAR_SKEW_DEG:
         raise CalibrationError(
-            f"the dots' rows must be told from their diagonals; both fit a square lattice to {skews[second]:.0f} "
+            f"the dots' rows must differ from their diagonals; both fit a square lattice to {skews[second]:.0f} "
             "degrees (lay the rows along the image's axes)"
         )
     axes = AXES[first]
     if abs((axes @ step)[0, 0]) < abs((axes @ step)[1, 0]):
         axes = axes[::-1]
-    # Counted along the image's axes, as nearly as may be: so the rotation has a sign.
+    # Count along the image's axes as nearly as possible: the rotation then has a sign.
     axes = axes * np.sign(np.diag(axes @ step))[:, None]
-    return fit_map(fitted.cells @ axes.T, fitted.places_px)
+    return fit_map(fitted.cells @ axes.T, fitted.positions_px)
 
 
 def _no_square(skews: NDArray[np.float64], ratios: NDArray[np.float64], usual: NDArray[np.bool]) -> CalibrationError:
-    """Why no pair of lattice axes gives pixels of a camera."""
+    """Explain why no pair of lattice axes gives the pixels of a camera."""
     long = (ratios < LONGEST_PIXEL) & (ratios > 1 / LONGEST_PIXEL)
     squarest = int(np.argmin(np.where(long, skews, 90.0)))
     if long[squarest] and skews[squarest] <= MOST_SKEW_DEG:
@@ -78,32 +78,32 @@ def _no_square(skews: NDArray[np.float64], ratios: NDArray[np.float64], usual: N
 
 
 def rotation_deg(step: NDArray[np.float64]) -> float:
-    """Angle in the image from the x axis towards the y axis at which the nearest lattice axis lies, in [-45, 45]."""
+    """Angle in the image from the x axis towards the y axis to the nearest lattice axis, in [-45, 45]."""
     angle = -float(np.degrees(np.arctan2(step[1, 0], step[0, 0])))
     return (angle + 45.0) % 90.0 - 45.0
 
 
 def skew_deg(step: NDArray[np.float64]) -> float:
-    """How far the image's two axes are from a right angle on the face."""
-    item, other = step.T
-    sine = (item @ other) / (np.linalg.norm(item) * np.linalg.norm(other))
+    """Departure of the image's two axes from a right angle on the face."""
+    x, y = step.T
+    sine = (x @ y) / (np.linalg.norm(x) * np.linalg.norm(y))
     return float(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
 
 
-NEAREST = 12  # neighbours among which a dot's two steps are sought
-MISS = 0.3  # largest distance of a dot from its predicted place, in steps; a wide-angle lens changes steps by a fifth
-STARTS = 8  # dots that are tried as the first one
-ENOUGH = 0.95  # share of the spots at which the search for a better first dot ends, if dots
-MORE = 1.2  # times as many links as found before, to be taken instead
+NEAREST = 12  # neighbours in the search for a dot's two steps
+MISS = 0.3  # largest distance of a dot from its prediction, in steps; a wide-angle lens changes steps by a fifth
+STARTS = 8  # dots tried as the first one
+ENOUGH = 0.95  # fraction of the spots on the lattice that ends the search for a better first dot
+MORE = 1.2  # required factor of links over the best lattice so far
 DENSE = 1.2  # links each to neighbours: 2 on an endless board without gaps
 
 
 def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Give each spot its place on a lattice.
+    """Give each spot its lattice position.
 
-    From a first dot the lattice grows to the neighbour that lies nearest to its predicted place, with steps that follow
-    the picture's distortion; a missing dot is stepped over. The growth begins at dots whose
-    steps are those of most others; of several the one with clearly most pairs of neighbours wins.
+    From a first dot the lattice grows to the neighbour nearest to its prediction, with steps that follow the image's
+    distortion; a missing dot is skipped. Growth begins at the dots with the most common steps; the lattice with
+    clearly the most pairs of neighbours wins.
 
     Parameters
     ----------
@@ -113,14 +113,14 @@ def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
     Returns
     -------
     ndarray
-        Row number of the spot, and its place on the lattice: columns (spot, i, j), one row for each spot that
-        belongs to it; shape (0, 3) when no two steps repeat anywhere. Which of the lattice's axes is i is arbitrary.
+        Row number of the spot and its lattice position: columns (spot, i, j), one row for each spot of the lattice;
+        shape (0, 3) when no two steps repeat. The order of the lattice's axes is arbitrary.
 
     Examples
     --------
     >>> j, i = np.mgrid[:3, :4]
-    >>> places = np.stack([50.0 * i.ravel(), 50.0 * j.ravel()], axis=1)
-    >>> index_lattice(places).shape
+    >>> positions = np.stack([50.0 * i.ravel(), 50.0 * j.ravel()], axis=1)
+    >>> index_lattice(positions).shape
     (12, 3)
     """
     best = np.empty((0, 3), dtype=np.int64)
@@ -131,14 +131,14 @@ def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
     existing = [(first, steps) for first, steps in starts if steps is not None]
     if not existing:
         return best
-    # Steps that most dots have come first: beside gaps a diagonal is taken for a step, beside a stray spot half a step.
+    # The most common steps come first: beside gaps a diagonal looks like a step, beside a stray spot half a step.
     steps_of = np.array([steps for _, steps in existing])
     most = 0
     for position in np.argsort(-_same_lattice(steps_of), kind="stable")[:STARTS]:
-        result = _grown(positions_px, tree, existing[position][0], existing[position][1])
-        links = _link_count(result)
+        lattice = _grown(positions_px, tree, existing[position][0], existing[position][1])
+        links = _link_count(lattice)
         if links > MORE * most:
-            best, most = result, links
+            best, most = lattice, links
         if len(best) >= ENOUGH * len(positions_px) and most >= DENSE * len(best):
             break
     return best
@@ -147,7 +147,7 @@ def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
 def _first_steps(
     positions: NDArray[np.float64], tree: cKDTree, first: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """The two shortest steps, not nearly parallel, that lead from a dot to others both forwards and backwards."""
+    """The two shortest steps, not nearly parallel, that have dots at both ends."""
     near = np.asarray(tree.query(positions[first], k=min(NEAREST + 1, len(positions)))[1])
     ways = positions[near[1:]] - positions[first]
     forth_and_back = [
@@ -156,15 +156,15 @@ def _first_steps(
         if np.linalg.norm(ways + way, axis=1).min() < MISS * np.linalg.norm(way)
         and (way[0], way[1]) > (-way[0], -way[1])
     ]
-    for item, other in sorted(itertools.combinations(forth_and_back, 2), key=_length):
-        turn = item[0] * other[1] - item[1] * other[0]
-        if abs(turn) > 0.5 * np.linalg.norm(item) * np.linalg.norm(other):
-            return item, other
+    for first_way, second_way in sorted(itertools.combinations(forth_and_back, 2), key=_length):
+        area = first_way[0] * second_way[1] - first_way[1] * second_way[0]
+        if abs(area) > 0.5 * np.linalg.norm(first_way) * np.linalg.norm(second_way):
+            return first_way, second_way
     return None
 
 
 def _same_lattice(steps: NDArray[np.float64]) -> NDArray[np.int64]:
-    """How many pairs of steps are like each of the pairs, shape (n,), from pairs of shape (n, 2, 2)."""
+    """Number of similar pairs of steps for each pair, shape (n,), from pairs of shape (n, 2, 2)."""
     straight = np.linalg.norm(steps[:, None] - steps[None], axis=3).max(axis=2)
     crossed = np.linalg.norm(steps[:, None] - steps[None, :, ::-1], axis=3).max(axis=2)
     shorter = np.linalg.norm(steps, axis=2).min(axis=1)
@@ -207,12 +207,12 @@ def _grown(
 def _links(
     positions: NDArray[np.float64], tree: cKDTree, start: int, steps: tuple[NDArray[np.float64], NDArray[np.float64]]
 ) -> Iterator[tuple[float, int, int, int, int]]:
-    """Spots near the places that steps from a dot lead to: (how badly, start, axis, steps, spot)."""
+    """Spots near the predictions from a dot: (relative miss, start, axis, steps, spot)."""
     for axis, extent in itertools.product((0, 1), (1, -1, 2, -2)):
         distance, spot = tree.query(positions[start] + extent * steps[axis])
         miss = float(distance / np.linalg.norm(steps[axis]))
         if miss < MISS:
-            # Two steps at once only where nothing is left to reach with one.
+            # Double steps only after all single steps.
             yield miss + (abs(extent) - 1), start, axis, extent, int(spot)
 
 
@@ -222,15 +222,15 @@ def _measured_steps(
     spot_at: dict[tuple[int, int], int],
     first: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The steps about a dot: medians of those known between the dots around it, each axis for itself."""
-    results = []
+    """The steps about a dot: medians over the pairs around it, each axis separately."""
+    medians = []
     for axis, default in enumerate(first):
-        given = list(_given_steps(positions, cell, spot_at, axis))
-        results.append(np.median(given, axis=0) if given else default)
-    return results[0], results[1]
+        steps = list(_steps_around(positions, cell, spot_at, axis))
+        medians.append(np.median(steps, axis=0) if steps else default)
+    return medians[0], medians[1]
 
 
-def _given_steps(
+def _steps_around(
     positions: NDArray[np.float64], cell: tuple[int, int], spot_at: dict[tuple[int, int], int], axis: int
 ) -> Iterator[NDArray[np.float64]]:
     for di, dj in itertools.product(range(-2, 3), repeat=2):

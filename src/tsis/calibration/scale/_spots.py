@@ -1,7 +1,7 @@
 """Round spots in a frame, dark or bright, with sub-pixel centres.
 
-A spot is a maximum of the difference of two Gaussian blurs, which is blind to a constant level and to a slope of the
-light; the blur at which spots answer most tells their size (Lindeberg, Int. J. Computer Vision 30, 79, 1998).
+A spot is a maximum of the difference of two Gaussian blurs, which suppresses a constant level and a slope of the light;
+the blur of the strongest response gives the spots' size (Lindeberg, Int. J. Computer Vision 30, 79, 1998).
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 
 STEP = 2.0**0.5  # from one blur to the next
 FINEST_PX = 1.5  # blur: finer spots have no sub-pixel centre
-COARSEST = 1 / 20  # blur over the image's shorter side: five spots across are the fewest of use
-BORDER = 4.0  # blurs that a spot keeps from the border, whose mirror image of it would draw it outwards
+COARSEST = 1 / 20  # blur over the image's shorter side, for at least five spots across
+BORDER = 4.0  # blurs between a spot and the border, whose reflection would shift it outwards
 LEAST_SEPARATION = 1.5  # blurs between a spot and the next maximum
 WEAKEST = 0.3  # strength over that of a typical spot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spots:
-    """Spots found in a frame.
+    """Spots of a frame.
 
     Attributes
     ----------
     positions_px
         Centres (x, y), shape (n, 2), pixels, strongest first; (0, 2) when there are none.
     strength
-        How far each stands out, shape (n,), grey levels.
+        Height above the surroundings, shape (n,), grey levels.
     width_px
-        Standard deviation of the Gaussian that is as wide as the spots, pixels.
+        Standard deviation of a Gaussian as wide as the spots, pixels.
     bright
-        True when they are brighter than what surrounds them.
+        True when they are brighter than their surroundings.
     """
 
     positions_px: NDArray[np.float64]
@@ -60,12 +60,12 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
     grey
         The frame, or its change against the untouched probe, shape (rows, columns), grey levels.
     least
-        How many spots are looked for at least; that many set size, sign and typical strength.
+        Least number of spots; the strongest of them set size, sign and typical strength.
 
     Returns
     -------
     Spots
-        All spots above noise and above a share of the typical strength.
+        All spots above noise and above a fraction of the typical strength.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
     for k, blur in enumerate(blurs):
         coarse = _blurred(grey, STEP * blur)
         change = fine - coarse
-        level = float(np.median(change))  # a field whose light falls off all round answers everywhere
+        level = float(np.median(change))  # a field with light that falls off all round responds everywhere
         for side, sign in enumerate((1.0, -1.0)):
             response = sign * (change - level)
             rows, columns = _peaks(response, blur, NOISE_FACTOR * noise * _noise_gain(blur))
@@ -103,14 +103,14 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
     return Spots(
         positions_px=_sub_pixel(response, rows[selected], columns[selected], max(1, round(blurs[k] / 2))),
         strength=strength[selected],
-        # A Gaussian answers most to the blur that is its own width over the root of the step.
+        # A Gaussian responds most to the blur of its own width over the root of the step.
         width_px=float(blurs[k] * STEP ** (0.5 + _top(typical[side], k))),
         bright=side == 0,
     )
 
 
 def _top(values: NDArray[np.float64], index: int) -> float:
-    """How far the top of the parabola through a greatest value and its neighbours lies from it, in steps."""
+    """Offset of the parabola's top through a maximum and its neighbours, in steps."""
     if not 0 < index < len(values) - 1:
         return 0.0
     before, here, after = values[index - 1 : index + 2]
@@ -121,18 +121,18 @@ def _top(values: NDArray[np.float64], index: int) -> float:
 def in_even_light(
     positions_px: NDArray[np.float64], strength: NDArray[np.float64], width_px: float
 ) -> NDArray[np.float64]:
-    """Centres of spots as they would be in even light, shape (n, 2), pixels.
+    """Centres of spots in even light, shape (n, 2), pixels.
 
-    Light that grows across a spot moves its centre by the spot's variance times the relative growth per pixel. Towards
-    the rim of a lit field that is proportional to the distance from its middle, which is an error of scale. The light
-    is taken from the spots' own strengths, as the exponential of a quadratic function of place.
+    Light that grows across a spot shifts its centre by the spot's variance times the relative growth per pixel. Towards
+    the rim of a lit field the shift is proportional to the distance from its middle, which is an error of scale. The
+    light is an exponential of a quadratic function of position, fitted to the spots' own strengths.
     """
     middle, extent = positions_px.mean(axis=0), np.ptp(positions_px, axis=0).max() / 2
     u, v = ((positions_px - middle) / extent).T
-    zero, item = np.zeros_like(u), np.ones_like(u)
-    factors = np.linalg.lstsq(np.stack([item, u, v, u * u, u * v, v * v], axis=1), np.log(strength), rcond=None)[0]
-    growth_x = np.stack([zero, item, zero, 2 * u, v, zero], axis=1) @ factors
-    growth_y = np.stack([zero, zero, item, zero, u, 2 * v], axis=1) @ factors
+    zero, ones = np.zeros_like(u), np.ones_like(u)
+    factors = np.linalg.lstsq(np.stack([ones, u, v, u * u, u * v, v * v], axis=1), np.log(strength), rcond=None)[0]
+    growth_x = np.stack([zero, ones, zero, 2 * u, v, zero], axis=1) @ factors
+    growth_y = np.stack([zero, zero, ones, zero, u, 2 * v], axis=1) @ factors
     return np.asarray(positions_px - width_px**2 / extent * np.stack([growth_x, growth_y], axis=1))
 
 
@@ -147,7 +147,7 @@ def _noise_gain(blur: float) -> float:
 
 
 def _peaks(response: NDArray[np.float64], blur: float, least: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of the maxima above a level that keep away from each other and from the border."""
+    """Rows and columns of the maxima above a level, apart from each other and from the border."""
     size = 2 * round(LEAST_SEPARATION * blur) + 1
     highest = cv2.dilate(response, np.ones((size, size), np.uint8))
     margin = int(np.ceil(BORDER * blur)) + 1
@@ -166,7 +166,7 @@ def _sub_pixel(
     around = response[rows[:, None] + y.ravel(), columns[:, None] + x.ravel()]
     _, bx, by, xx, xy, yy = np.linalg.pinv(terms) @ around.T
     bend = 4 * xx * yy - xy**2
-    # A top that is no top, or one pixel away, is left at the pixel.
+    # A paraboloid without a top, or with one beyond one pixel, leaves the centre at the pixel.
     good = (bend > 0) & (xx < 0)
     safe = np.where(good, bend, 1.0)
     shift = np.stack([(xy * by - 2 * yy * bx) / safe, (xy * bx - 2 * xx * by) / safe], axis=1)

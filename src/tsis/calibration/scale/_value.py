@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 METHODS = ("dots", "ball")
-FIELD_MM = (5.0, 150.0)  # of the longer side of the picture; tactile probes are as wide as fingertips and palms
+FIELD_MM = (5.0, 150.0)  # of the longer side of the picture: from fingertip to palm
 UNIT = "mm/px"
 
 
@@ -37,21 +37,20 @@ class PixelScale:
         Length on the face of one step to the next column and of one to the next row, mm/px, each with its standard
         uncertainty.
     shape
-        Size (rows, columns) of the frames that it holds for.
+        Size (rows, columns) of the frames.
     at_px
-        Place (x, y) in the image where it was measured; where the lens distorts, other places have another scale.
+        Image position (x, y) of the measurement; a lens with distortion has another scale elsewhere.
     method
         ``"dots"`` or ``"ball"``.
     count
-        How many dots, or presses of the ball, it rests on.
+        Number of dots, or of presses of the ball.
     residual_px
-        Root mean square of what the fit leaves: distances of the dots in pixels; for the ball 0, since its fit leaves
-        grey levels.
+        Root mean square distance of the dots from the fit, pixels; 0 for a ball, whose residuals are grey levels.
     rotation_deg
         Angle in degrees from the image's x axis, towards its y axis, to the nearest axis of the dot board, in
         [-45, 45]; 0 for a ball.
     skew_deg
-        How far the image's two axes are from a right angle on the face, degrees; 0 for a ball, which takes it as one.
+        Departure of the image's two axes from a right angle on the face, degrees; 0 for a ball, which assumes one.
 
     Raises
     ------
@@ -98,7 +97,7 @@ class PixelScale:
 
     @property
     def mm_per_pixel(self) -> tuple[float, float]:
-        """Size (x, y) of a pixel on the face, mm, as `TactileImage` takes it."""
+        """Size (x, y) of a pixel on the face, mm, for `TactileImage`."""
         return self.mm_per_pixel_x.value, self.mm_per_pixel_y.value
 
     def on(self, image: TactileImage) -> TactileImage:
@@ -107,7 +106,7 @@ class PixelScale:
         Raises
         ------
         ImageMismatchError
-            When the frame has another size than those that the scale was measured on.
+            When the frame differs in size from those of the measurement.
         """
         require_type("image", image, TactileImage)
         if image.grey.shape != self.shape:
@@ -119,7 +118,7 @@ class PixelScale:
 
 
 def check_field(mm_per_pixel: Sequence[float], shape: tuple[int, ...], length: str, value_mm: float) -> None:
-    """Refuse a scale at which the picture would be no tactile probe's: mostly a length in another unit."""
+    """Refuse a scale that is impossible for a tactile probe, mostly because of a length in another unit."""
     field = max(mm_per_pixel[0] * shape[1], mm_per_pixel[1] * shape[0])
     if not FIELD_MM[0] <= field <= FIELD_MM[1]:
         raise CalibrationError(

@@ -1,4 +1,4 @@
-"""A calibration step by step: what to do, the frames of each step on disk, and the calibration made from them."""
+"""A calibration session: its steps, their frames on disk, and the calibration computed from them."""
 
 from tsis.calibration.session._folder import (
     CalibrationFrame,
@@ -7,7 +7,7 @@ from tsis.calibration.session._folder import (
     save_calibration,
     saved_calibration,
 )
-from tsis.calibration.session._live_bench import LiveBench
+from tsis.calibration.session._live_bench import LiveCalibration
 from tsis.calibration.session._result import DAYS, SessionResult, calibrate
 from tsis.calibration.session._setup import (
     BOARD,
@@ -31,7 +31,7 @@ __all__ = [
     "UNTOUCHED",
     "CalibrationFrame",
     "CalibrationStep",
-    "LiveBench",
+    "LiveCalibration",
     "SessionFolder",
     "SessionResult",
     "SessionSetup",

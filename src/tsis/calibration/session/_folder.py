@@ -1,4 +1,4 @@
-"""A frame of a calibration, with what the force gauge read."""
+"""Frames of a calibration session with their forces, and the folder that stores them."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CalibrationFrame:
-    """One frame.
+    """A frame of a calibration step.
 
     Parameters
     ----------
     image
-        As the camera delivered it.
+        The raw camera frame.
     force_n
-        What the gauge read then, newtons; None where no force belongs to the step.
+        Force of the gauge, newtons; None in steps without force.
     time_s
-        When it came, seconds on the camera's or the computer's clock; None when nobody knows.
+        Arrival time, seconds on the camera's or the computer's clock; None when unknown.
     """
 
     image: TactileImage
@@ -70,7 +70,7 @@ class CalibrationFrame:
 FORMAT, VERSION = "tsis-calibration-session", 1
 TERMS, INDEX = "session.json", "shots.csv"
 LARGEST_TERMS_BYTES, LARGEST_INDEX_BYTES, MOST_LINES = 2**20, 8 * 2**20, 100_000
-COLUMNS = ("file", "time_s", "force_n", "full_scale")  # the last, since a file of 16 bits may hold fewer
+COLUMNS = ("file", "time_s", "force_n", "full_scale")  # the last because a file of 16 bits may contain fewer
 
 
 class SessionFolder:
@@ -87,16 +87,16 @@ class SessionFolder:
 
     @property
     def begun(self) -> bool:
-        """Whether it holds a session."""
+        """Whether it contains a session."""
         return (self.path / TERMS).exists()
 
     def begin(self, terms: SessionSetup) -> None:
-        """Make the folder and state the terms.
+        """Create the folder and write the terms.
 
         Raises
         ------
         FileInputError
-            When it holds a session already or cannot be written.
+            When it contains a session already or cannot be written.
         """
         if self.begun:
             raise FileInputError(
@@ -115,7 +115,7 @@ class SessionFolder:
         Raises
         ------
         FileInputError
-            When the folder holds none, or one that cannot be read.
+            When they are missing or invalid.
         """
         file = self.path / TERMS
         document = read_object(file, most=LARGEST_TERMS_BYTES)
@@ -133,11 +133,11 @@ class SessionFolder:
         return plan_steps(terms.tips_mm, repeats=terms.repeats)
 
     def done(self, step: CalibrationStep) -> bool:
-        """Whether the step's frames are all there."""
+        """Whether all frames of the step are stored."""
         return (self.path / step.name / INDEX).exists()
 
     def missing(self) -> tuple[str, ...]:
-        """Names of the steps that are not done and that no calibration can be made without."""
+        """Names of the required steps that are not done."""
         return tuple(step.name for step in self.plan() if not (step.optional or self.done(step)))
 
     def save(
@@ -145,9 +145,9 @@ class SessionFolder:
         step: CalibrationStep,
         shots: Iterable[CalibrationFrame],
         *,
-        progress: Callable[[int], None] = lambda selected: None,
+        progress: Callable[[int], None] = lambda stored: None,
     ) -> int:
-        """Store the frames of a step, all or none, and return how many.
+        """Store the frames of a step, all or none, and return their number.
 
         Raises
         ------
@@ -163,41 +163,41 @@ class SessionFolder:
                 raise FileInputError(
                     f"{printable_path(path)} must be new; it exists already (remove it to repeat the step)"
                 )
-            for killed in self.path.glob(f".{step.name}-*"):  # what a program that was killed left of it
+            for killed in self.path.glob(f".{step.name}-*"):  # drafts of a killed program
                 shutil.rmtree(killed, ignore_errors=True)
             draft.mkdir()
-            selected = self._write(draft, shots, progress)
+            stored = self._write(draft, shots, progress)
             draft.rename(path)
         except OSError as error:
             raise self._refused(error) from error
         finally:
-            shutil.rmtree(draft, ignore_errors=True)  # what is left of a step that was not finished
-        return selected
+            shutil.rmtree(draft, ignore_errors=True)  # of an unfinished step
+        return stored
 
     def count(self, step: CalibrationStep) -> int:
-        """How many frames of the step there are; 0 when it is not done."""
+        """Number of frames of the step; 0 when it is not done."""
         return len(list((self.path / step.name).glob("frame-*.png"))) if self.done(step) else 0
 
     def forget(self, step: CalibrationStep) -> None:
-        """Remove the frames of a step, so that it can be repeated; without any nothing happens.
+        """Remove the frames of a step, if any, so that it can be repeated.
 
         Raises
         ------
         FileInputError
-            When they cannot be removed; the step is done as before then.
+            When they cannot be removed; the step is still done then.
         """
         path = self.path / step.name
         if not path.exists():
             return
         try:
-            # Renamed first: the step is done with all of its frames, or not at all.
+            # The rename makes the removal atomic.
             path.rename(going := self.path / f".{step.name}-{secrets.token_hex(4)}")
         except OSError as error:
             raise self._refused(error) from error
-        shutil.rmtree(going, ignore_errors=True)  # what stays is removed when the step is done again
+        shutil.rmtree(going, ignore_errors=True)  # `save` removes the remainder
 
     def shots(self, step: CalibrationStep) -> list[CalibrationFrame]:
-        """Read the frames of a step in the order in which they were taken.
+        """Read the frames of a step in the order of acquisition.
 
         Raises
         ------
@@ -210,12 +210,12 @@ class SessionFolder:
         return [self._shot(index, row) for row in rows]
 
     def middle_shot(self, step: CalibrationStep) -> CalibrationFrame:
-        """The frame in the middle of a step, in loadings near the largest force; errors as `shots`."""
+        """The middle frame of a step, in loadings near the largest force; errors as `shots`."""
         index, rows = self._rows(step)
         return self._shot(index, rows[len(rows) // 2])
 
     def _rows(self, step: CalibrationStep) -> tuple[Path, list[list[str]]]:
-        """The step's table of frames, and its lines."""
+        """The step's table of frames, and its rows."""
         if not self.done(step):
             raise CalibrationError(
                 f"step {step.name!r} must be done first; {printable_path(self.path)} holds no frames of it"
@@ -233,7 +233,7 @@ class SessionFolder:
         if not rows or tuple(rows[0]) != COLUMNS:
             raise FileInputError(f"{printable_path(index)} must begin with the line {','.join(COLUMNS)}")
         frames = [row for row in rows[1:] if row]
-        if len({row[0] for row in frames}) < len(frames):  # one small file could else take any amount of memory
+        if len({row[0] for row in frames}) < len(frames):  # a small file could otherwise take any amount of memory
             raise FileInputError(f"{printable_path(index)} must name each frame once; it names one twice")
         if not frames:
             raise FileInputError(
@@ -281,17 +281,17 @@ def _number(text: str) -> float | None:
     return float(text) if text else None
 
 
-SHORT = 12  # characters of an identity in names
+SHORT = 12  # characters of an identity in file names
 
 
 def saved_calibration(session: SessionFolder) -> Path | None:
-    """The file of the calibration that was made from the frames as they are; None before it was made."""
+    """The calibration file of the present frames; None before `save_calibration`."""
     file = session.path / CALIBRATION_FILE
     return file if file.exists() else None
 
 
 def save_calibration(session: SessionFolder, calibration: ProbeCalibration) -> Path:
-    """Write the calibration of the session's frames into its folder, over an earlier one, and return its file.
+    """Write the calibration into the session's folder, over an earlier one, and return its file.
 
     Raises
     ------
@@ -308,9 +308,9 @@ def save_calibration(session: SessionFolder, calibration: ProbeCalibration) -> P
 
 
 def archive_calibration(session: SessionFolder) -> Path | None:
-    """Rename the calibration after its identity, because its frames change; its new name, or None where there is none.
+    """Rename the calibration after its identity, because its frames change; return the new path, None without one.
 
-    Results may cite it, so it is never removed; one that is damaged gets a name of its own.
+    Results may cite it, so it is never removed; a damaged file gets a random name.
 
     Raises
     ------
@@ -331,7 +331,7 @@ def archive_calibration(session: SessionFolder) -> Path | None:
 def _cited(file: Path) -> str:
     try:
         return calibration_sha256(read_calibration(file))[:SHORT]
-    except TsisError:  # a damaged one may stand in nobody's way, and takes no other's place
+    except TsisError:  # a damaged file must not block the session or replace another
         return f"damaged-{secrets.token_hex(SHORT // 2)}"
 
 

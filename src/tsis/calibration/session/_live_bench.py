@@ -1,4 +1,4 @@
-"""A bench with hardware: frames of a running acquisition, each with the force that the gauge read."""
+"""Calibration frames from running hardware: camera frames with the gauge's force."""
 
 from __future__ import annotations
 
@@ -15,45 +15,45 @@ if TYPE_CHECKING:
 
 
 TIMEOUT_S = 5.0
-FORCE_S = 1.0  # for which the reading after a frame is waited
+FORCE_S = 1.0  # longest wait for the reading after a frame
 
 
-class LiveBench:
-    """Takes fresh frames.
+class LiveCalibration:
+    """Takes calibration frames from a running acquisition.
 
     Parameters
     ----------
     acquisition
-        A running one.
+        Running.
     log
-        Readings of the gauge; None without one.
+        Readings of the gauge, if any.
     """
 
     def __init__(self, acquisition: Acquisition, log: ForceLog | None = None) -> None:
         self._acquisition, self._log = acquisition, log
 
     def still(self, frames: int) -> Iterator[CalibrationFrame]:
-        """Yield the next frames; none that was taken before the call.
+        """Yield the next frames, all taken after the call.
 
         Raises
         ------
         CameraError
-            When none comes for 5 s.
+            When no frame arrives for 5 s.
         """
         for _, received in zip(range(frames), self._fresh(), strict=False):
             yield CalibrationFrame(image=received.frame.tactile_image(), time_s=received.arrived_s)
 
     def loading(self, over: Callable[[], bool], *, every_s: float = 0.5) -> Iterator[CalibrationFrame]:
-        """Yield a frame every so often with its force, until ``over`` says so.
+        """Yield a frame with its force every ``every_s`` seconds until ``over`` is true.
 
         Raises
         ------
         CameraError
-            When no frame comes for 5 s.
+            When no frame arrives for 5 s.
         GaugeError
-            When the gauge falls silent.
+            When the gauge stops sending.
         """
-        assert self._log is not None  # who has no gauge reads forces by eye, through `one`
+        assert self._log is not None  # without a gauge use `take_frame`
         last_s = float("-inf")
         for received in self._fresh():
             if over():
@@ -65,7 +65,7 @@ class LiveBench:
                 yield CalibrationFrame(image=received.frame.tactile_image(), time_s=last_s, force_n=force)
 
     def take_frame(self, force_n: float) -> CalibrationFrame:
-        """The next frame, with a force that a person read."""
+        """The next frame, with a force that the user entered."""
         received = next(self._fresh())
         return CalibrationFrame(image=received.frame.tactile_image(), time_s=received.arrived_s, force_n=force_n)
 

@@ -1,4 +1,4 @@
-"""The loading that a step's frames show, refused where light and force did not go together."""
+"""The calibration of a session, and the checks that light and force of its loadings agree."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.calibration.file import ProbeCalibration
-from tsis.calibration.force import UNTOUCHED_N, Loading, fit_force_line, read_loading_frame, run_of
+from tsis.calibration.force import UNTOUCHED_N, Loading, fit_force_line, fit_run, read_loading_frame
 from tsis.calibration.reference import make_reference
 from tsis.calibration.response import fit_response
 from tsis.calibration.scale import scale_from_dots
@@ -34,18 +34,19 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-TOUCHED_N = 0.03  # above the zero: between it and an unloaded gauge's wandering nobody can tell
-AT_REST = 0.02  # share of the largest sum of grey levels that a frame without contact may show
+TOUCHED_N = 0.03  # above the zero: smaller forces are within the drift of an unloaded gauge
+AT_REST = 0.02  # fraction of the largest sum of grey levels that a frame without contact may show
 LEAST_CORRELATION = 0.97  # of sums and forces; loops of 10 % and curves as F**(2/3) have 0.99
 
 
 def read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, reference: CameraReference) -> Loading:
-    """Read a loading; presses so light that the gauge cannot tell them from none are left out.
+    """Read a loading without presses that are too light for the gauge to detect.
 
     Raises
     ------
     CalibrationError
-        When a frame has no force or is that before it, when the first is no zero, or the sums do not follow the force.
+        When a frame has no force or repeats the frame before, when the first frame shows contact, or when the sums
+        do not follow the force.
     """
     assert step.tip_mm is not None
     forces = [shot.force_n for shot in shots]
@@ -59,7 +60,7 @@ def read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, refer
         if abs(load) <= UNTOUCHED_N or load >= TOUCHED_N:
             reading = read_loading_frame(shot.image, reference, force_n=zero + load, touched=load >= TOUCHED_N)
             readings.append(reading)
-    loading = Loading.of(step.tip_mm, readings, run=step.run)
+    loading = Loading.from_frames(step.tip_mm, readings, run=step.run)
     first = float(loading.total_grey[0] / max(loading.total_grey.max(), 1.0))
     if first > AT_REST:
         raise CalibrationError(
@@ -71,28 +72,28 @@ def read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, refer
 
 
 def require_measured_slope(line: ForceLine) -> None:
-    """Refuse a force line whose slope is not told from zero, from which no force can be read."""
+    """Refuse a force line whose slope is consistent with zero."""
     low, high = line.slope_grey_per_n.interval()
     if low <= 0:
         raise CalibrationError(
-            f"the slope of the force line must be told from zero; its 95 % interval is {low:.3g} to {high:.3g} grey "
+            f"the slope of the force line must differ from zero; its 95 % interval is {low:.3g} to {high:.3g} grey "
             "levels a newton, for the loadings disagree (repeat those that stand out, or load three tips or more)"
         )
 
 
 def _require_new_frames(shots: Sequence[CalibrationFrame]) -> None:
-    """Refuse a picture that came twice: the noise of a live camera never repeats."""
+    """Refuse repeated pictures: the noise of a live camera never repeats."""
     for number, (before, after) in enumerate(pairwise(shots), start=1):
         if np.array_equal(before.image.grey, after.image.grey):
             raise CalibrationError(
-                f"every frame must be a new one; frames {number} and {number + 1} are alike to the last pixel (is the "
-                "camera frozen? open it again, and repeat the step)"
+                f"every frame must be a new one; frames {number} and {number + 1} are identical (is the camera frozen? "
+                "open it again, and repeat the step)"
             )
 
 
 def _require_rising(loading: Loading) -> None:
-    run = run_of(loading)
-    with np.errstate(invalid="ignore", divide="ignore"):  # of sums that are all alike it is not defined
+    run = fit_run(loading)
+    with np.errstate(invalid="ignore", divide="ignore"):  # undefined for equal sums
         correlation = float(np.corrcoef(run.force_n, run.total_grey)[0, 1])
     if not correlation >= LEAST_CORRELATION:
         raise CalibrationError(
@@ -106,18 +107,18 @@ DAYS = 180
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SessionResult:
-    """What stands behind a calibration, for the reader and for figures.
+    """Diagnostics of a calibration, for the reader and for figures.
 
     Attributes
     ----------
     dots
-        The dots of the board, and what the fit left.
+        The dots of the board, and their residuals.
     board
         The frame of the board.
     loadings
-        The loadings as read.
+        The loadings.
     line
-        How well the force line describes them.
+        Diagnostics of the force line.
     response
         Gain and saturation with their intervals.
     """
@@ -135,22 +136,22 @@ def calibrate(
     days: float = DAYS,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[ProbeCalibration, SessionResult]:
-    """Make the calibration from the frames of a session, steps that may be left out included where they were done.
+    """Compute the calibration from the frames of a session; optional steps are used where they were done.
 
     Parameters
     ----------
     session
         With at least the dark, untouched, board and loading steps done.
     days
-        For how many days it is good, in [1, 3650], from when the session began: frames do not grow younger when the
-        file is made once more. A simulated bench does not age.
+        Validity in days, in [1, 3650], from the start of the session, also when the file is computed again. A
+        simulated calibration does not expire.
     progress
-        Told (steps done, steps in all).
+        Called with (steps done, steps in all).
 
     Raises
     ------
     CalibrationError
-        When a step is missing, or frames do not show what they should; the message names the step.
+        When a step is missing, or its frames fail a check; the message names the step.
     FileInputError
         When a file of the session is missing or damaged.
     """
@@ -171,7 +172,7 @@ def calibrate(
     reference = _reference(shots, scale, terms.patch_px)
     loadings = []
     for step in steps.values():
-        if step.is_loading:  # read one by one, for many frames of a large camera fill the memory
+        if step.is_loading:  # in turn, because the frames of a large camera fill the memory
             pressed = session.shots(step)
             _require_same_format(pressed, step, shots[DARK][0].image)
             with _named(step.name):
@@ -217,7 +218,7 @@ def _scale(
 
 
 def _area_fraction(scale: PixelScale) -> float:
-    """Relative standard deviation of a pixel's area; one pitch errs along both axes, so their shares add."""
+    """Relative standard deviation of a pixel's area; the pitch has one error along both axes, so the parts add."""
     return sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
 
 
@@ -228,7 +229,7 @@ def _reference(
         return [scale.on(shot.image) for shot in shots[name]]
 
     flats = [scaled(name) for name in sorted(shots) if name.startswith(f"{FLAT}-")]
-    # Without flats little of the light that tells the photons' noise is left but that beside the dot board.
+    # Without flats, only the light beside the dot board shows the photon noise.
     scenes = [] if flats else [scaled(BOARD_UNTOUCHED)]
     return make_reference(scaled(DARK), scaled(UNTOUCHED), flats, patch_px=patch_px, scenes=scenes)
 
@@ -246,20 +247,19 @@ def _rate(shots: Sequence[CalibrationFrame]) -> MeasuredValue | None:
 
 
 def _require_same_format(shots: Sequence[CalibrationFrame], step: CalibrationStep, first: TactileImage) -> None:
-    requested = (first.grey.shape, first.full_scale)
+    expected = (first.grey.shape, first.full_scale)
     for shot in shots:
         got = (shot.image.grey.shape, shot.image.full_scale)
-        if got != requested:
+        if got != expected:
             raise ImageMismatchError(
-                f"step {step.name!r}: frames must have the shape {requested[0]} and full scale "
-                f"{requested[1]:g} of step "
+                f"step {step.name!r}: frames must have the shape {expected[0]} and full scale {expected[1]:g} of step "
                 f"{DARK!r}; got {got[0]} and {got[1]:g} (remove the step's folder and repeat it in that mode)"
             )
 
 
 @contextmanager
 def _named(step: str) -> Iterator[None]:
-    """Refusals of what a step shows begin with its name."""
+    """Prefix errors with the name of the step."""
     try:
         yield
     except (CalibrationError, InputError) as error:

@@ -1,4 +1,4 @@
-"""What is done in a calibration, in order, in words for the person at the bench."""
+"""The setup of a calibration session, and its steps in order with instructions."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ FLAT_LEVELS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationStep:
-    """One thing to do.
+    """One step of a calibration.
 
     Parameters
     ----------
     name
-        Folder that its frames are kept in.
+        Folder of its frames.
     instruction
-        What the person does.
+        Instruction for the person.
     frames
-        How many frames to take; 0 for a loading, which takes frames until it is over.
+        Number of frames; 0 for a loading, which takes frames until it is over.
     optional
-        Whether a calibration can be made without it.
+        Whether a calibration is possible without it.
     tip_mm
         Radius of the tip of a loading, mm.
     run
@@ -52,7 +52,7 @@ class CalibrationStep:
 
     @property
     def is_loading(self) -> bool:
-        """Whether forces belong to its frames."""
+        """Whether its frames have forces."""
         return self.tip_mm is not None
 
 
@@ -130,16 +130,16 @@ STATED = ("name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionSetup:
-    """Terms of a calibration session.
+    """Setup of a calibration session.
 
     Parameters
     ----------
     name
-        What people will call the calibration; like all names printable and at most 200 characters.
+        Display name of the calibration; printable, at most 200 characters.
     probe, camera
         Names of both.
     began
-        When the session began, with its time zone; None for a simulated bench.
+        Start of the session, with its time zone; None for a simulated one.
     settings
         Camera settings during the session.
     pitch_mm, pitch_sd_mm
@@ -147,14 +147,14 @@ class SessionSetup:
     gauge_share
         Relative standard deviation of the force gauge, from its certificate.
     patch_px
-        Where the lamps are seen past the probe: left, top, right, bottom; None when nowhere.
+        Reference patch that shows the lamps past the probe: left, top, right, bottom; None without one.
     tips_mm, repeats
-        Radii of the tips, no two alike, and loadings of each.
+        Radii of the tips, all different, and loadings of each.
 
     Raises
     ------
     InputError
-        When a value is of the wrong kind or outside its range, so that no session begins which cannot end.
+        When a value has the wrong type or is outside its range.
     """
 
     name: str
@@ -175,7 +175,7 @@ class SessionSetup:
         require_time("began", self.began)
         require_number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
         require_number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
-        require_number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a share of one")
+        require_number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a fraction of 1")
         steps = [step.name for step in plan_steps(self.tips_mm, repeats=self.repeats)]
         if len(set(steps)) < len(steps):
             raise InputError(f"tips_mm must hold each tip once; got {list(self.tips_mm)} (take repeats instead)")
@@ -186,7 +186,7 @@ class SessionSetup:
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
     def differing(self, other: SessionSetup) -> tuple[str, ...]:
-        """Names of the terms that a person states and that are others there; of probe and camera nothing is said.
+        """Names of the terms entered by a person that differ; probe and camera are not compared.
 
         Examples
         --------
@@ -197,7 +197,7 @@ class SessionSetup:
         return tuple(name for name in STATED if getattr(self, name) != getattr(other, name))
 
     def changed_setting(self, settings: Mapping[str, float]) -> tuple[str, float, float] | None:
-        """A setting of the session that is another one now: its name, its value then and now; else None.
+        """Name, old and new value of a setting that changed since the session began; None without a change.
 
         Examples
         --------

@@ -1,10 +1,10 @@
-"""A series that fades towards a level: how much of it is still to come, whatever time constants make it.
+"""The fading part of a series, for any set of time constants.
 
-The series is ``y(t) = level + sum of a_k exp(-t / tau_k)`` plus noise, a Prony series with amplitudes of one sign: what
-relaxes falls and what creeps rises. The time constants lie on a dense grid up to the longest that is reckoned with; the
-fit takes of them what it needs, mostly two or three. How much may still fade is bounded by the profile of the sum of
-squares: the greatest and the least that fits hardly worse than the best. So a plateau that is short beside the longest
-time constant leaves much open, and the interval says so; no belief about amplitudes goes in.
+The series is ``y(t) = level + sum of a_k exp(-t / tau_k)`` plus noise, a Prony series with amplitudes of one sign:
+relaxation falls, creep rises. The time constants lie on a dense grid up to the longest assumed one; the fit selects
+two or three of them. The profile of the sum of squares bounds the part still to fade: the greatest and the least value
+that fit hardly worse than the best. A plateau shorter than the longest time constant therefore leaves a wide
+interval. The fit uses no prior of the amplitudes.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-PER_DECADE = 24  # time constants: two neighbours make what lies between them to 1e-4 of the amplitude
-EVERY = 3  # of them spans all the others, with amplitudes of either sign
-STIFF = 1e3  # over the noise of the mean: how hard the profile pulls what is to fade to a given value
+PER_DECADE = 24  # time constants: two neighbours reproduce any value between them to 1e-4 of the amplitude
+EVERY = 3  # every third spans all the others, with amplitudes of either sign
+STIFF = 1e3  # over the noise of the mean: weight of the constraint on the fading part in the profile
 SIGNS = (1.0, -1.0)
 STEPS = 10  # of the bisections
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Decay:
-    """The best fit of a fading series, and the interval of what is still to fade at its end.
+    """The best fit of a fading series, and the interval of the part still to fade at its end.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Decay:
     amplitude
         Amplitudes at the last value, shape (k,), of one sign.
     level
-        Towards which the series fades.
+        Final level of the series.
     low, high
         Ends of the interval of the sum of those amplitudes.
     """
@@ -49,12 +49,12 @@ class Decay:
     high: float
 
     def fading(self, after_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What is still to fade at times after the end, shape (t,)."""
+        """The part still to fade at times after the end, shape (t,)."""
         return np.asarray(np.exp(-after_s[:, None] / self.tau_s) @ self.amplitude)
 
 
 class DecayFit:
-    """The fit at given times, prepared for any noise: projections of the exponentials on the series.
+    """The fit at given times for any noise, from projections of the exponentials on the series.
 
     Parameters
     ----------
@@ -69,30 +69,30 @@ class DecayFit:
     ) -> None:
         count = 2 + int(np.ceil(PER_DECADE * np.log10(tau_range_s[1] / tau_range_s[0])))
         self.tau_s = np.geomspace(*tau_range_s, count)
-        # Amplitudes count from the start: there no exponential is beyond one.
+        # Amplitudes count from the start, where no exponential exceeds 1.
         basis = np.exp(-(time_s - time_s[0])[:, None] / self.tau_s)
         self._at_end = basis[-1]
         self._means, self._middle = basis.mean(axis=0), float(value.mean())
-        basis = basis - self._means  # so the level is free
-        # All that the series says of the exponentials it says in the few directions that some of them span.
+        basis = basis - self._means  # the level is free
+        # The few directions that every third exponential spans contain all the information.
         orthogonal = np.linalg.qr(basis[:, ::EVERY])[0]
         free = orthogonal.T @ basis
-        pulled = np.vstack([free, STIFF * self._at_end])
-        # By sign of the amplitudes and whether what is to fade is held: as the solver wants them, some dozen times.
+        constrained = np.vstack([free, STIFF * self._at_end])
+        # By sign of the amplitudes and whether the fading part is constrained; the solver uses them some dozen times.
         self._matrices = {
-            (sign, stored): sign * part for sign in SIGNS for stored, part in ((False, free), (True, pulled))
+            (sign, fixed): sign * part for sign in SIGNS for fixed, part in ((False, free), (True, constrained))
         }
         self._observed = orthogonal.T @ (value - self._middle)
         self._rest = max(float(np.square(value - self._middle).sum() - np.square(self._observed).sum()), 0.0)
 
     def best(self) -> tuple[float, float]:
-        """Sign of the amplitudes that fits better, and the sum of squared residuals."""
+        """Sign of the amplitudes that fits better, and its sum of squared residuals."""
         misfits = {sign: self._solved(sign)[1] for sign in SIGNS}
         sign = min(misfits, key=lambda item: misfits[item])
         return sign, misfits[sign]
 
     def decay(self, noise: float, *, deviations: float) -> Decay:
-        """The fit with the interval of so many standard ``deviations`` for values of that ``noise``."""
+        """The fit with the interval of ``deviations`` standard deviations for values of that ``noise``."""
         sign, least = self.best()
         amplitude = self._solved(sign)[0]
         now = float(self._at_end @ amplitude)
@@ -107,31 +107,31 @@ class DecayFit:
         )
 
     def _end_of(self, side: float, sign: float, now: float, allowed: float, noise: float) -> float:
-        """Largest (side 1) or smallest (side -1) sum of amplitudes at the end that is allowed."""
-        if sign != side:  # towards zero: beyond it the other sign's exponentials go on
-            if self._pulled(sign, 0.0) > allowed:
+        """Largest (side 1) or smallest (side -1) allowed sum of amplitudes at the end."""
+        if sign != side:  # towards zero: beyond it the other sign continues
+            if self._constrained(sign, 0.0) > allowed:
                 return self._boundary(sign, now, 0.0, allowed)
-            if self._pulled(side, 0.0) > allowed:
+            if self._constrained(side, 0.0) > allowed:
                 return 0.0
             now = 0.0
         far = now + side * noise
-        while self._pulled(side, far) <= allowed and abs(far) < 1e6 * noise:
+        while self._constrained(side, far) <= allowed and abs(far) < 1e6 * noise:
             far = now + 4.0 * (far - now)
         return self._boundary(side, now, far, allowed)
 
     def _boundary(self, sign: float, inside: float, outside: float, allowed: float) -> float:
         for _ in range(STEPS):
             middle = (inside + outside) / 2
-            fits = self._pulled(sign, middle) <= allowed
+            fits = self._constrained(sign, middle) <= allowed
             inside, outside = (middle, outside) if fits else (inside, middle)
         return outside
 
-    def _pulled(self, sign: float, fading: float) -> float:
-        """Sum of squared residuals with what is to fade held near a value; the pull itself counts."""
+    def _constrained(self, sign: float, fading: float) -> float:
+        """Sum of squared residuals with the fading part constrained near a value, the constraint's included."""
         return self._solved(sign, fading=fading)[1]
 
     def _solved(self, sign: float, *, fading: float | None = None) -> tuple[NDArray[np.float64], float]:
         """Amplitudes of that sign, and the sum of squared residuals."""
-        requested = self._observed if fading is None else np.append(self._observed, STIFF * fading)
-        amplitude, norm = nnls(self._matrices[sign, fading is not None], requested, maxiter=50 * len(self.tau_s))
+        target = self._observed if fading is None else np.append(self._observed, STIFF * fading)
+        amplitude, norm = nnls(self._matrices[sign, fading is not None], target, maxiter=50 * len(self.tau_s))
         return sign * amplitude, norm**2 + self._rest

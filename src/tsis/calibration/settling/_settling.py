@@ -1,12 +1,12 @@
-"""Has a press settled? Tissue relaxes while the probe is held, and force and light with it.
+"""Settling of a press: tissue relaxes under the probe, and force and light follow.
 
 A standard linear solid fades with one time constant, a Prony series with several. The tail of the series is fitted by
-such a sum with time constants up to the longest expected one (`tsis.calibration.settling._decay`). A press is settled
-when its remaining change is below the tolerance with the stated certainty; a plateau that is too short for the
-longest time constant, or too noisy, is neither settled nor settling but unknown.
+such a sum with time constants up to the longest assumed one (`tsis.calibration.settling._decay`). A press is settled
+when its remaining change is below the tolerance with the stated certainty; a plateau that is too short for the longest
+time constant, or too noisy, is neither settled nor settling but unknown.
 
-Values of a display come in steps. Their rounding is no noise that averages out: it stays the same while the value stays
-on one step, so a run of equal values counts as one value of it, and less than a step may always be still to come.
+A gauge's display has steps. Their rounding error stays the same while the value stays on one step and does not average
+out, so a run of equal values counts as one value, and the remaining change is at least a step.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ if TYPE_CHECKING:
 
 
 LONGEST_HOLD_S = 100.0  # assumed of soft tissue: the slow term of its relaxation lasts tens of seconds
-CERTAINTY = 0.95  # one-sided, of each end of what may still fade
-BINS = 128  # the series is averaged to at most so many values, at equal steps
-FEWEST = 16  # values with which two exponentials and the noise can be told apart
-LEAST_NOISE = 2e-4  # of the value: the grid of time constants is no finer
-TERMS = 5  # that a fit spends: level, two amplitudes and two time constants
+CERTAINTY = 0.95  # one-sided, of each end of the remaining change
+BINS = 128  # longer series are averaged to at most this many values, at equal steps
+FEWEST = 16  # values that separate two exponentials from the noise
+LEAST_NOISE = 2e-4  # of the value: the accuracy of the grid of time constants
+TERMS = 5  # of a fit: level, two amplitudes and two time constants
 MISFIT_SD = 3.0  # standard deviations by which a fit may miss its noise
-SAME = 1e-9  # of the value: a difference below it is the arithmetic's
-CAPPED = 1.0  # shares beyond it are said as the whole
+SAME = 1e-9  # of the value: smaller differences are rounding of the arithmetic
+CAPPED = 1.0  # largest reported relative change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settling:
-    """Whether a press has settled, and how long it still takes.
+    """Whether a press has settled, and the time still to wait.
 
     Attributes
     ----------
     verdict
         ``"settled"``, ``"settling"``, or ``"cannot tell"`` when the series is too short or too noisy.
     remaining
-        Change that is still to come as a share of the present value; negative where it falls.
+        Change still to come relative to the present value; negative where it falls.
     bound
-        Share that the remaining change stays below, either sign, with probability `CERTAINTY`; at most 1.
+        Limit of the remaining relative change, either sign, with probability `CERTAINTY`; at most 1.
     wait_s
-        Time from now until the remaining change is below the tolerance, s; 0 when it is, None when nobody can tell.
+        Time from now until the remaining change is below the tolerance, s; 0 when it is, None when unknown.
     """
 
     verdict: str
@@ -63,12 +63,12 @@ class Settling:
 
     @property
     def settled(self) -> bool:
-        """True when it is known to have settled."""
+        """True when the verdict is ``"settled"``."""
         return self.verdict == "settled"
 
     @property
     def text(self) -> str:
-        """``"settled"``, ``"moving"``, or how long to wait, as ``"wait 4 s"``."""
+        """``"settled"``, ``"moving"``, or the waiting time as ``"wait 4 s"``."""
         if self.settled:
             return "settled"
         return "moving" if self.wait_s is None else f"wait {self.wait_s:.0f} s"
@@ -77,7 +77,7 @@ class Settling:
 UNKNOWN = Settling(verdict="cannot tell", remaining=MeasuredValue(value=0.0, sd=CAPPED), bound=CAPPED, wait_s=None)
 
 
-def judge_settling(
+def assess_settling(
     time_s: ArrayLike,
     value: ArrayLike,
     *,
@@ -85,28 +85,28 @@ def judge_settling(
     longest_s: float = LONGEST_HOLD_S,
     step: float | None = None,
 ) -> Settling:
-    """Judge from a series of force, sum of grey levels or area whether a press that is held has settled.
+    """Assess from a series of force, sum of grey levels or area whether a press has settled.
 
     Parameters
     ----------
     time_s
         Times, s, shape (n,), strictly ascending, about even.
     value
-        The series, shape (n,), of one sign where it is to be judged. It may begin before the travel ends: the oldest
-        half is left out until a sum of two exponentials describes the rest to within its noise.
+        The series, shape (n,), of one sign at its end. It may begin before the travel ends: the oldest half is
+        dropped until a sum of two exponentials describes the rest to within its noise.
     tolerance
-        Remaining change, a share of the settled value, in [1e-4, 0.5], below which a press counts as settled.
+        Remaining change relative to the settled value, in [1e-4, 0.5], below which a press counts as settled.
     longest_s
-        Longest time constant to be reckoned with, s, in [1e-2, 1e5].
+        Longest assumed time constant, s, in [1e-2, 1e5].
     step
-        Smallest step in which the values come, in their unit, in [0, 1e12], as 0.01 of a gauge that shows 1.23 N. When
-        None, the smallest difference between them where some repeat.
+        Smallest step of the values, in their unit, in [0, 1e12], as 0.01 of a gauge that shows 1.23 N. When None, the
+        smallest difference between them where some repeat.
 
     Returns
     -------
     Settling
-        The verdict; ``"cannot tell"`` below 16 values, and where all are equal and ``step`` is None: then nothing tells
-        how much they hide.
+        The verdict; ``"cannot tell"`` below 16 values, and where all are equal and ``step`` is None, which leaves the
+        rounding unknown.
 
     Raises
     ------
@@ -117,10 +117,10 @@ def judge_settling(
     --------
     >>> time = np.arange(0.0, 60.0, 0.1)
     >>> force = 1 + 0.4 * np.exp(-time / 3.0) + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
-    >>> judge_settling(time[:60], force[:60]).verdict, judge_settling(time, force).verdict
+    >>> assess_settling(time[:60], force[:60]).verdict, assess_settling(time, force).verdict
     ('settling', 'settled')
     """
-    require_number("tolerance", tolerance, 1e-4, 0.5, hint="a share of the settled value")
+    require_number("tolerance", tolerance, 1e-4, 0.5, hint="a fraction of the settled value")
     require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
     time, values = require_array("time_s", time_s, ndim=1), require_array("value", value, ndim=1)
     if time.shape != values.shape:
@@ -138,7 +138,7 @@ def judge_settling(
 
 
 def display_step(value: NDArray[np.float64]) -> float | None:
-    """Smallest difference between values of which some repeat; 0 where none does, None where all are equal."""
+    """Smallest difference between values if some repeat; 0 if none does, None if all are equal."""
     difference = np.diff(np.sort(value))
     equal = difference <= SAME * np.abs(value).max()
     if equal.all():
@@ -154,26 +154,26 @@ def assess_history(
     longest_s: float = LONGEST_HOLD_S,
     step: float | None = None,
 ) -> Settling:
-    """`judge_settling` of a series already checked and averaged to at most `BINS` values."""
+    """`assess_settling` of a series already checked and averaged to at most `BINS` values."""
     if step is None:
         step = display_step(value)
     while step is not None and len(time) >= FEWEST:
         if value[-1] * value.mean() <= 0:
             break
         try:
-            result = _described(time, value, longest_s, step)
-        except RuntimeError:  # the solver does not end on this series
-            result = None
-        if result is not None:
-            return _verdict(result, len(time), tolerance, step)
+            decay = _described(time, value, longest_s, step)
+        except RuntimeError:  # the solver does not converge on this series
+            decay = None
+        if decay is not None:
+            return _verdict(decay, len(time), tolerance, step)
         time, value = (part[len(part) // 2 :] for part in (time, value))
     return UNKNOWN
 
 
 def _averaged(time: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Means over as many neighbours each as bring the series to at most `BINS` values; the oldest odd ones go.
+    """Means over neighbours that shorten the series to at most `BINS` values; the oldest remainder is dropped.
 
-    An exponential averaged over equal steps is the same exponential, but for a factor.
+    An exponential averaged over equal steps remains the same exponential up to a factor.
     """
     by = -(-len(time) // BINS)
     first = len(time) % by
@@ -185,12 +185,12 @@ def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s:
     count, size = len(time), float(np.abs(value[len(value) // 2 :]).mean())
     differences = np.diff(value, 2)
     noise = GAUSSIAN_MAD * float(np.median(np.abs(differences))) / np.sqrt(6.0)  # (1 -2 1) has the norm sqrt(6)
-    rounding = display / np.sqrt(12.0)  # standard deviation of what is lost between steps
+    rounding = display / np.sqrt(12.0)  # standard deviation
     noise = max(noise, LEAST_NOISE * size, rounding)
     step = float(time[-1] - time[0]) / (count - 1)
     fit = DecayFit(time, value, tau_range_s=(min(step, longest_s / 2), longest_s))
     missed = fit.best()[1] / (count - TERMS)
-    # Sampling variances: of the residual's variance 2 / n, of the robust one from differences some 8 / n.
+    # Sampling variances: of the residual's variance 2 / n, of the robust variance from differences some 8 / n.
     if missed > noise**2 * (1 + MISFIT_SD * np.sqrt(10.0 / count)):
         return None
     quantile = float(stdtrit(count - TERMS, CERTAINTY))
@@ -203,7 +203,7 @@ def _verdict(decay: Decay, count: int, tolerance: float, display: float) -> Sett
     fading = decay.fading(np.zeros(1))[0]
     present = decay.level + fading
     low, high = sorted(min(max(-end / present, -CAPPED), CAPPED) for end in (decay.low, decay.high))
-    # Less than a step may come without being seen.
+    # A change below one step stays invisible.
     bound = max(-low, high, min(display / abs(present), CAPPED))
     quantile = float(stdtrit(count - TERMS, CERTAINTY))
     change = MeasuredValue(
@@ -217,7 +217,7 @@ def _verdict(decay: Decay, count: int, tolerance: float, display: float) -> Sett
 
 
 def _wait(decay: Decay, tolerance: float) -> float:
-    """Time from now until the best fit has less than the tolerance still to fade."""
+    """Time from now until the part of the best fit still to fade is below the tolerance."""
     longest = float(decay.tau_s[-1])
     wait = np.r_[0.0, np.geomspace(1e-3 * longest, 20.0 * longest, 600)]
     return float(wait[np.argmax(np.abs(decay.fading(wait)) <= tolerance * abs(decay.level))])

@@ -1,4 +1,4 @@
-"""The specification sheet of a probe, measured."""
+"""The measured specification sheet of a probe."""
 
 from tsis.calibration.specification._edge import edge_width
 from tsis.calibration.specification._sheet import Specification, SpecificationRow, frame_rate, specification_sheet

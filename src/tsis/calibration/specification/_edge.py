@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import curve_fit
 from scipy.special import erf
 
-from tsis.calibration.force import mean_of
+from tsis.calibration.force import mean_value
 from tsis.errors import CalibrationError
 from tsis.imaging import pixel_noise, require_image
 from tsis.model import require_number, require_one_of
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 SHAPES = ("straight", "circle")
-PARTS = 8  # of the edge, measured one by one
+PARTS = 8  # of the edge, each measured separately
 EDGE_RANGE_MM = 1.0  # from the edge to both sides
 LEAST_PIXELS = 60  # in a part
 LEAST_CONTRAST = 8.0  # of the step, in standard deviations of a pixel's noise
@@ -30,11 +30,11 @@ TEN_TO_NINETY = 2.563103  # in standard deviations of a normal blur
 
 
 def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float = EDGE_RANGE_MM) -> MeasuredValue:
-    """Width in mm from 10 to 90 % across a sharp edge of even contact: a block's straight one or a flat punch's circle.
+    """Width in mm from 10 to 90 % across a sharp edge of even contact: straight (a block) or circular (a flat punch).
 
-    The edge is found where the light crosses half of the step, its place fitted as a line or a circle; along it, light
-    over the distance from that place is fitted by the error function in each of eight parts, whose scatter is the
-    uncertainty.
+    A line or a circle is fitted to the points where the light crosses half of the step. In each of eight parts of the
+    edge an error function is fitted to the light over the distance from that line or circle; the scatter of the parts
+    is the uncertainty.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float
     shape
         ``"straight"`` or ``"circle"``.
     extent_mm
-        How far to both sides of the edge light is used, mm, in [0.05, 20]; the contact must be even that far.
+        Distance to both sides of the edge, mm, in [0.05, 20]; the contact must be even that far.
 
     Raises
     ------
@@ -77,11 +77,11 @@ def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float
             f"image must show at least half of the edge with {LEAST_PIXELS} pixels in each eighth; it shows "
             f"{len(widths)} of {PARTS} (move the edge into the field of view)"
         )
-    return mean_of(np.array(widths), unit="mm")
+    return mean_value(np.array(widths), unit="mm")
 
 
 def _lit(image: TactileImage) -> tuple[NDArray[np.float64], float]:
-    """Places of the pixels in mm, shape (pixels, 2), and the height of the step."""
+    """Positions of the pixels in mm, shape (pixels, 2), and the height of the step."""
     scale = image.scale()
     rows, columns = np.indices(image.grey.shape)
     step = float(np.percentile(image.grey, 98) - np.percentile(image.grey, 2))
@@ -101,7 +101,7 @@ def _crossing(image: TactileImage) -> NDArray[np.float64]:
     above = cv2.morphologyEx(cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((7, 7))), cv2.MORPH_CLOSE, np.ones((7, 7)))
     outlines, _ = cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not outlines:
-        raise CalibrationError("image must show an edge of contact; nothing bright was found")
+        raise CalibrationError("image must show an edge of contact; it shows no bright part")
     points = max(outlines, key=len)[:, 0, :]
     height, width = image.grey.shape
     inside = (points > 1).all(axis=1) & (points[:, 0] < width - 2) & (points[:, 1] < height - 2)
@@ -113,10 +113,10 @@ def _crossing(image: TactileImage) -> NDArray[np.float64]:
 def _from_line(
     positions: NDArray[np.float64], edge: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Distance from the straight line through the edge, and which eighth of it is nearest."""
+    """Distance from the straight line through the edge, and the nearest eighth of it."""
     middle = np.median(edge, axis=0)
     near = edge
-    for _ in range(5):  # points off the line, as where the block ends, lose their say
+    for _ in range(5):  # drops points off the line, as at the end of the block
         direction = np.linalg.svd(near - near.mean(axis=0), full_matrices=False)[2]
         middle = near.mean(axis=0)
         off = np.abs((edge - middle) @ direction[1])
@@ -130,13 +130,13 @@ def _from_line(
 def _from_circle(
     positions: NDArray[np.float64], edge: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Distance from the circle through the edge, and which eighth of it is nearest."""
+    """Distance from the circle through the edge, and the nearest eighth of it."""
     design = np.column_stack([2 * edge, np.ones(len(edge))])
-    result, *_ = np.linalg.lstsq(design, (edge**2).sum(axis=1), rcond=None)
-    centre, radius = result[:2], float(np.sqrt(result[2] + result[:2] @ result[:2]))
+    circle, *_ = np.linalg.lstsq(design, (edge**2).sum(axis=1), rcond=None)
+    centre, radius = circle[:2], float(np.sqrt(circle[2] + circle[:2] @ circle[:2]))
     away = positions - centre
-    turn = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5
-    return np.hypot(away[:, 0], away[:, 1]) - radius, np.minimum((turn * PARTS).astype(int), PARTS - 1)
+    angle = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5
+    return np.hypot(away[:, 0], away[:, 1]) - radius, np.minimum((angle * PARTS).astype(int), PARTS - 1)
 
 
 def _width(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float) -> float:
@@ -148,7 +148,7 @@ def _width(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float
     sign = 1.0 if grey[distance > 0].mean() > grey[distance < 0].mean() else -1.0
     start = (float(grey.min()), step, 0.0, 0.05)
     try:
-        result, _ = curve_fit(rise, sign * distance, grey, p0=start, maxfev=4000)
+        parameters, _ = curve_fit(rise, sign * distance, grey, p0=start, maxfev=4000)
     except RuntimeError as error:
         raise CalibrationError("the edge must rise like a blurred step; it does not (clean the edge)") from error
-    return TEN_TO_NINETY * abs(float(result[3]))
+    return TEN_TO_NINETY * abs(float(parameters[3]))

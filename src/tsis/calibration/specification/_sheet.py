@@ -1,4 +1,4 @@
-"""Frame rate as it was, from the times of frames."""
+"""The specification sheet, and the measured frame rate."""
 
 from __future__ import annotations
 
@@ -60,20 +60,20 @@ SENSITIVITY_NOTE = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpecificationRow:
-    """One line of the sheet.
+    """One row of the sheet.
 
     Attributes
     ----------
     quantity, unit
-        What was measured, and its unit; empty for a share.
+        Measured quantity and its unit; the unit is empty for a fraction.
     measured
-        The number with its uncertainty; None when it was not measured.
+        The value with its uncertainty; None when it was not measured.
     fingertip
-        What the source says of the human fingertip, in words and its own unit.
+        The source's value for the human fingertip, as text in its own unit.
     printed
-        What the source says of its probe.
+        The source's value for its probe.
     note
-        What one must know to compare them.
+        Note for the comparison.
     """
 
     quantity: str
@@ -93,14 +93,14 @@ class Specification:
     probe
         Name of the probe.
     rows
-        Lines of the sheet.
+        Rows of the sheet.
     """
 
     probe: str
     rows: tuple[SpecificationRow, ...]
 
     def __getitem__(self, quantity: str) -> SpecificationRow:
-        """The line of a quantity; `UnknownNameError` when there is none."""
+        """The row of a quantity; `UnknownNameError` when there is none."""
         by_name = {row.quantity: row for row in self.rows}
         return by_name[require_one_of("quantity", quantity, by_name)]
 
@@ -113,7 +113,7 @@ def specification_sheet(
     edge_mm: MeasuredValue | None = None,
     frames_per_s: MeasuredValue | None = None,
 ) -> Specification:
-    """Write the sheet of what was measured; what was not stays empty and is never copied from the source.
+    """Fill the sheet with measured values; the others stay empty and are never copied from the source.
 
     Parameters
     ----------
@@ -124,12 +124,12 @@ def specification_sheet(
     edge_mm
         Width in mm in which an edge of contact rises from 10 to 90 %, by `edge_width`.
     frames_per_s
-        Rate at which frames arrived, by `frame_rate`.
+        Rate of arrival of the frames, by `frame_rate`.
 
     Raises
     ------
     InputError
-        When ``probe`` is no text.
+        When ``probe`` is not a text.
     """
     require_type("probe", probe, str)
     return Specification(
@@ -162,7 +162,7 @@ def specification_sheet(
             SpecificationRow(
                 quantity="largest force",
                 unit="N",
-                measured=line.uncertain(line.most_n),
+                measured=line.with_uncertainty(line.most_n),
                 fingertip="",
                 printed="2 N",
                 note="without clipped pixels, as far as it was pressed",

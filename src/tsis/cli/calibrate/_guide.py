@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 
 from tsis.calibration.force import TIPS_MM
-from tsis.calibration.session import DAYS, LiveBench, SessionFolder, SessionSetup
+from tsis.calibration.session import DAYS, LiveCalibration, SessionFolder, SessionSetup
 from tsis.catalog import load_probe
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson
@@ -49,7 +49,7 @@ class Operator:
         Whether forces are read by a gauge; else the person types them.
     """
 
-    def __init__(self, bench: LiveBench, console: Console, *, has_gauge: bool) -> None:
+    def __init__(self, bench: LiveCalibration, console: Console, *, has_gauge: bool) -> None:
         self._rig, self._console, self._has_gauge = bench, console, has_gauge
 
     def take(self, step: CalibrationStep) -> Iterator[CalibrationFrame] | None:
@@ -253,7 +253,9 @@ def guide(
             settings = {setting.name: setting.value for setting in acquisition.settings()}
             began = datetime.now(UTC).replace(microsecond=0)
             begin(folder, replace(terms, camera=acquisition.name, settings=settings, began=began), console)
-            _take_steps(folder, Operator(LiveBench(acquisition, log), console, has_gauge=log is not None).take, console)
+            _take_steps(
+                folder, Operator(LiveCalibration(acquisition, log), console, has_gauge=log is not None).take, console
+            )
     publish(make_outcome(folder, days=days), out, as_json=as_json)
 
 

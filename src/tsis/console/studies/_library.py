@@ -11,7 +11,7 @@ from tsis.console._statuses import AbsentError
 from tsis.errors import InputError, RecordsError, TsisError
 from tsis.files import one_line, read_bytes
 from tsis.report.study import PAGE, PAPER
-from tsis.study import ANALYSED, LOG_FILE, PLAN, is_one_name, new_study, open_study
+from tsis.study import ANALYSED, LOG_FILE, PLAN, is_file_name, new_study, open_study
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -67,7 +67,7 @@ def _newest(study: Study) -> tuple[str, dict[str, str]] | None:
         return None
     for entry in reversed(study.chain.entries):
         folder, files = entry.content.get("folder"), entry.content.get("files")
-        if entry.action == ANALYSED and is_one_name(folder) and isinstance(files, dict):
+        if entry.action == ANALYSED and is_file_name(folder) and isinstance(files, dict):
             return folder, files
     return None
 

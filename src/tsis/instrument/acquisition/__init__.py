@@ -1,4 +1,4 @@
-"""A camera's frames as they come: kept in a ring, counted, and watched, so that nothing is lost in silence."""
+"""Acquisition: a camera's frames in a ring, counted and monitored, so that every loss is reported."""
 
 from tsis.instrument.acquisition._acquisition import LOST_AFTER_S, Acquisition
 from tsis.instrument.acquisition._intake import Account, FrameRate, Intake, Interruption

@@ -1,4 +1,4 @@
-"""Frames from a camera that may be unplugged: read in a thread, watched, and connected anew."""
+"""Acquisition of frames in a thread, with reconnection of a lost camera."""
 
 from __future__ import annotations
 
@@ -22,39 +22,39 @@ if TYPE_CHECKING:
     from tsis.instrument.acquisition._ring import ReceivedFrame
 
 
-LOST_AFTER_S = 0.8  # so that with the watch's own steps a loss is seen within a second
+LOST_AFTER_S = 0.8  # with the watch's steps a loss is noticed within a second
 WATCH_STEP_S = 0.1
-OVERSLEPT_S = 3 * WATCH_STEP_S  # between two looks: then the computer was busy, and the camera perhaps not silent
-FIRST_FRAME_S = 5.0  # cameras need a while to begin
-OPEN_S = 10.0  # within which a driver opens a camera, or is taken for stuck
-STOP_S = 2.0  # for which a driver is waited for
+OVERSLEPT_S = 3 * WATCH_STEP_S  # between two checks: the computer was busy, and the camera perhaps not silent
+FIRST_FRAME_S = 5.0  # cameras need time to start
+OPEN_S = 10.0  # time limit for a driver that opens a camera
+STOP_S = 2.0  # time limit for a driver that stops
 MOST_STUCK = 3  # threads inside drivers that do not return
 
 
 class Acquisition:
-    """Reads a camera in the background until it is stopped; a camera that is lost is connected anew.
+    """Reads a camera in the background until it is stopped, and reconnects a lost camera.
 
-    All calls into the driver are made by one thread a connection, because drivers of unplugged cameras may never
-    return: such a thread is left behind, and a new one makes a new camera.
+    One thread per connection makes all calls into the driver, because drivers of unplugged cameras may never return:
+    such a thread is abandoned, and a new thread opens a new camera.
 
     Parameters
     ----------
     connect
-        Makes a camera, not yet opened; called again after each loss, since old handles of lost cameras deliver nothing.
+        Returns a camera, not yet opened; called again after each loss, since old handles deliver no more frames.
     mode
-        Label of the mode to start in; the default one when None.
+        Label of the mode; the default mode when None.
     settings
-        Settings to make before each start, by name.
+        Settings to apply before each start, by name.
     ring_frames
-        Frames held for readers that lag.
+        Capacity of the ring.
     patient
-        Whether frames wait for their one reader instead of giving way: for stored ones, which have time.
+        Whether frames wait for their single reader instead of being overwritten; for stored frames.
     lost_after_s
         Silence after which the camera counts as lost, s, in [0.05, 3600]; three frames of a slower camera.
     retry_s
-        Time between attempts to connect anew, s.
+        Time between attempts to reconnect, s.
     reconnect
-        Whether to connect anew at all.
+        Whether to reconnect at all.
     clock
         Seconds, monotonic.
 
@@ -94,7 +94,7 @@ class Acquisition:
         self._readers: list[threading.Thread] = []
         self._watch: threading.Thread | None = None
         self._begun, self._begun_s = 0, 0.0
-        self._awake_s = clock()  # since when the watch has looked at every step
+        self._awake_s = clock()  # since then the watch has checked at every step
 
     def __enter__(self) -> Self:
         self.start()
@@ -112,32 +112,32 @@ class Acquisition:
 
     @property
     def mode(self) -> Mode | None:
-        """The mode that frames come in; None before the camera was started."""
+        """The mode of the frames; None before the camera was started."""
         return self._running_mode
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """The modes that the camera has; none before it was started."""
+        """The modes of the camera; none before it was started."""
         return self._modes
 
     @property
     def lost(self) -> bool:
-        """True while the camera is away: frames stay away, or no connection has been made again."""
+        """True while no frames arrive or no connection exists."""
         return not self._intake.streaming and not self._ended.is_set() and not self._stopping.is_set()
 
     @property
     def connection(self) -> int | None:
-        """Which connection brings frames now, as `ReceivedFrame.connection`; None while the camera is away."""
+        """The present connection, as `ReceivedFrame.connection`; None while the camera is lost."""
         return self._intake.connection
 
     @property
     def ended(self) -> bool:
-        """True when stored frames have come to their end, or a lost camera is not to be connected anew."""
+        """True when stored frames have ended, or a lost camera is not to be reconnected."""
         return self._ended.is_set()
 
     @property
     def failure(self) -> Exception | None:
-        """Why frames stopped last; None when they never did."""
+        """Reason of the last interruption, if any."""
         return self._intake.failure
 
     def start(self) -> None:
@@ -146,7 +146,7 @@ class Acquisition:
         Raises
         ------
         TsisError
-            What the camera said, when it cannot be opened or started.
+            The camera's error, when it cannot be opened or started.
         CameraError
             When it does not answer.
         """
@@ -164,7 +164,7 @@ class Acquisition:
         self._watch.start()
 
     def stop(self) -> None:
-        """End the stream; frames in the ring stay. Calling it again does nothing."""
+        """End the stream; frames in the ring stay. Another call does nothing."""
         self._stopping.set()
         self._let_go()
         for thread in (self._watch, *self._readers):
@@ -177,11 +177,11 @@ class Acquisition:
         return self.ring.latest()
 
     def account(self) -> Account:
-        """What became of the frames so far."""
+        """Counts of the frames so far."""
         return self._intake.account()
 
     def settings(self) -> tuple[Setting, ...]:
-        """What can be adjusted now; nothing when stored frames have come to their end."""
+        """The adjustable settings; none when stored frames have ended."""
         return () if self.ended else self._present().settings()
 
     def adjust(self, name: str, value: float) -> None:
@@ -190,7 +190,7 @@ class Acquisition:
         Raises
         ------
         UnknownNameError, InputError, CameraError
-            What the camera says.
+            The camera's error.
         """
         self._present().adjust(name, value)
         self._requested[name] = value
@@ -208,13 +208,13 @@ class Acquisition:
         reader.start()
 
     def _read(self, number: int) -> None:
-        """Everything that one connection does."""
+        """Run one connection."""
         camera: Camera | None = None
         try:
             camera = self._connect()
             camera.open()
             self._prepare(camera)
-            if self._stopping.is_set() or not self._intake.begin(number):  # another came first
+            if self._stopping.is_set() or not self._intake.begin(number):  # another connection was faster
                 return
             self._camera, self._name = camera, camera.name
             self._news.set()
@@ -251,7 +251,7 @@ class Acquisition:
         self.ring.close()
 
     def _let_go(self) -> None:
-        """Ask the camera to stop, in a thread of its own: drivers of cameras that have gone may not return."""
+        """Stop the camera in a thread of its own: drivers of lost cameras may not return."""
         camera = self._camera
         if camera is not None:
             thread = threading.Thread(target=_stop_quietly, args=(camera,), name="camera stop", daemon=True)
@@ -260,7 +260,7 @@ class Acquisition:
 
     def _fail(self, number: int, error: Exception) -> None:
         if not self._intake.interrupt(number, error):
-            self._intake.failure = error  # it had not begun to stream
+            self._intake.failure = error  # before the stream started
 
     def _watch_over(self) -> None:
         tried_s = checked_s = self._clock()
@@ -278,7 +278,7 @@ class Acquisition:
                 self._begin_reader()
 
     def _require_sound(self) -> None:
-        if self.ring.patient:  # stored frames wait for their reader, and no silence means that they are lost
+        if self.ring.patient:  # stored frames wait for their reader, so silence is no loss
             return
         silent_s, connection = self._intake.silent_s(), self._intake.connection
         heard_nothing_s = min(silent_s, self._clock() - self._awake_s)
@@ -294,11 +294,11 @@ class Acquisition:
         return max(self._lost_after_s, slow, first)
 
     def _free(self) -> bool:
-        """Whether one more connection may be tried: none is under way, or the youngest has taken too long to open."""
+        """Whether another connection may be tried: none is opening, or the newest takes too long."""
         alive = [thread for thread in self._readers if thread.is_alive()]
         return not alive or (len(alive) < MOST_STUCK and self._clock() - self._begun_s > OPEN_S)
 
 
 def _stop_quietly(camera: Camera) -> None:
-    with suppress(Exception):  # a camera that has gone may complain, which changes nothing
+    with suppress(Exception):  # errors of a lost camera change nothing
         camera.stop()

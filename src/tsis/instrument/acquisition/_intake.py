@@ -1,4 +1,4 @@
-"""What became of every frame that the camera sent."""
+"""Counts of a camera's frames: received, missed, disordered, and interruptions."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interruption:
-    """A time without frames that nobody asked for.
+    """An unintended time without frames.
 
     Attributes
     ----------
     after_frames
         Frames received before it.
     at_s
-        When the last frame before it came, or the stream was started where none had, seconds of the monotonic clock.
+        Time of the last frame before it, or of the start of the stream, seconds of the monotonic clock.
     noticed_after_s
-        How long after that it was noticed.
+        Delay of its detection.
     reason
-        One sentence.
+        Message.
     back_after_s
-        How long after ``at_s`` frames came again; None while they have not.
+        Time from ``at_s`` until frames arrived again; None before that.
     """
 
     after_frames: int
@@ -46,20 +46,20 @@ class Interruption:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Account:
-    """What became of the frames: every one that the camera sent is either received or missed.
+    """Counts of the frames: every frame of the camera is either received or missed.
 
     Attributes
     ----------
     received
-        Frames that came whole.
+        Complete frames.
     missed
-        Frames that the camera numbered but that never came whole, by the gaps in its numbers.
+        Frames without complete arrival, from the gaps in the camera's numbers.
     disordered
-        Frames whose number did not ascend; they are not counted as received, nor kept.
+        Frames whose number did not ascend; they are dropped and not counted as received.
     connections
-        How often a camera was connected and began to stream.
+        Number of connections that started to stream.
     frames_per_s
-        Rate at which frames came in the last two seconds.
+        Rate of arrival in the last two seconds.
     interruptions
         Times without frames.
     """
@@ -73,12 +73,12 @@ class Account:
 
 
 class FrameRate:
-    """Rate over the last seconds, from the times at which frames came; never the nominal one.
+    """Rate over the last seconds, from arrival times; never the nominal one.
 
     Parameters
     ----------
     window_s
-        Over how long, s, in [0.01, 3600].
+        Length of the window, s, in [0.01, 3600].
 
     Examples
     --------
@@ -96,18 +96,18 @@ class FrameRate:
         self._times_s: deque[float] = deque()
 
     def add(self, time_s: float) -> None:
-        """Note that a frame came."""
+        """Add the arrival time of a frame."""
         self._times_s.append(time_s)
         self._forget(time_s)
 
     def per_s(self, now_s: float) -> float:
-        """Frames a second in the window that ends now; 0 where fewer than two came."""
+        """Frames per second in the window that ends now; 0 with fewer than two frames."""
         self._forget(now_s)
         if len(self._times_s) < 2:
             return 0.0
         intervals = len(self._times_s) - 1
         spanned = self._times_s[-1] - self._times_s[0]
-        # A frame that is overdue counts against the rate before the window forgets the last ones.
+        # An overdue frame reduces the rate before the window forgets the last frames.
         overdue = now_s - self._times_s[-1]
         waited = overdue if overdue > 2 * spanned / intervals else 0.0
         return intervals / (spanned + waited) if spanned + waited > 0 else 0.0
@@ -117,18 +117,18 @@ class FrameRate:
             self._times_s.popleft()
 
 
-MOST_INTERRUPTIONS = 1000  # of a loose plug over a day; the number of connections goes on counting
+MOST_INTERRUPTIONS = 1000  # of a loose plug over a day; the number of connections has no limit
 
 
 class Intake:
-    """Takes frames from one connection at a time; what an abandoned one still brings is turned away.
+    """Takes frames from one connection at a time; frames of an abandoned connection are dropped.
 
-    It starts no thread and never waits, so that it runs on any clock. Safe for several threads.
+    It starts no thread and never waits, so it works with any clock. Safe for several threads.
 
     Parameters
     ----------
     ring
-        Where frames go.
+        Destination of the frames.
     clock
         Seconds, monotonic.
     """
@@ -147,25 +147,25 @@ class Intake:
 
     @property
     def streaming(self) -> bool:
-        """True while a connection may bring frames."""
+        """True while a connection may deliver frames."""
         return self._connection is not None
 
     @property
     def any_of_this(self) -> bool:
-        """True when the present connection has brought a frame."""
+        """True when the present connection has delivered a frame."""
         return self._sequence >= 0
 
     def silent_s(self) -> float:
-        """How long ago the last frame came, or the stream began."""
+        """Time since the last frame or the start of the stream."""
         return self._clock() - self._heard_s
 
     @property
     def connection(self) -> int | None:
-        """The connection that frames are taken from; None while there is none."""
+        """The present connection, if any."""
         return self._connection
 
     def begin(self, connection: int) -> bool:
-        """Take frames from this connection and no other from now on; False when another brings frames already."""
+        """Take frames from this connection only; False when another connection streams already."""
         with self._lock:
             if self._connection is not None:
                 return False
@@ -175,12 +175,12 @@ class Intake:
             return True
 
     def take(self, connection: int, frame: Frame) -> bool:
-        """Count a frame and put it into the ring; False when its connection was given up.
+        """Count a frame and put it into the ring; False when its connection was abandoned.
 
         Raises
         ------
         ImageMismatchError
-            When its size or full scale is not that of the first frame.
+            When its size or full scale differs from the first frame.
         """
         now_s = self._clock()
         with self._lock:
@@ -199,7 +199,7 @@ class Intake:
         return True
 
     def interrupt(self, connection: int, failure: Exception) -> bool:
-        """Give up a connection; False when it had been given up before."""
+        """Abandon a connection; False when it was abandoned before."""
         with self._lock:
             if connection != self._connection:
                 return False
@@ -214,7 +214,7 @@ class Intake:
             return True
 
     def finish(self, connection: int) -> bool:
-        """The source has no more frames, as its nature is; False when its connection had been given up before."""
+        """End the connection of a source without further frames; False when it was abandoned before."""
         with self._lock:
             if connection != self._connection:
                 return False
@@ -222,7 +222,7 @@ class Intake:
             return True
 
     def account(self) -> Account:
-        """What became of the frames so far."""
+        """Counts of the frames so far."""
         with self._lock:
             return Account(
                 received=self._received,
@@ -234,13 +234,13 @@ class Intake:
             )
 
     def _require_same_format(self, frame: Frame) -> None:
-        result = (frame.pixels.shape, frame.full_scale)
+        present = (frame.pixels.shape, frame.full_scale)
         if self._shape is None:
-            self._shape = result
-        elif result != self._shape:
+            self._shape = present
+        elif present != self._shape:
             raise ImageMismatchError(
-                f"frames of one stream must be alike; the first had {_described(*self._shape)}, "
-                f"frame {frame.sequence} has {_described(*result)} (did another program change the camera's mode?)"
+                f"frames of one stream must have one format; the first had {_described(*self._shape)}, "
+                f"frame {frame.sequence} has {_described(*present)} (did another program change the camera's mode?)"
             )
 
     def _note_return(self, now_s: float) -> None:
@@ -250,7 +250,7 @@ class Intake:
 
 
 def silence(seconds: float) -> CameraError:
-    """What is said of a camera whose frames stay away."""
+    """The error of a camera without frames."""
     return CameraError(f"no frame came for {seconds:.1f} s; check the camera's cable and power")
 
 

@@ -1,4 +1,4 @@
-"""A frame, and when it came."""
+"""A ring of received frames with their arrival times."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReceivedFrame:
-    """A frame as it reached this computer.
+    """A frame with its arrival on this computer.
 
     Parameters
     ----------
     frame
-        The frame; its ``sequence`` counts from 0 anew in each connection.
+        The frame; its ``sequence`` starts from 0 in each connection.
     arrived_s
-        When it came, seconds on this computer's monotonic clock, which force readings share.
+        Arrival time, seconds on this computer's monotonic clock, which force readings use too.
     connection
-        How often the camera had been connected anew before, from 0.
+        Number of earlier connections.
     """
 
     frame: Frame
@@ -41,18 +41,18 @@ MOST_BYTES = 2**30
 
 
 class FrameRing:
-    """Holds the newest frames; the oldest give way, and a reader that was too slow is told how many it missed.
+    """Ring of the newest frames; a slow reader learns how many frames were overwritten.
 
     Safe for several threads.
 
     Parameters
     ----------
     capacity
-        Frames held, in [1, 100000]. 64 frames of 768 x 492 at 8 bits take 24 MB.
+        Largest number of frames, in [1, 100000]. 64 frames of 768 x 492 at 8 bits take 24 MB.
     most_bytes
-        Bytes of pixels held; of frames that take more, fewer are held, and one at least.
+        Largest size of the pixels in bytes; at least one frame is stored.
     patient
-        Whether stored frames wait until their one reader has room for them, instead of giving way.
+        Whether stored frames wait for their single reader instead of being overwritten.
     """
 
     def __init__(self, capacity: int = 64, *, patient: bool = False, most_bytes: int = MOST_BYTES) -> None:
@@ -67,7 +67,7 @@ class FrameRing:
 
     @property
     def end(self) -> int:
-        """How many frames were ever put in: the place of the next one, where a reader starts to follow."""
+        """Number of frames ever put in: the index of the next one."""
         with self._changed:
             return self._put
 
@@ -77,7 +77,7 @@ class FrameRing:
         return self._closed
 
     def has_room(self) -> bool:
-        """Whether a frame can be put in without one that was not read giving way; always true of an impatient ring."""
+        """Whether a frame can be added without overwriting an unread one; always true of an impatient ring."""
         unread = self._put - self._read_to
         return not self.patient or unread == 0 or (unread < self.capacity and self._bytes < self._most_bytes)
 
@@ -87,7 +87,7 @@ class FrameRing:
             return self._changed.wait_for(self.has_room, timeout_s)
 
     def put(self, frame: ReceivedFrame) -> None:
-        """Add a frame and wake who waits for it."""
+        """Add a frame and wake waiting readers."""
         with self._changed:
             self._stored.append(frame)
             self._bytes += frame.frame.pixels.nbytes
@@ -97,7 +97,7 @@ class FrameRing:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Say that no frame will be added any more, and wake who waits."""
+        """Declare the end of the stream, and wake waiting readers."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -108,17 +108,17 @@ class FrameRing:
             return self._stored[-1] if self._stored else None
 
     def wait(self, index: int, timeout_s: float) -> bool:
-        """Wait until a frame lies at or after ``index``, the ring is closed or the time is over; True for a frame."""
+        """Wait for a frame at or after ``index``, for the end or for the timeout; True for a frame."""
         with self._changed:
             self._changed.wait_for(lambda: self._put > index or self._closed, timeout_s)
             return self._put > index
 
     def read(self, index: int) -> tuple[tuple[ReceivedFrame, ...], int, int]:
-        """Read everything from ``index`` on.
+        """Read all frames from ``index`` on.
 
         Returns
         -------
-        The frames in order, the place to read from next, and how many frames had given way before they were read.
+        The frames in order, the index to read from next, and the number of overwritten frames.
         """
         with self._changed:
             oldest = self._put - len(self._stored)

@@ -1,4 +1,4 @@
-"""Camera drivers behind the camera protocol; the driver of the virtual probe lies in `tsis.virtual`."""
+"""Camera drivers behind the camera protocol; `tsis.virtual` contains the driver of the virtual probe."""
 
 from tsis.instrument.drivers._files import ImageFiles
 from tsis.instrument.drivers._opencv import OpenCVDevice

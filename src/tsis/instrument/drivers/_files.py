@@ -1,4 +1,4 @@
-"""What image files and videos have in common as cameras: one mode, nothing to set."""
+"""Image files as a camera, and the common base with videos: one mode, no settings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class StoredFrames:
-    """Frames on disk behind the camera protocol; a subclass lists its one mode and yields the frames.
+    """Frames on disk behind the camera protocol; a subclass gives its mode and yields the frames.
 
     Parameters
     ----------
@@ -43,19 +43,19 @@ class StoredFrames:
         return self._path.name
 
     def modes(self) -> tuple[Mode, ...]:
-        """The one mode that the frames were stored in."""
+        """The mode of the stored frames."""
         raise NotImplementedError
 
     def settings(self) -> tuple[Setting, ...]:
-        """Nothing can be set on stored frames."""
+        """Stored frames have no settings."""
         return ()
 
     def adjust(self, name: str, value: float) -> None:
-        """Refuse: nothing can be set on stored frames."""
+        """Refuse: stored frames have no settings."""
         raise CameraError(f"{name} cannot be set to {value:g}: {printable_path(self._path)} holds stored frames")
 
     def start(self, mode: Mode | None = None) -> None:
-        """Begin at the first frame; ``mode`` may only be the one of `modes`."""
+        """Begin at the first frame; ``mode`` may only be that of `modes`."""
         (only,) = self.modes()
         if mode not in (None, only):
             raise CameraError(f"mode must be {only} for these stored frames; got {mode}")
@@ -73,7 +73,7 @@ IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"})
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
-    """Sort key under which ``frame2`` comes before ``frame10``; letters without regard to case.
+    """Sort key by which ``frame2`` comes before ``frame10``; letters without regard to case.
 
     Examples
     --------
@@ -87,8 +87,8 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
 class ImageFiles(StoredFrames):
     """The frames stored in one image file or in a folder of image files.
 
-    Files are read when their frame is asked for, so a long folder costs no memory. Files of other kinds and hidden
-    files in the folder are passed over; folders inside it are not entered.
+    Each file is read when its frame is requested, so a long folder takes no memory. Other and hidden files are
+    ignored; subfolders are not entered.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class ImageFiles(StoredFrames):
 
     @property
     def lost(self) -> bool:
-        """Always False: a stored frame is there, or reading it raises."""
+        """Always False: reading a missing frame raises."""
         return False
 
     def open(self) -> None:
@@ -118,7 +118,7 @@ class ImageFiles(StoredFrames):
         self._first = read_image(self._files[0])
 
     def modes(self) -> tuple[Mode, ...]:
-        """The one mode: the size and range of the first image."""
+        """The mode: size and range of the first image."""
         first = self._opened()
         rows, columns = first.grey.shape
         return (Mode(width_px=columns, height_px=rows, full_scale=first.full_scale),)
@@ -161,14 +161,14 @@ class ImageFiles(StoredFrames):
 def _listed(path: Path) -> tuple[Path, ...]:
     try:
         if not path.is_dir():
-            file_size(path)  # says what is wrong, if anything
+            file_size(path)  # raises for what is no readable file
             return (path,)
-        results = [entry for entry in path.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES]
+        entries = [entry for entry in path.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES]
     except (OSError, ValueError) as error:
         if isinstance(error, FileInputError):
             raise
         raise FileInputError(f"{printable_path(path)} must be a readable file or folder; got: {error}") from error
-    files = [entry for entry in results if not entry.name.startswith(".")]
+    files = [entry for entry in entries if not entry.name.startswith(".")]
     if not files:
         kinds = ", ".join(sorted(IMAGE_SUFFIXES))
         raise FileInputError(f"{printable_path(path)} must hold at least one image ({kinds}); got none")
@@ -178,12 +178,12 @@ def _listed(path: Path) -> tuple[Path, ...]:
 def _require_same_format(first: TactileImage, image: TactileImage) -> None:
     if first.grey.shape != image.grey.shape or first.full_scale != image.full_scale:
         raise ImageMismatchError(
-            f"frames of one folder must be alike; {first.name!r} has shape {first.grey.shape} and full scale "
+            f"frames of one folder must have one format; {first.name!r} has shape {first.grey.shape} and full scale "
             f"{first.full_scale:g}, {image.name!r} has {image.grey.shape} and {image.full_scale:g}"
         )
 
 
 def _compact(image: TactileImage) -> NDArray[Any]:
-    """Whole grey levels in the bytes that they need; those made of colour as they are."""
+    """Whole grey levels in the smallest integer type; fractional levels of colour images unchanged."""
     whole = image.grey.astype(np.uint8 if image.full_scale <= 255 else np.uint16)
     return whole if np.array_equal(whole, image.grey) else image.grey

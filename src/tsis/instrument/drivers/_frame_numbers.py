@@ -1,4 +1,4 @@
-"""From the numbers that a camera gives its frames to how many there were since the start, lost ones included."""
+"""Sequence numbers from the numbers that a camera gives its frames, with gaps for lost frames."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ _LARGEST_16_BIT = 65535
 
 
 class BlockCount:
-    """Counts frames by the numbers that the camera gave them, so that a lost one leaves a gap.
+    """Counts frames by the camera's numbers, so that a lost frame leaves a gap.
 
-    GigE Vision numbers frames from 1 to 65535 and then from 1 again; other links count on in 64 bits. A number that
-    goes back in any other way says that the camera began anew: counting goes on without a gap, for nobody can tell
-    how many frames were lost.
+    GigE Vision numbers frames from 1 to 65535 and then from 1 again; other links count on in 64 bits. Any other step
+    back means that the camera restarted: counting continues without a gap, because the loss is unknown.
 
     Examples
     --------
@@ -24,12 +23,12 @@ class BlockCount:
         self._sequence = -1
 
     def begin(self, number: int) -> None:
-        """Count from this frame, of which not all came, unless counting has begun."""
+        """Count from this incomplete frame, unless counting has begun."""
         if self._last is None:
             self._last, self._sequence = number, 0
 
     def at(self, number: int | None) -> int:
-        """The place in the sequence of the frame of that ``number``; the next one when the camera gives none."""
+        """Sequence number of the frame with that ``number``; the next one without a number."""
         step = 1
         if number is not None:
             if self._last is not None:

@@ -1,4 +1,4 @@
-"""Which cameras OpenCV could open, asked without disturbing them where the system can tell."""
+"""Cameras through OpenCV, and the search for them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def missing_requirement() -> str | None:
 
 
 def find_cameras_here(*, devices: Path = _LINUX_DEVICES, platform: str = sys.platform) -> tuple[CameraInfo, ...]:
-    """On Linux those that the system lists; elsewhere those of the first indices that open.
+    """On Linux the devices that the system lists; elsewhere the first indices that open.
 
     Parameters
     ----------
@@ -80,22 +80,21 @@ def _opening() -> tuple[CameraInfo, ...]:
 
 
 _PROPERTIES = {"brightness": cv2.CAP_PROP_BRIGHTNESS, "gain": cv2.CAP_PROP_GAIN, "exposure": cv2.CAP_PROP_EXPOSURE}
-_UNSUPPORTED = -1.0  # what OpenCV answers for a property that the driver does not have
+_UNSUPPORTED = -1.0  # OpenCV's value of a property that the driver does not have
 
 
 class OpenCVDevice(OpenCVCapture):
     """A live camera that OpenCV can open.
 
-    Colour becomes grey by the Rec. 709 luma, rounded to whole levels. OpenCV tells neither the modes nor the ranges of
-    a camera, nor how many frames its driver dropped: one mode (the present one) is listed, ranges are infinite, and
-    sequence numbers count the frames received.
+    Colour becomes grey by the Rec. 709 luma, rounded to whole levels. OpenCV gives neither modes, ranges nor dropped
+    frames: the list contains the present mode only, ranges are infinite, and sequence numbers count received frames.
 
     Parameters
     ----------
     index
         Number of the camera, from 0.
     capture
-        Opens an index like ``cv2.VideoCapture``; tests give a fake.
+        Opens an index like ``cv2.VideoCapture``.
     clock
         Seconds, monotonic.
     """
@@ -113,11 +112,11 @@ class OpenCVDevice(OpenCVCapture):
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Display name."""
         return f"camera {self._index}"
 
     def open(self) -> None:
-        """Take hold of the camera with a new handle.
+        """Connect to the camera with a new handle.
 
         Raises
         ------
@@ -160,7 +159,7 @@ class OpenCVDevice(OpenCVCapture):
             raise CameraError(f"{self.name} does not take {name} = {requested:g}")
 
     def start(self, mode: Mode | None = None) -> None:
-        """Begin to deliver frames; a ``mode`` other than the present one is asked for and checked."""
+        """Begin to deliver frames; a ``mode`` other than the present one is requested and checked."""
         capture = self._opened()
         if mode is not None and mode not in self.modes():
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, mode.width_px)
@@ -171,7 +170,7 @@ class OpenCVDevice(OpenCVCapture):
         self._running.set()
 
     def frames(self) -> Iterator[Frame]:
-        """Yield frames as they come.
+        """Yield frames on arrival.
 
         Raises
         ------

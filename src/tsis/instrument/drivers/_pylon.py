@@ -1,6 +1,6 @@
 """Basler cameras (GigE, USB and others) through Basler's own library, pypylon.
 
-Its camera emulator needs no camera: set the environment variable ``PYLON_CAMEMU`` to the number of cameras wanted.
+Its camera emulator needs no camera: set the environment variable ``PYLON_CAMEMU`` to the number of cameras.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-_NO_NUMBER = 2**64 - 1  # what pylon answers where a link does not number its frames
+_NO_NUMBER = 2**64 - 1  # pylon's value where a link does not number its frames
 _NANOSECONDS_HZ = 1e9
 
 
@@ -37,7 +37,7 @@ class PylonCamera(GenICamCamera):
     Parameters
     ----------
     identity
-        Its serial number or the name that its user gave it; the first found when empty.
+        Its serial number or user-defined name; the first camera when empty.
     clock
         Seconds, monotonic.
     """
@@ -47,7 +47,7 @@ class PylonCamera(GenICamCamera):
 
 
 def missing_requirement() -> str | None:
-    """What is not installed, and how to install it; None when nothing is missing."""
+    """What is not installed, with the cure; None when nothing is missing."""
     try:
         _pylon()
     except MissingExtraError as error:
@@ -100,7 +100,7 @@ class _Nodes:
 
 
 class _PylonLink:
-    """A hold on one camera through pypylon."""
+    """The connection to one camera through pypylon."""
 
     def __init__(self, camera: Any, identity: str) -> None:
         self._camera, self.identity = camera, identity
@@ -145,21 +145,21 @@ class _PylonLink:
 def _opened(identity: str) -> _PylonLink:
     factory, failures = _pylon().TlFactory.GetInstance(), _genicam().GenericException
     devices = factory.EnumerateDevices()
-    requested = [
+    matching = [
         device for device in devices if not identity or identity in (device.GetSerialNumber(), _user_name(device))
     ]
-    if not requested:
+    if not matching:
         raise camera_not_found("pylon", identity, [device.GetSerialNumber() for device in devices])
-    serial = requested[0].GetSerialNumber()
+    serial = matching[0].GetSerialNumber()
     camera = None
     try:
-        camera = _pylon().InstantCamera(factory.CreateDevice(requested[0]))
+        camera = _pylon().InstantCamera(factory.CreateDevice(matching[0]))
         camera.Open()
         return _PylonLink(camera, serial)
     except failures as error:
         busy = False
         with contextlib.suppress(failures):
-            busy = not factory.IsDeviceAccessible(requested[0])
+            busy = not factory.IsDeviceAccessible(matching[0])
         with contextlib.suppress(failures):
             if camera is not None:
                 camera.DestroyDevice()

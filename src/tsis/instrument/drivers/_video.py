@@ -1,4 +1,4 @@
-"""What OpenCV's captures of files and of devices have in common."""
+"""Video files as a camera, and the common base of OpenCV's captures of files and devices."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def present_mode(capture: Any) -> Mode:
-    """Size and rate that an opened capture declares; no rate where it tells none."""
+    """Size and rate of an opened capture; no rate where it declares none."""
     rate = float(capture.get(cv2.CAP_PROP_FPS))
     return Mode(
         width_px=int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)),
@@ -36,8 +36,8 @@ class OpenCVCapture:
 
     _not_opened: Callable[[], CameraError]
 
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
         self._capture: Any = None
         self._lock = threading.Lock()  # OpenCV's captures belong to one thread at a time
         self._running = threading.Event()
@@ -45,15 +45,15 @@ class OpenCVCapture:
 
     @property
     def lost(self) -> bool:
-        """True when the frames ended before they should: the device stopped answering, or the file is cut short."""
+        """True when the frames ended early: the device stopped answering, or the file is cut short."""
         return self._lost
 
     def modes(self) -> tuple[Mode, ...]:
-        """The mode that the device is in, or that the file declares."""
+        """The present mode of the device, or the declared mode of the file."""
         return (present_mode(self._opened()),)
 
     def stop(self) -> None:
-        """End the stream, and let go of the device or file."""
+        """End the stream, and release the device or file."""
         self._running.clear()
         with self._lock:
             if self._capture is not None:
@@ -68,15 +68,15 @@ class OpenCVCapture:
 
 # containers without an index only estimate their number of frames, from the duration
 _COUNT_TOLERANCE = 0.01
-# what FFmpeg would follow to other files or addresses
+# FFmpeg would follow these to other files or addresses
 _LISTS = (b"#", b"<", b"ffconcat", b"v=0", b"[")
 
 
 class VideoFile(OpenCVCapture, StoredFrames):
     """The frames of a video file, decoded one at a time; colour becomes grey by the Rec. 709 luma.
 
-    Videos are 8 bits and mostly compressed with loss: good for looking, weak for measuring. A video that ends before
-    its declared number of frames is reported after its last whole frame.
+    Videos have 8 bits and mostly lossy compression, so they are poor for measurements. A video that ends before its
+    declared number of frames raises after its last complete frame.
 
     Parameters
     ----------
@@ -126,25 +126,25 @@ class VideoFile(OpenCVCapture, StoredFrames):
         """
         self._require_started()
         declared = int(self._opened().get(cv2.CAP_PROP_FRAME_COUNT))
-        # one frame is held back: the last one of a file that is cut short may be decoded from half its bytes
-        stored, read = self._next(0), 1
-        while stored is not None and self._running.is_set():
+        # The last frame of a file that is cut short may be decoded from half its bytes, so one frame waits.
+        waiting, read = self._next(0), 1
+        while waiting is not None and self._running.is_set():
             following = self._next(read)
             if following is None:
                 break
-            yield stored
-            stored, read = following, read + 1
+            yield waiting
+            waiting, read = following, read + 1
         if not self._running.is_set():
             return
-        delivered = read if stored is not None else 0
+        delivered = read if waiting is not None else 0
         if delivered + max(1.0, _COUNT_TOLERANCE * declared) <= declared:
             self._lost = True
             raise FileInputError(
                 f"{printable_path(self._path)} declares {declared} frames and is cut short after "
                 f"{max(delivered - 1, 0)}"
             )
-        if stored is not None:
-            yield stored
+        if waiting is not None:
+            yield waiting
 
     def _next(self, sequence: int) -> Frame | None:
         pixels: NDArray[Any] | None

@@ -1,6 +1,6 @@
 """Allied Vision cameras through the maker's own library, vmbpy.
 
-The library reaches cameras through transport layers (``.cti`` files) that Vimba X, a program of the maker, installs.
+The library needs transport layers (``.cti`` files), which the maker's program Vimba X installs.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class VimbaCamera(GenICamCamera):
     Parameters
     ----------
     identity
-        Its id as Vimba shows it, its serial number, or its IP address; the first found when empty.
+        Its id in Vimba, its serial number, or its IP address; the first camera when empty.
     clock
         Seconds, monotonic.
     """
@@ -48,7 +48,7 @@ class VimbaCamera(GenICamCamera):
 
 
 def missing_requirement() -> str | None:
-    """What is not installed, and how to install it; None when nothing is missing."""
+    """What is not installed, with the cure; None when nothing is missing."""
     try:
         with _system():
             return None
@@ -101,17 +101,17 @@ class _Nodes:
         if not isinstance(feature, (kinds.IntFeature, kinds.FloatFeature)):
             return None
         low, high = feature.get_range()
-        # the increment that this library tells of a number with a fraction is the display's, not the camera's
+        # the library's increment of a fractional number is the display's, not the camera's
         step = float(feature.get_increment()) if isinstance(feature, kinds.IntFeature) else 0.0
         return NumberNode(value=feature.get(), low=low, high=high, step=step, unit=feature.get_unit())
 
 
 class _VimbaLink:
-    """A hold on one camera through vmbpy, whose own thread hands us the frames."""
+    """The connection to one camera through vmbpy, whose own thread delivers the frames."""
 
     def __init__(self, camera: Any) -> None:
         self._camera, self.identity = camera, camera.get_id()
-        self.held = contextlib.ExitStack()  # what closing lets go of: the camera, then the library's system
+        self.resources = contextlib.ExitStack()  # closes the camera, then the library's system
         self.nodes, self.errors, self.present = _Nodes(camera), _failures(), True
         ticks = first_number(self.nodes, ["GevTimestampTickFrequency"])
         self._ticks_hz = _NANOSECONDS_HZ if ticks is None else ticks[1].value
@@ -133,10 +133,10 @@ class _VimbaLink:
         self._camera.stop_streaming()
 
     def close(self) -> None:
-        self.held.close()
+        self.resources.close()
 
     def _receive(self, camera: Any, stream: object, frame: Any) -> None:
-        """Copy a frame and give its buffer back; when our reader is behind, its number leaves a gap."""
+        """Copy a frame and return its buffer; when the reader is late, its number leaves a gap."""
         try:
             whole = frame.get_status() == _vmbpy().FrameStatus.Complete
             stamp = frame.get_timestamp()
@@ -153,15 +153,15 @@ class _VimbaLink:
 
 
 def _opened(identity: str) -> _VimbaLink:
-    with contextlib.ExitStack() as holds:
-        camera = _find_device(holds.enter_context(_system()), identity)
+    with contextlib.ExitStack() as resources:
+        camera = _find_device(resources.enter_context(_system()), identity)
         try:
-            holds.enter_context(camera)
+            resources.enter_context(camera)
             link = _VimbaLink(camera)
         except _failures() as error:
             busy = "in use" in str(error) or "invalid Mode" in str(error)
             raise cannot_open(f"vimba camera {camera.get_id()}", error, busy=busy) from error
-        link.held = holds.pop_all()
+        link.resources = resources.pop_all()
         return link
 
 
@@ -172,17 +172,17 @@ def _find_device(system: Any, identity: str) -> Any:
             return camera
     with contextlib.suppress(*_failures()):
         if identity:
-            return system.get_camera_by_id(identity)  # an address that the search does not reach
+            return system.get_camera_by_id(identity)  # an address outside the search
     raise camera_not_found("vimba", identity, [camera.get_id() for camera in cameras])
 
 
 @contextlib.contextmanager
 def _system() -> Iterator[Any]:
-    """The library's own system, started with its first use and ended with its last."""
+    """The library's system, started with its first use and ended with its last."""
     vmbpy = _vmbpy()
-    with contextlib.ExitStack() as stored:
+    with contextlib.ExitStack() as resources:
         try:
-            system = stored.enter_context(vmbpy.VmbSystem.get_instance())
+            system = resources.enter_context(vmbpy.VmbSystem.get_instance())
         except vmbpy.VmbTransportLayerError as error:
             raise CameraError(
                 "the camera source vimba needs the transport layers of Vimba X and found none; "

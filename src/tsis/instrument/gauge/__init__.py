@@ -1,4 +1,4 @@
-"""Force gauges: on a serial line, simulated, recorded; their readings beside the frames of a camera."""
+"""Force gauges: serial, simulated, recorded; their readings at the times of camera frames."""
 
 from tsis.instrument.gauge._alignment import ForceAtTime, force_at
 from tsis.instrument.gauge._force_log import BAUD, ForceLog, LogState, connected_gauge

@@ -1,4 +1,4 @@
-"""How noisy readings are, told from how far they lie off parabolas through their neighbours."""
+"""Noise of force readings, and the force at the time of a frame."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-_SPAN = 4  # successive readings: a parabola has three parameters, the fourth reading is over
+_SPAN = 4  # successive readings: one more than the three parameters of a parabola
 
 
 def reading_noise(times: NDArray[np.float64], forces: NDArray[np.float64]) -> tuple[float, float]:
     """Standard deviation of independent noise in readings of a smooth course, and its degrees of freedom.
 
-    Of any four successive readings one combination vanishes for every parabola; scaled to length 1 it has the noise's
-    standard deviation. Combinations that share readings are correlated, so the degrees of freedom are
-    Satterthwaite's for their quadratic form, fewer than there are combinations. A course that bends within four
-    readings counts as noise.
+    One combination of any four successive readings vanishes for every parabola; scaled to length 1 it has the noise's
+    standard deviation. Combinations with common readings are correlated, so the degrees of freedom are Satterthwaite's
+    for their quadratic form, fewer than the combinations. A course that bends within four readings counts as noise.
 
     Parameters
     ----------
@@ -61,9 +60,9 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 LONGEST_GAP_S = 0.5
-LEVEL = 0.95  # how often the truth must lie within error_n
-_NEIGHBOURS = 8  # readings that the noise is read off
-_LEAST = 4  # readings: a line, its curvature, and one over for the noise
+LEVEL = 0.95  # probability that the true force lies within error_n
+_NEIGHBOURS = 8  # readings for the noise
+_LEAST = 4  # readings: a line, its curvature, and one for the noise
 # Parabolas smooth the curvature that they measure: for nine readings a period it is up to 1.098 times as large.
 _SMOOTHED = 1.1
 
@@ -77,10 +76,10 @@ class ForceAtTime:
     force_n
         In newtons.
     error_n
-        How far the true force may lie from it, as the gauge would show it without noise: at least 95 % of such
-        statements hold. The gauge's own calibration is not part of it.
+        Bound of the error relative to the gauge's display without noise, with at least 95 % probability. It excludes
+        the gauge's own calibration.
     gap_s
-        Time between the two readings that it comes from.
+        Time between the two readings around it.
     """
 
     force_n: float
@@ -103,14 +102,14 @@ def force_at(
     readings
         At least 4 with ascending times.
     time_s
-        When the frame was taken, on the same clock.
+        Time of the frame, on the same clock.
     latency_s
-        How much later than frames the gauge shows a force: the readings are looked up at ``time_s + latency_s``;
-        `find_latency` measures it.
+        Delay of the gauge relative to frames: the force is interpolated at ``time_s + latency_s``; `find_latency`
+        measures it.
     time_error_s
         Half-width of the uncertainty of ``time_s + latency_s``.
     longest_gap_s
-        Readings further apart than this are not interpolated between.
+        Longest interval of interpolation.
 
     Raises
     ------
@@ -139,7 +138,7 @@ def force_at(
     times = np.array([reading.time_s for reading in around]) - at_s
     forces = np.array([reading.force_n for reading in around])
     if not (np.diff(times) > 0).all():
-        raise InputError("readings must have ascending times; sort them, or keep those of one run")
+        raise InputError("readings must have ascending times; sort them, or select those of one run")
     gap = float(times[right] - times[right - 1])
     _refuse_gap(at_s, gap, float(times[right]), longest_gap_s)
     weight = float(-times[right - 1] / gap)
@@ -159,7 +158,7 @@ def force_at(
 
 
 def _right(readings: Sequence[ForceReading], at_s: float) -> int:
-    """Index of the reading after the time, or of the last one where the time lies up to an interval after it."""
+    """Index of the reading after the time, or of the last one up to an interval before the time."""
     if len(readings) < _LEAST:
         raise GaugeError(f"at least {_LEAST} force readings are needed around a frame; got {len(readings)}")
     first_s, before_s, last_s = readings[0].time_s, readings[-2].time_s, readings[-1].time_s
@@ -182,12 +181,12 @@ def _refuse_gap(at_s: float, gap_s: float, last_s: float, longest_s: float) -> N
 
 
 def _curvature(times: Floats, forces: Floats, right: int) -> float:
-    """Largest second derivative that the course may have between two readings."""
+    """Bound of the course's second derivative between two readings."""
     slopes = np.diff(forces) / np.diff(times)
     second = 2 * np.diff(slopes) / (times[2:] - times[:-2])
     touching = second[max(right - 2, 0) : right]
     if len(touching) == 2:
         return _SMOOTHED * float(np.abs(touching).max())
-    # At an end one parabola is all there is: its curvature may go on changing as it did before.
+    # At an end there is only one parabola; its curvature may continue to change at the same rate.
     inner = second[1] if right == 1 else second[-2]
     return _SMOOTHED * float(abs(touching[0]) + abs(touching[0] - inner))

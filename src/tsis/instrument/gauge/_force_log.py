@@ -1,4 +1,4 @@
-"""The readings of a gauge, gathered by a thread while frames are taken."""
+"""A log of a gauge's readings, filled by a thread."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ if TYPE_CHECKING:
     from tsis.instrument.gauge._gauge import ForceReading, Gauge
 
 
-_LONGEST_END_S = 5.0  # a gauge lets go within its own timeout; longer than this it hangs
+_LONGEST_END_S = 5.0  # a gauge closes within its own timeout; longer than this it hangs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogState:
-    """What a log has seen since it was started.
+    """State of a log since its start.
 
     Parameters
     ----------
     running
-        True while readings may come.
+        True while readings may arrive.
     received
-        How many readings came.
+        Number of readings.
     discarded
-        How many of these, the oldest, were dropped because the log was full.
+        Number of the oldest readings that were dropped from a full log.
     skipped
-        How many replies were no reading.
+        Number of invalid replies.
     lost
         True when the gauge stopped answering.
     error
-        Why the readings ended; empty while they run, and when they ended in order.
+        Reason of an early end; empty otherwise.
     """
 
     running: bool
@@ -56,11 +56,11 @@ class ForceLog:
     Parameters
     ----------
     gauge
-        Where readings come from; the log opens and closes it.
+        Source of readings; the log opens and closes it.
     capacity
-        How many readings it keeps; older ones are discarded and counted.
+        Largest number of readings; older ones are discarded and counted.
     latency_s
-        How much later than a frame the gauge shows the force at it, in [-10, 10] s; `find_latency` measures it.
+        Delay of the gauge relative to frames, in [-10, 10] s; `find_latency` measures it.
 
     Examples
     --------
@@ -83,11 +83,11 @@ class ForceLog:
 
     @property
     def name(self) -> str:
-        """What a person calls the gauge."""
+        """Display name of the gauge."""
         return self._gauge.name
 
     def start(self) -> None:
-        """Open the gauge and gather its readings; those of an earlier start are dropped.
+        """Open the gauge and collect its readings; those of an earlier start are dropped.
 
         Raises
         ------
@@ -104,12 +104,12 @@ class ForceLog:
         self._thread.start()
 
     def stop(self) -> None:
-        """Close the gauge; the readings stay. Calling it again does nothing.
+        """Close the gauge; the readings stay. Another call does nothing.
 
         Raises
         ------
         GaugeError
-            When the gauge does not let go.
+            When the gauge does not close.
         """
         self._gauge.close()
         thread, self._thread = self._thread, None
@@ -128,7 +128,7 @@ class ForceLog:
         self.stop()
 
     def readings(self, *, since_s: float | None = None) -> tuple[ForceReading, ...]:
-        """What is kept, in the order of time, from ``since_s`` on."""
+        """The stored readings in the order of time, from ``since_s`` on."""
         with self._changed:
             if since_s is None:
                 return tuple(self._readings)
@@ -145,11 +145,11 @@ class ForceLog:
         Raises
         ------
         GaugeError
-            As `force_at`; the message also says why the readings ended.
+            As `force_at`; the message also states why the readings ended.
         """
-        # Eight readings before it and eight after it are looked at; without gaps these lie in this stretch.
+        # `force_at` uses eight readings before and eight after the time; without gaps they lie in this interval.
         recent = self.readings(since_s=time_s + self._latency_s - 8 * longest_gap_s)
-        if len(recent) < 8:  # the message should tell of what there is
+        if len(recent) < 8:  # the message should describe the present readings
             recent = self.readings()
         try:
             return force_at(recent, time_s, latency_s=self._latency_s, longest_gap_s=longest_gap_s)
@@ -158,16 +158,16 @@ class ForceLog:
             raise GaugeError(f"{error}; the readings ended: {ended}" if ended else str(error)) from error
 
     def wait_for(self, received: int, *, timeout_s: float) -> bool:
-        """Wait until so many readings have come since the start; False when they ended before, or time was over."""
+        """Wait for a number of readings since the start; False when they ended before or at the timeout."""
         return self._wait(lambda: self._received >= received, timeout_s)
 
     def wait_until(self, time_s: float, *, timeout_s: float) -> bool:
-        """Wait until the reading after a frame's time has come, so that the force there is no extrapolation."""
+        """Wait for the reading after a frame's time, so that the force there is no extrapolation."""
         last_s = time_s + self._latency_s
         return self._wait(lambda: bool(self._readings) and self._readings[-1].time_s > last_s, timeout_s)
 
     def state(self) -> LogState:
-        """What it has seen since it was started."""
+        """State since the start."""
         with self._changed:
             return LogState(
                 running=self._running,
@@ -188,7 +188,7 @@ class ForceLog:
                     self._changed.notify_all()
         except TsisError as refusal:
             error = str(refusal)
-        except Exception as failure:  # nobody else would ever see it
+        except Exception as failure:  # the thread has no caller
             error = f"{self._gauge.name} failed with {type(failure).__name__}: {failure!s:.200}"
         with self._changed:
             self._running, self._error = False, error
@@ -207,14 +207,14 @@ BAUD = 9600
 def connected_gauge(
     port: str, *, unit: str | None = None, baud: int = BAUD, sends: bool = False, latency_s: float = 0.0
 ) -> ForceLog:
-    """The log of a gauge at a serial port, which whoever takes it must stop.
+    """The running log of a gauge at a serial port; the caller must stop it.
 
     Parameters
     ----------
     port, unit, baud
         As of `SerialGauge`.
     sends
-        Whether it sends on its own and is not to be asked.
+        Whether it sends on its own, without requests.
     latency_s
         As of `ForceLog`.
 
@@ -223,7 +223,7 @@ def connected_gauge(
     InputError
         When a value is out of its range.
     GaugeError
-        When the port cannot be opened, or readings do not come within 5 s.
+        When the port cannot be opened, or no readings arrive within 5 s.
     """
     gauge = SerialGauge(port, unit=unit, baud=baud, poll=None) if sends else SerialGauge(port, unit=unit, baud=baud)
     log = ForceLog(gauge, latency_s=latency_s)

@@ -1,4 +1,4 @@
-"""One reading of a force gauge."""
+"""The gauge protocol, and a reading of a force gauge."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ LARGEST_FORCE_N = 1e6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceReading:
-    """A force and when it acted.
+    """A force with its time.
 
     Parameters
     ----------
     time_s
-        When it acted, in seconds on the host's monotonic clock.
+        Seconds on the host's monotonic clock.
     force_n
-        Force in newtons, as the gauge signs it.
+        Force in newtons, with the gauge's sign.
     resolution_n
-        Step of the gauge's display in newtons, 0 when it is not known.
+        Step of the gauge's display in newtons, 0 when unknown.
     time_error_s
+        Half-width of the interval in which the gauge took the reading, in seconds; 0 when unknown.
         Half-width of the time in which the gauge must have taken the reading, in seconds; 0 when it is not known.
 
     Raises
@@ -58,7 +59,7 @@ class Gauge(Protocol):
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Display name."""
 
     @property
     def lost(self) -> bool:
@@ -66,10 +67,10 @@ class Gauge(Protocol):
 
     @property
     def skipped(self) -> int:
-        """How many replies since it was opened were no reading and were left out."""
+        """Number of invalid replies since it was opened."""
 
     def open(self) -> None:
-        """Take hold of the gauge; `GaugeError` or `FileInputError` when that cannot be done."""
+        """Connect to the gauge; `GaugeError` or `FileInputError` when that fails."""
 
     def readings(self) -> Iterator[ForceReading]:
         """Yield readings with ascending times until it is closed or its file ends; `GaugeError` when it fails."""
@@ -78,4 +79,4 @@ class Gauge(Protocol):
         """Make the present force the zero; `GaugeError` when it has no such command."""
 
     def close(self) -> None:
-        """End the readings and let go of the gauge; calling it again does nothing."""
+        """End the readings and release the gauge; another call does nothing."""

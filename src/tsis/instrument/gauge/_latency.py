@@ -1,10 +1,9 @@
-"""The constant delay between a gauge's readings and a camera's frames, found from one course that both saw.
+"""The constant delay between a gauge's readings and a camera's frames, from a press that both recorded.
 
-The sum of grey levels follows the force, with a gain and an offset that nobody needs to know here. Both courses are
-smoothed over twice the longer of the two sampling intervals, so that noise between samples does not favour some delays
-over others, and their rates of change are correlated: rates, because slow drift of the light or of the gauge's zero
-would shift the levels. The delay is where the correlation is highest. Its uncertainty is that of the jackknife over
-eight stretches of the record: each is left out once, which needs no model of the noise.
+The sum of grey levels follows the force with unknown gain and offset. Both courses are smoothed over twice the longer
+of the two sampling intervals, so that noise between samples does not favour some delays. The correlation of their rates
+of change is insensitive to slow drift of the light or of the gauge's zero; the delay maximises it. The uncertainty of
+the delay is that of the jackknife over eight stretches of the record, which needs no model of the noise.
 """
 
 from __future__ import annotations
@@ -29,12 +28,12 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-_LEAST = 24  # frames, and readings: three a stretch
+_LEAST = 24  # frames, and readings: three per stretch
 _STRETCHES = 8
 _STEPS = 4  # of the common grid in the shorter interval
 _SMOOTHING = 2.0  # in longer intervals
 _LEAST_CORRELATION = 0.5
-_RIVAL = 0.95  # share of the highest correlation that no other delay may reach
+_RIVAL = 0.95  # fraction of the highest correlation that no other delay may have
 _LEAST_CHANGE = 10.0  # in standard deviations of the gauge's noise, and in steps of its display
 _MOST_STEPS = 400_000
 
@@ -46,11 +45,11 @@ class Latency:
     Parameters
     ----------
     latency_s
-        How much later than frames the gauge shows a force, in seconds; `force_at` takes it.
+        Delay of the gauge relative to frames, in seconds; an argument of `force_at`.
     sd_s
         Its standard deviation.
     degrees_of_freedom
-        On how many ``sd_s`` rests.
+        Of ``sd_s``.
     correlation
         Of the two rates of change at this delay, at most 1.
     """
@@ -61,7 +60,7 @@ class Latency:
     correlation: float
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Ends of the interval of Student's t that holds the delay with probability ``level``."""
+        """Interval of Student's t that covers the delay with probability ``level``."""
         require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
         half = float(scipy.stats.t.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd_s
         return self.latency_s - half, self.latency_s + half
@@ -74,27 +73,27 @@ def find_latency(
     *,
     longest_s: float = 0.5,
 ) -> Latency:
-    """Measure how much later than the frames the gauge shows a force.
+    """Measure the delay of the gauge relative to the frames.
 
     Press and release several times, unevenly and for different times, while both run; ten seconds are enough.
 
     Parameters
     ----------
     frame_times_s
-        When the frames were taken, on the readings' clock, shape (n,), ascending.
+        Times of the frames, on the readings' clock, shape (n,), ascending.
     frame_sums
-        Sum of grey levels of each frame, or anything else that grows or falls with the force, shape (n,).
+        Sum of grey levels of each frame, or any other monotonic function of the force, shape (n,).
     readings
         Readings over the same time.
     longest_s
-        Delays up to this, either way, are tried.
+        Largest delay in the search, of either sign.
 
     Raises
     ------
     InputError
-        When the arrays do not fit together or times do not ascend.
+        When the arrays differ in length or times do not ascend.
     GaugeError
-        When a course is flat, the two do not go together, the delay is not unique, or it is longer than ``longest_s``.
+        When a course is flat, the two are not correlated, the delay is not unique, or it exceeds ``longest_s``.
 
     Examples
     --------
@@ -135,7 +134,7 @@ def _series(what: str, times: ArrayLike, values: ArrayLike) -> tuple[Floats, Flo
     if checked[0].shape != checked[1].shape:
         raise InputError(f"each {what} must have a time and a value; got {checked[0].size} and {checked[1].size}")
     if not (np.diff(checked[0]) > 0).all():
-        raise InputError(f"{what} times must ascend; sort them, or keep those of one run")
+        raise InputError(f"{what} times must ascend; sort them, or select those of one run")
     return checked
 
 
@@ -147,7 +146,7 @@ def _refuse_flat(what: str, times: Floats, values: Floats, *, step: float, cure:
 
 
 def _noise(times: Floats, values: Floats) -> float:
-    """Median over stretches, so that the moments of a press that bend do not count."""
+    """Median over stretches, so that the bends of a press do not count."""
     stretches = max(len(times) // 12, 1)
     pairs = zip(np.array_split(times, stretches), np.array_split(values, stretches), strict=True)
     return float(np.median([reading_noise(item, value)[0] for item, value in pairs]))
@@ -171,7 +170,7 @@ def _highest(times: Floats, lit: Floats, pressed: tuple[Floats, Floats], longest
     extent = int(longest_s / step)
     delays = step * np.arange(-extent, extent + 1, dtype=float)
     starts = len(times) * np.arange(_STRETCHES) // _STRETCHES
-    # Sums over each stretch, of which those over all but one are differences.
+    # Sums over each stretch; the sum over all stretches but one is a difference.
     shifted = [np.interp(times + delay, *pressed) for delay in delays]
     sums = np.array([_moments(lit, force, starts) for force in shifted])  # (delay, moment, stretch)
     whole = sums.sum(axis=2)

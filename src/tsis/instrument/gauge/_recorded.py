@@ -1,4 +1,4 @@
-"""Force readings in a CSV file: written, and read back as a gauge."""
+"""Force readings in a CSV file, and the file as a gauge."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 
 LARGEST_BYTES, MOST_READINGS = 160 * 2**20, 4_000_000  # more than an hour at 1 kHz; a line takes about 40 bytes
 HEAD = ("time_s", "force_n", "resolution_n", "time_error_s")
-_NEEDED = 2  # the columns that a file made elsewhere must have
+_NEEDED = 2  # columns required of a file from elsewhere
 
 
 def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading]) -> Path:
-    """Write readings as CSV with the columns time_s, force_n, resolution_n, time_error_s; nothing is rounded.
+    """Write readings as CSV with the columns time_s, force_n, resolution_n, time_error_s, without rounding.
 
-    The times are those of the host's monotonic clock, which starts anew with the machine: they align with frames
-    recorded by the same run, not with a date.
+    Times of the host's monotonic clock restart with the machine: they align with frames of the same run, not with a
+    date.
 
     Raises
     ------
     InputError
-        When there are none, their times do not ascend, or they are more than are read back.
+        When there are none or too many to read back, or their times do not ascend.
     FileInputError
         When the file exists or cannot be written.
 
@@ -54,7 +54,7 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
             "(write parts of a long run as files of their own)"
         )
     if any(after.time_s <= before.time_s for before, after in pairwise(rows)):
-        raise InputError("readings must have ascending times; sort them, or keep those of one run")
+        raise InputError("readings must have ascending times; sort them, or select those of one run")
     if file.exists():
         raise FileInputError(f"{printable_path(file)} exists and is not overwritten; choose another name")
     text = io.StringIO()
@@ -75,7 +75,7 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
 
 
 class RecordedGauge:
-    """A file of readings behind the gauge protocol; they come as fast as they are fetched.
+    """A file of readings behind the gauge protocol, without delays.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class RecordedGauge:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._path = as_path(path)
-        self._numbers = array("d")  # of all readings one after the other: an hour of objects would take a gigabyte
+        self._numbers = array("d")  # compact: an hour of objects would take a gigabyte
         self._running = threading.Event()
 
     @property
@@ -95,12 +95,12 @@ class RecordedGauge:
 
     @property
     def lost(self) -> bool:
-        """False: a file is whole or refused."""
+        """False: a file is complete or refused."""
         return False
 
     @property
     def skipped(self) -> int:
-        """0: a file with something else in it is refused."""
+        """0: a file with invalid lines is refused."""
         return 0
 
     def open(self) -> None:
@@ -109,7 +109,7 @@ class RecordedGauge:
         Raises
         ------
         FileInputError
-            When it is missing, its header is another, or a line is not finite numbers with ascending times.
+            When it is missing, has another header, or a line is not finite numbers with ascending times.
         """
         content = read_bytes(self._path, most=LARGEST_BYTES)
         try:
@@ -130,7 +130,7 @@ class RecordedGauge:
             yield ForceReading(**dict(zip(HEAD, self._numbers[start : start + len(HEAD)], strict=True)))
 
     def tare(self) -> None:
-        """Refuse: stored readings have the zero that they were taken with."""
+        """Refuse: the zero of stored readings is fixed."""
         raise GaugeError(f"{printable_path(self._path)} holds stored readings, whose zero cannot be set")
 
     def close(self) -> None:
@@ -139,7 +139,7 @@ class RecordedGauge:
 
 
 class _LineError(Exception):
-    """What is wrong with the content of a file, as the end of a sentence."""
+    """What is wrong with the content of a file, as the end of a message."""
 
 
 def _parsed(content: bytes) -> Iterator[ForceReading]:

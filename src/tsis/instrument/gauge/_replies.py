@@ -1,6 +1,6 @@
-"""What a force gauge says on its serial line: a sign, a number and perhaps a unit.
+"""Replies of a force gauge on its serial line: a sign, a number and perhaps a unit.
 
-The syntax is what Mecmesin's and Mark-10's gauges have in common: ``-0.123 N``, ``+1.20``, ``  18.78 lbF``.
+The syntax is common to Mecmesin's and Mark-10's gauges: ``-0.123 N``, ``+1.20``, ``  18.78 lbF``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NEWTONS = {
 }
 LONGEST_REPLY_BYTES = 64
 
-# Gauges differ in capitals (lbF, KGF); only a capital M would change a meaning, and no gauge reads meganewtons.
+# Gauges differ in capitals (lbF, KGF); only a capital M would change the meaning, and no gauge reads meganewtons.
 _BY_LOWER_CASE = {unit.lower(): unit for unit in NEWTONS}
 _NUMBER = re.compile(rb"([+-]?) *(\d{0,9})(?:\.(\d{0,9}))? *([A-Za-z]*)")
 _OVERLOAD = re.compile(rb"[+-]? *(?:O\.?L|OVER(?:LOAD| LOAD)?|HELP|-{2,})(?: *[A-Za-z]{1,3})?", re.IGNORECASE)
@@ -33,7 +33,7 @@ _FAULT = re.compile(rb"x{3,}|\*\d\d|ERR.*", re.IGNORECASE)
 
 
 class ReplyKind(Enum):
-    """What a line from a gauge is."""
+    """Kind of a gauge's line."""
 
     NUMBER = auto()
     OVERLOAD = auto()  # more force than the gauge can measure
@@ -43,14 +43,14 @@ class ReplyKind(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reply:
-    """A line from a gauge, read.
+    """A parsed line of a gauge.
 
     Parameters
     ----------
     kind
-        What it is; the fields below mean something for a number only.
+        Kind of the line; the fields below apply to a number only.
     number
-        The number shown, in the gauge's unit.
+        The number, in the gauge's unit.
     step
         Value of its last digit.
     unit
@@ -64,7 +64,7 @@ class Reply:
 
 
 def read_reply(line: bytes) -> Reply:
-    """Read a line without its end; whatever it holds, nothing is raised.
+    """Parse a line without its end; it never raises.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def _number(text: bytes) -> Reply | None:
 
 
 def _unit(letters: str) -> str | None:
-    """The unit of that spelling, empty where none was sent, None where it is no force."""
+    """The unit of that spelling, empty without one, None for any other unit."""
     if letters.startswith("M"):
         return None
     return _BY_LOWER_CASE.get(letters.lower()) if letters else ""
@@ -114,10 +114,10 @@ def force_unit(unit: str) -> str:
     InputError
         When it is not one of the forces in `NEWTONS`.
     """
-    given = _unit(unit) if isinstance(unit, str) else None
-    if not given:
+    name = _unit(unit) if isinstance(unit, str) else None
+    if not name:
         raise InputError(f"unit must be one of {', '.join(NEWTONS)}; got {unit!r:.40}")
-    return given
+    return name
 
 
 def newtons(reply: Reply, *, unit: str | None) -> tuple[float, float]:
@@ -126,14 +126,14 @@ def newtons(reply: Reply, *, unit: str | None) -> tuple[float, float]:
     Parameters
     ----------
     reply
-        What the gauge said.
+        The gauge's reply.
     unit
-        The unit that its replies must have; None when nothing was stated and nothing heard yet.
+        Required unit of its replies; None before one is known.
 
     Raises
     ------
     GaugeError
-        When the reply is no number, has another unit, or has none and none was stated.
+        When the reply is no number, has another unit, or the unit is unknown.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A force gauge on a serial line that speaks ASCII, as those of Mecmesin and Mark-10."""
+"""A force gauge with ASCII replies on a serial line, as those of Mecmesin and Mark-10."""
 
 from __future__ import annotations
 
@@ -21,31 +21,30 @@ if TYPE_CHECKING:
 
 
 MOST_SKIPPED_IN_A_ROW = 20
-_SLICE_S = 0.05  # how long one wait for bytes lasts: within it a closed gauge lets go
+_SLICE_S = 0.05  # length of one wait for bytes, so the delay of `close`
 
 
 class SerialGauge:
     r"""A force gauge on a serial line: 8 data bits, no parity, 1 stop bit.
 
-    A reading's time is the middle of the time in which the gauge must have taken it: between the request and the
-    first byte of the reply or, from a gauge that sends on its own, when that byte came.
+    A reading's time is the middle of the interval in which the gauge took it: between the request and the first byte
+    of the reply. Without requests it is the arrival of that byte.
 
     Parameters
     ----------
     port
         Name of the port, as ``"/dev/ttyUSB0"`` or ``"COM3"``; see `find_ports`.
     baud
-        Speed that the gauge is set to, in bits per second.
+        Speed of the gauge, in bits per second.
     unit
-        The unit that its replies must have: N, mN, kN, gf, kgf, lbf or ozf. None takes the unit of its first reply,
-        and refuses a gauge that sends none. Once a reply had a unit, one without is skipped: it was cut short.
+        Required unit of its replies: N, mN, kN, gf, kgf, lbf or ozf. None takes the unit of its first reply, and
+        refuses a gauge that sends none. After a reply with a unit, one without is skipped: it was cut short.
     poll
-        What asks for one reading; None for a gauge that sends on its own.
+        Request of one reading; None for a gauge that sends on its own.
     tare_command
-        What makes the present force the zero: ``b"\x05"`` for Mecmesin, ``b"Z\r"`` for Mark-10; None where there is
-        none.
+        Command that sets the zero: ``b"\x05"`` for Mecmesin, ``b"Z\r"`` for Mark-10; None without one.
     timeout_s
-        How long it may go without a reading, in seconds.
+        Longest time without a reading, in seconds.
     open_port
         Opens a port like ``serial.Serial``.
     clock
@@ -87,7 +86,7 @@ class SerialGauge:
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Display name."""
         return f"gauge at {self._name}"
 
     @property
@@ -97,16 +96,16 @@ class SerialGauge:
 
     @property
     def skipped(self) -> int:
-        """How many lines since it was opened were no reading and were left out."""
+        """Number of invalid lines since it was opened."""
         return self._skipped
 
     def open(self) -> None:
-        """Take hold of the port; what it holds from before is dropped.
+        """Open the port; older bytes are dropped.
 
         Raises
         ------
         GaugeError
-            When there is none of that name, another program holds it, or this user may not use it.
+            When there is no such port, another program uses it, or this user has no permission.
         """
         self.close()
         port = opened(
@@ -126,8 +125,8 @@ class SerialGauge:
         Raises
         ------
         GaugeError
-            When it is silent or unplugged, speaks garbage, reports an overload or a fault, or its unit is not the
-            stated one or changes.
+            When it is silent or unplugged, sends garbage, reports an overload or a fault, or its unit differs or
+            changes.
         """
         serial_line = self._opened()
         while not serial_line.closed:
@@ -136,7 +135,7 @@ class SerialGauge:
                 yield reading
 
     def tare(self) -> None:
-        """Ask the gauge to make the present force its zero; it does not confirm that.
+        """Command the gauge to set its zero, without confirmation.
 
         Raises
         ------
@@ -152,7 +151,7 @@ class SerialGauge:
             raise self._unplugged(error) from error
 
     def close(self) -> None:
-        """End the readings and let go of the port."""
+        """End the readings and release the port."""
         serial_line, self._line = self._line, None
         if serial_line is not None:
             serial_line.close()
@@ -181,7 +180,7 @@ class SerialGauge:
 
     def _reading(self, line: Line) -> ForceReading | None:
         reply = read_reply(line.content) if line.whole else Reply(kind=ReplyKind.GARBAGE)
-        # After a reply with a unit, one without was cut short: "0.8" may be the beginning of "0.812 N", or of "0.8 mN".
+        # After a reply with a unit, one without is incomplete: "0.8" may begin "0.812 N" or "0.8 mN".
         cut = reply.kind is ReplyKind.NUMBER and not reply.unit and self._sends_unit
         if reply.kind is ReplyKind.GARBAGE or cut:
             self._skip(line)
@@ -190,7 +189,7 @@ class SerialGauge:
         if abs(force_n) > LARGEST_FORCE_N:
             self._skip(line)
             return None
-        # Times must ascend, also on a clock that ticks more slowly than readings come.
+        # Times must ascend, even if the clock is coarser than the readings.
         self._last_s = max(line.time_s, math.nextafter(self._last_s, math.inf))
         return ForceReading(
             time_s=self._last_s, force_n=force_n, resolution_n=resolution_n, time_error_s=line.time_error_s

@@ -1,4 +1,4 @@
-"""Lines out of the bytes of a serial line, with when each began to arrive."""
+"""Lines of a serial port with their arrival times, and the ports of this machine."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _ENDS = b"\r\n"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """One line that came.
+    """A line from the port.
 
     Parameters
     ----------
     content
         Its bytes without the end, at most `LONGEST_REPLY_BYTES`.
     time_s, time_error_s
-        When its first byte came, and how far from that it may truly lie.
+        Arrival of its first byte, with its error bound.
     whole
-        False for what was cut: a line whose beginning or whose end nobody saw.
+        False for a line without its beginning or its end.
     """
 
     content: bytes
@@ -42,10 +42,9 @@ class Line:
 
 
 class LineBuffer:
-    r"""Gathers bytes until a line is complete; never holds more than `LONGEST_REPLY_BYTES`.
+    r"""Collects bytes until a line is complete; never more than `LONGEST_REPLY_BYTES`.
 
-    The first line is never whole: the port may have been opened in the middle of it, and the end of ``-0.123 N`` is
-    a number too.
+    The first line is never whole: the port may open in the middle of it, and the end of ``-0.123 N`` is a number too.
 
     Examples
     --------
@@ -63,11 +62,11 @@ class LineBuffer:
 
     @property
     def pending(self) -> int:
-        """How many bytes of an unfinished line it holds."""
+        """Number of bytes of an unfinished line."""
         return len(self._content)
 
     def feed(self, chunk: bytes, *, since_s: float, now_s: float) -> list[Line]:
-        """Take bytes that arrived between two times, evenly as far as anyone knows; return the lines they complete."""
+        """Take bytes that arrived evenly between two times; return the lines that they complete."""
         lines = []
         for index, byte in enumerate(chunk):
             if byte in _ENDS:
@@ -97,14 +96,14 @@ def _arrival_time(fraction: float, since_s: float, now_s: float) -> tuple[float,
     return time_s, max(time_s - since_s, now_s - time_s)
 
 
-# What a driver raises when a port goes away or was closed by another thread; termios' error is none of OSError.
+# Exceptions of a driver when a port is lost or closed by another thread; termios' error is not an OSError.
 PORT_FAILURES: tuple[type[Exception], ...] = (OSError, ValueError, TypeError)
 with suppress(ImportError):  # on Windows
     import termios
 
     PORT_FAILURES += (termios.error,)
 
-# Windows' ports carry no number: the name of the error is in the text.
+# Errors of Windows' ports have no number: the name of the error is in the text.
 _CAUSES = {
     "FileNotFoundError": errno.ENOENT,
     "PermissionError": errno.EACCES,
@@ -113,7 +112,7 @@ _CAUSES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SerialPort:
-    """A serial port of this machine: its name, as ``"/dev/ttyUSB0"`` or ``"COM3"``, and what the system says of it."""
+    """A serial port of this machine: its name, as ``"/dev/ttyUSB0"`` or ``"COM3"``, and the system's description."""
 
     device: str
     description: str
@@ -133,22 +132,22 @@ def find_ports() -> tuple[SerialPort, ...]:
     True
     """
     try:
-        result = list_ports.comports()
+        ports = list_ports.comports()
     except PORT_FAILURES as error:
         raise GaugeError(f"the serial ports of this machine cannot be listed; got: {error!s:.120}") from error
     return tuple(
         SerialPort(device=str(item.device), description=str(item.description))
-        for item in sorted(result, key=lambda item: str(item.device))
+        for item in sorted(ports, key=lambda item: str(item.device))
     )
 
 
 def opened(port: str, open_port: Callable[..., Any], **settings: Any) -> Any:
-    """The port, held for this program alone.
+    """Open the port for this program exclusively.
 
     Raises
     ------
     GaugeError
-        When there is none of that name, another program holds it, or this user may not use it.
+        When there is no such port, another program uses it, or this user has no permission.
     """
     try:
         return open_port(port, exclusive=True, **settings)
@@ -161,8 +160,8 @@ def _refusal(port: str, error: Exception) -> str:
     number = number or next((code for name, code in _CAUSES.items() if name in str(error)), None)
     shown = f"{port!r:.120}"
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-        result = ", ".join(item.device for item in find_ports()) or "none"
-        return f"no serial port is called {shown}; check the cable and the name (found: {result})"
+        ports = ", ".join(item.device for item in find_ports()) or "none"
+        return f"no serial port is called {shown}; check the cable and the name (found: {ports})"
     if number in (errno.EBUSY, errno.EAGAIN):
         return f"serial port {shown} is in use by another program; close that one"
     if number in (errno.EACCES, errno.EPERM):
@@ -177,14 +176,14 @@ _LARGEST_CHUNK = 4096
 
 
 class SerialLine:
-    """Asks, listens and cuts what comes into lines; one thread reads, any may write or close.
+    """Sends requests and splits the replies into lines; one thread reads, any may write or close.
 
     Parameters
     ----------
     port
         An open port like ``serial.Serial`` whose reads end within a short timeout.
     poll
-        What asks for one line; None where they come without being asked for.
+        Request of one line; None where lines come without requests.
     clock
         Seconds, monotonic.
     """
@@ -203,10 +202,10 @@ class SerialLine:
         return self._closed
 
     def take(self) -> Line | None:
-        """The next line, or None when none was complete within the port's timeout; ``heard`` tells whether bytes came.
+        """The next line, or None when none was complete within the port's timeout; ``heard`` is True after any byte.
 
-        A line's time is when its first byte came. After a question it is the middle between that and the question,
-        with half the time between them as its error: the gauge answered somewhere in between.
+        A line's time is the arrival of its first byte. After a request it is the middle between that and the request,
+        with half the time between them as its error.
         """
         if not self._lines:
             with self._lock:
@@ -224,23 +223,23 @@ class SerialLine:
         self._port.write(command)
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Release the port."""
         self._closed = True
         with self._lock:
             try:
                 self._port.close()
-            except PORT_FAILURES:  # a port that is gone cannot be closed, and need not be
+            except PORT_FAILURES:  # a lost port cannot be closed, and need not be
                 return
 
     def _exchange(self) -> None:
         waiting = min(self._port.in_waiting, _LARGEST_CHUNK)
-        # While something still comes a question would have its answer queue behind that, and be older than it looks.
+        # A request during an arrival would be answered late, and its reply be older than it looks.
         if self._poll is not None and self._requested_s is None and not waiting and not self._buffer.pending:
             self._requested_s = self._clock()
             self._port.write(self._poll)
         chunk = self._port.read(waiting or 1)
         now_s = self._clock()
-        # Bytes that already waited came since the last look; a byte that was waited for came now.
+        # Bytes already waiting came since the last check; a byte that was waited for came now.
         since_s = self._checked_s if waiting else now_s
         self._checked_s = now_s
         self.heard = self.heard or bool(chunk)

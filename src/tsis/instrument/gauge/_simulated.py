@@ -1,4 +1,4 @@
-"""A force gauge that exists in the computer only, with a real one's faults."""
+"""A simulated force gauge with the faults of a real one."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class SimulatedGauge:
-    """A gauge that reads a given course of force at a steady rate, with gain, zero, noise and steps of its display.
+    """A gauge that reads a course of force at a steady rate, with gain, zero, noise and steps of its display.
 
-    It shows ``resolution_n * round((gain * force(t) + zero_n - tared + noise) / resolution_n)``. Readings that nobody
-    fetches in time are never made, as with a gauge whose display goes on.
+    It shows ``resolution_n * round((gain * force(t) + zero_n - tared + noise) / resolution_n)``. Readings that are not
+    fetched in time are skipped, as with a gauge whose display goes on.
 
     Parameters
     ----------
@@ -33,15 +33,15 @@ class SimulatedGauge:
     resolution_n
         Step of the display in newtons; 0 shows every digit.
     zero_n
-        What it shows without a load, in newtons, until `tare` is called.
+        Reading without a load, in newtons, until `tare` is called.
     gain
-        What it shows for 1 N, in newtons.
+        Reading at 1 N, in newtons.
     rate_per_s
         Readings a second.
     clock
         Seconds, monotonic.
     wait
-        Lets seconds pass; by default real ones, cut short by `close`.
+        Waits for seconds; by default in real time, interrupted by `close`.
 
     Examples
     --------
@@ -78,17 +78,17 @@ class SimulatedGauge:
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Display name."""
         return "simulated gauge"
 
     @property
     def lost(self) -> bool:
-        """False: nothing can be unplugged."""
+        """Always False."""
         return False
 
     @property
     def skipped(self) -> int:
-        """0: it never speaks garbage."""
+        """Always 0."""
         return 0
 
     def open(self) -> None:
@@ -109,7 +109,7 @@ class SimulatedGauge:
             due_s += self._interval_s
 
     def tare(self) -> None:
-        """Make what it shows now the zero, noise included, as a real one does."""
+        """Make the present display the zero, noise included, as a real gauge does."""
         self._require_open()
         self._zero_n -= self._shown(self._clock())
 

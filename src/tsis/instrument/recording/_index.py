@@ -1,4 +1,4 @@
-"""The index of a recording: which file holds each frame, and when it arrived."""
+"""The index of a recording: files of the frames and their arrival times."""
 
 from __future__ import annotations
 
@@ -21,23 +21,22 @@ LARGEST_INDEX_BYTES = 64 * 2**20
 
 
 def read_recording_index(folder: str | os.PathLike[str]) -> tuple[tuple[Path, float], ...]:
-    """Files of the frames of a recording with the times in seconds at which they arrived, in their order.
+    """Files of the frames of a recording with their arrival times in seconds, in order.
 
     Raises
     ------
     FileInputError
-        When the folder has no ``frames.csv`` as `record` writes it, it lists no frame, or it names a file elsewhere.
+        When the folder has no valid ``frames.csv``, or it lists no frame or a file elsewhere.
     """
-    position = as_path(folder)
-    rows = read_parsed(position / RECORDING_INDEX, _rows, most=LARGEST_INDEX_BYTES)
+    root = as_path(folder)
+    rows = read_parsed(root / RECORDING_INDEX, _rows, most=LARGEST_INDEX_BYTES)
     for name, _ in rows:
         if not name or Path(name).name != name or name in (".", ".."):
             raise FileInputError(
-                f"{printable_path(position / RECORDING_INDEX)} must name files beside it; got {name!r:.80} "
-                f"(a recording "
-                "in a video is not read)"
+                f"{printable_path(root / RECORDING_INDEX)} must name files beside it; got {name!r:.80} "
+                "(a recording in a video is not read)"
             )
-    return tuple((position / name, arrived_s) for name, arrived_s in rows)
+    return tuple((root / name, arrived_s) for name, arrived_s in rows)
 
 
 def _rows(text: str) -> list[tuple[str, float]]:

@@ -1,4 +1,4 @@
-"""Record a sequence: every frame is kept or accounted for, whatever happens to camera, disk or program."""
+"""Recording of a sequence: every frame is stored or counted, whatever happens to camera, disk or program."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WAIT_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FurtherColumns:
-    """Columns of the index beside its own.
+    """Additional columns of the index.
 
     Attributes
     ----------
@@ -46,24 +46,24 @@ class FurtherColumns:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingReport:
-    """What became of the frames while a recording ran: the camera's are ``kept + missed + overrun``.
+    """Counts of the frames of a recording: the camera sent ``kept + missed + overrun``.
 
     Attributes
     ----------
     kept
         Frames on the disk.
     missed
-        Frames that the camera numbered and that never came whole, on the way to this computer.
+        Frames that the camera numbered and that never arrived completely.
     overrun
-        Frames that came and gave way to newer ones before the disk had taken them.
+        Frames that arrived and were overwritten before they reached the disk.
     interruptions
-        How often the camera was lost meanwhile.
+        How often the camera was lost.
     seconds
-        From the first frame kept to the last.
+        From the first stored frame to the last.
     frames_per_s
-        Kept frames over that time; 0 for fewer than two.
+        Stored frames over that time; 0 for fewer than two.
     ended_by
-        One sentence where the recording ended before its time; empty else.
+        Message where the recording ended early; empty otherwise.
     """
 
     kept: int
@@ -83,47 +83,46 @@ def record(
     frames: int | None = None,
     seconds: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
-    progress: Callable[[int, float], None] = lambda selected, seconds: None,
+    progress: Callable[[int, float], None] = lambda stored, seconds: None,
     beside: FurtherColumns | None = None,
     about: Callable[[], Mapping[str, Any]] = dict,
     clock: Callable[[], float] = time.monotonic,
 ) -> RecordingReport:
-    """Keep the frames that come from now on; of stored ones all.
+    """Record the frames that arrive from now on; of stored frames all.
 
-    Beside the frames the folder gets ``frames.csv``, a line a frame, and at the end ``recording.json`` with the report.
-    When the disk fills or the program is interrupted, what was kept stays and the report says what is missing.
+    The folder also gets ``frames.csv``, a line per frame, and at the end ``recording.json`` with the report. When the
+    disk fills or the program is interrupted, the stored frames stay and the report counts the others.
 
-    The report's file says when it began, twice: in UTC, and as the ``clock`` showed it, by which ``arrived_s`` of a
-    frame becomes a time of day.
+    ``recording.json`` contains the start twice: in UTC, and on ``clock``, which relates ``arrived_s`` to a time of day.
 
     Parameters
     ----------
     acquisition
         A running acquisition.
     sink
-        Keeps frames.
+        Stores frames.
     folder
         Existing folder for index and report.
     frames, seconds
-        When to end; a recording without either ends with the source or by ``stopped``.
+        Limits; without them a recording ends with the source or by ``stopped``.
     stopped
-        Asked between frames whether to end.
+        Called between frames; True ends the recording.
     progress
-        Told (frames kept, seconds) after each batch.
+        Called with (stored frames, seconds) after each batch.
     beside
-        Further columns of the index, e.g. the force at each frame.
+        Additional columns of the index, e.g. the force at each frame.
     about
-        Asked at the end what else the report's file should hold, e.g. the calibration and what the gauge did.
+        Called at the end; returns further entries of ``recording.json``, e.g. the calibration.
     clock
         Seconds, monotonic: that of the acquisition.
     """
-    position = as_path(folder)
+    root = as_path(folder)
     tally, end = _Tally(most=frames), _End(clock() + seconds if seconds is not None else None, stopped, clock)
     beside = beside or FurtherColumns(names=(), of=lambda received: ())
     begun, begun_s = datetime.now(UTC), clock()
     ended_by, missed = "", 0 if acquisition.ring.patient else acquisition.account().missed
     try:
-        with (position / RECORDING_INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
+        with (root / RECORDING_INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
             rows = csv.writer(index)
             rows.writerow((*RECORDING_COLUMNS, *beside.names))
             for batch, overrun in _batches(acquisition, lambda: end.reached() or tally.full):
@@ -137,21 +136,21 @@ def record(
             os.fsync(index.fileno())
         ended_by = "" if end.reached() or tally.full else _end_of(acquisition)
     except OSError as error:
-        ended_by = f"{printable_path(position)} took no more frames after {tally.kept}: {error.strerror or error}"
+        ended_by = f"{printable_path(root)} took no more frames after {tally.kept}: {error.strerror or error}"
     except TsisError as error:
         ended_by = str(error)
     account = acquisition.account()
     report = tally.report(account, begun_s, account.missed - missed, ended_by)
     started = {"begun": begun.isoformat(timespec="microseconds"), "begun_s": begun_s}
-    return _with_summary(position, report, acquisition, {**started, **about()})
+    return _with_summary(root, report, acquisition, {**started, **about()})
 
 
 def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tuple[tuple[ReceivedFrame, ...], int]]:
-    """Frames as they come, with how many gave way before they were read; until ``ended`` or the source's end."""
+    """Frames on arrival, with the number of overwritten ones; until ``ended`` or the source's end."""
     position = 0 if acquisition.ring.patient else acquisition.ring.end
     while not ended():
         acquisition.ring.wait(position, WAIT_S)
-        closed = acquisition.ring.closed  # asked before reading, so that the last frames are not left behind
+        closed = acquisition.ring.closed  # before reading, so that the last frames are included
         batch, position, overrun = acquisition.ring.read(position)
         yield batch, overrun
         if closed:
@@ -160,7 +159,7 @@ def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tu
 
 @dataclass(frozen=True, slots=True)
 class _End:
-    """When a recording is over by its own terms."""
+    """End of a recording by its own limits."""
 
     at_s: float | None
     stopped: Callable[[], bool]
@@ -213,14 +212,14 @@ def _row(received: ReceivedFrame, number: int, where: str) -> tuple[Any, ...]:
 
 
 def _end_of(acquisition: Acquisition) -> str:
-    """Why the source ended: nothing to say of stored frames, the loss of a camera that is not connected anew."""
+    """Why the source ended: empty for stored frames, else the loss of a camera that is not reconnected."""
     return "" if acquisition.failure is None else str(acquisition.failure)
 
 
 def _with_summary(
     path: Path, report: RecordingReport, acquisition: Acquisition, about: Mapping[str, Any]
 ) -> RecordingReport:
-    """Write the report's file; a report that could not be written says so."""
+    """Write the report's file; the report records a failure to do so."""
     document = {
         "format": RECORDING_FORMAT,
         "version": RECORDING_VERSION,

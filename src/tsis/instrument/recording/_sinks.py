@@ -1,4 +1,4 @@
-"""Where a recording's frames go: a folder of PNG files, or one lossless video."""
+"""Storage of a recording's frames: a folder of PNG files, or one lossless video."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 
 
 VIDEO_NAME = "frames.mkv"
-ASSUMED_RATE = 30.0  # what a player shows of a source without a clock; the index holds the real times
-SPARE_BYTES = 64 * 2**20  # the encoder does not say when a disk is full, so it must never become so
+ASSUMED_RATE = 30.0  # for players, of a source without a clock; the index contains the real times
+SPARE_BYTES = 64 * 2**20  # the encoder does not report a full disk
 
 
 class FrameSink(Protocol):
-    """Something that keeps frames."""
+    """Storage of frames."""
 
     def save(self, frame: Frame, number: int) -> str:
-        """Store the frame as the recording's ``number``-th, from 0, and return where; OSError when it cannot."""
+        """Store the frame as number ``number`` from 0 and return its place; OSError when it cannot."""
 
     def close(self) -> None:
-        """Finish; OSError when what was kept is not whole."""
+        """Finish; OSError when the stored frames are incomplete."""
 
 
 class FrameFolder:
-    """One PNG file a frame, 8 or 16 bits.
+    """One PNG file per frame, 8 or 16 bits.
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ class FrameFolder:
 
 
 class LosslessVideo:
-    """One video file in the FFV1 codec, 8 bits: every grey level comes back as it was.
+    """One video file in the FFV1 codec, 8 bits, lossless.
 
     Parameters
     ----------
     folder
-        An existing folder, in which ``frames.mkv`` is made.
+        An existing folder, for ``frames.mkv``.
     frames_per_s
-        Rate that players show it at; the index holds the real times.
+        Rate for players; the index contains the real times.
     """
 
     def __init__(self, folder: Path, *, frames_per_s: float | None = None) -> None:
@@ -95,17 +95,17 @@ class LosslessVideo:
         return f"{VIDEO_NAME}#{number}"
 
     def close(self) -> None:
-        """End the file and see that it declares as many frames as were given to it."""
+        """End the file and check its number of frames."""
         if self._writer is None:
             return
         self._writer.release()
         self._writer = None
         with quiet_decoders(), quiet_ffmpeg():
             written = cv2.VideoCapture(str(self._file.resolve()), cv2.CAP_FFMPEG)
-            result = int(written.get(cv2.CAP_PROP_FRAME_COUNT)) if written.isOpened() else 0
+            count = int(written.get(cv2.CAP_PROP_FRAME_COUNT)) if written.isOpened() else 0
             written.release()
-        if abs(result - self._saved) > 1 + 0.01 * self._saved:  # this container knows only its duration
-            raise OSError(5, f"the video holds {result} of {self._saved} frames")
+        if abs(count - self._saved) > 1 + 0.01 * self._saved:  # this container stores only its duration
+            raise OSError(5, f"the video holds {count} of {self._saved} frames")
 
     def _opened(self, columns: int, rows: int) -> Any:
         codec = cv2.VideoWriter.fourcc(*"FFV1")

@@ -140,7 +140,7 @@ def _require_estimable(estimate: RequestedEstimate) -> None:
     from tsis.records._estimation import require_options  # heavy, and of no use to other imports
 
     load_probe(estimate.probe)
-    estimate.calibration.known_response("")
+    estimate.calibration.cited_response("")
     require_options(estimate.kind, estimate.options)
 
 

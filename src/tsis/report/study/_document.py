@@ -44,7 +44,7 @@ def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
             {
                 "code": code,
                 "present": truth.has_inclusion,
-                **truth.plain(),
+                **truth.json_values(),
                 "scores": {device: by_code[code] for device, by_code in scores.items()},
             }
             for code, truth in analysis.truths.items()

@@ -1,4 +1,4 @@
-"""The readings of a study beside the truth, device by device."""
+"""Analysis of a study: readings against the truth, for each device."""
 
 from tsis.study.analysis._agreement import Agreement, AgreementValue
 from tsis.study.analysis._analysis import DeviceComparison, StudyAnalysis, analyse

@@ -1,4 +1,4 @@
-"""Readings of the same targets again, by one operator and by several."""
+"""Agreement of repeated readings, within and between operators."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WITHIN, BETWEEN = "within an operator", "between operators"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgreementValue:
-    """A number with its interval where it has one, and else why not."""
+    """A number with its interval, or a remark why one is missing."""
 
     value: float | None
     interval: Interval | None
@@ -33,7 +33,7 @@ class AgreementValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Agreement:
-    """How well repeated readings of one quantity agree.
+    """Agreement of repeated readings of one quantity.
 
     Attributes
     ----------
@@ -42,13 +42,13 @@ class Agreement:
     between
         `WITHIN` an operator or `BETWEEN` operators.
     targets, operators, repeats
-        What it rests on: targets that all of them read all those times, with an answer.
+        Size of the data: targets that all operators read ``repeats`` times with a result.
     correlation
         Intraclass correlation, and its form.
     form
         ``"ICC(1,1)"`` of repeats, ``"ICC(2,1)"`` of operators.
     coefficient
-        Two readings of a target differ by less with a probability of 95 %, in the unit of the quantity.
+        Difference that two readings of a target stay below with a probability of 95 %, in the quantity's unit.
     """
 
     quantity: str
@@ -62,7 +62,7 @@ class Agreement:
 
 
 def agreements(device_results: DeviceResults, readings: Sequence[DeviceReading]) -> tuple[Agreement, ...]:
-    """Agreement of repeats, by the operator who read most, and of operators, as far as there are any.
+    """Agreement of repeats, by the operator with most readings, and of operators, if any.
 
     Sizes, depths and moduli are compared on inclusions alone.
     """
@@ -109,16 +109,16 @@ def _within(quantity: str, table: Table) -> Agreement | None:
 def _between(quantity: str, table: Table) -> Agreement | None:
     if len(table) < 2:
         return None
-    shared = [code for code in next(iter(table.values())) if all(code in rows for rows in table.values())]
-    if len(shared) < LEAST_TARGETS:
+    common = [code for code in next(iter(table.values())) if all(code in rows for rows in table.values())]
+    if len(common) < LEAST_TARGETS:
         return None
-    repeats = min(len(rows[code]) for rows in table.values() for code in shared)
-    cube = [[rows[code][:repeats] for rows in table.values()] for code in shared]
+    repeats = min(len(rows[code]) for rows in table.values() for code in common)
+    cube = [[rows[code][:repeats] for rows in table.values()] for code in common]
     first = [[repeats_of[0] for repeats_of in target] for target in cube]
     return Agreement(
         quantity=quantity,
         between=BETWEEN,
-        targets=len(shared),
+        targets=len(common),
         operators=len(table),
         repeats=repeats,
         form="ICC(2,1)",

@@ -1,4 +1,4 @@
-"""A device beside the first one on the same targets."""
+"""The analysis of an unblinded study: every device, and every further device against the first."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ if TYPE_CHECKING:
     from tsis.study.analysis._results import DeviceResults, TargetResult
 
 
-ENOUGH = 30  # targets of each kind from which DeLong's test may be used
+ENOUGH = 30  # targets of each kind for DeLong's test
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DeviceComparison:
-    """Two devices on targets that both decided.
+    """Two devices on the targets that both decided.
 
     Attributes
     ----------
     first, second
         Their names.
     targets
-        How many both decided.
+        Number of those targets.
     areas
-        Their areas under the curve, paired; None where ``remark`` says why.
+        Their areas under the curve, paired; None with a ``remark``.
     remark
-        Why there is no comparison of areas.
+        Why the areas are not compared.
     limits
-        Bland and Altman's comparison, first less second, of each quantity on inclusions of which both have it.
+        Bland and Altman's comparison, first minus second, of each quantity on inclusions that both measured.
     """
 
     first: str
@@ -83,7 +83,7 @@ def device_comparison(first: DeviceResults, second: DeviceResults, rng: np.rando
 
 
 def _ranks(device: DeviceResults, targets: Sequence[TargetResult]) -> list[float]:
-    """What orders some of the targets that a device decided."""
+    """Ranks of some of the targets that a device decided."""
     by_code = dict(zip((item.code for item in device.decided), device.ranks()[0].tolist(), strict=True))
     return [by_code[target.code] for target in targets]
 
@@ -100,23 +100,23 @@ def _limits(first: DeviceResults, second: DeviceResults, quantity: str) -> Bland
     return bland_altman([item for item, _ in pairs], [other for _, other in pairs])
 
 
-BOOTSTRAP = 20_110  # seed of what is drawn in an analysis, so that it can be made again to the digit
+BOOTSTRAP = 20_110  # seed, so that an analysis is reproducible to the digit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StudyAnalysis:
-    """What a study says.
+    """The analysis of a study.
 
     Attributes
     ----------
     study
-        As it was then, unblinded.
+        The study, unblinded.
     truths
         By code.
     verification
-        Whether it is as it was written.
+        Faults of its files and log.
     devices
-        Numbers of each, in the order in which they came.
+        Analysis of each device, in the order of their first reading.
     comparisons
         Of every further device with the first.
     """
@@ -129,10 +129,10 @@ class StudyAnalysis:
 
 
 def analyse(study: Study, *, progress: Callable[[int, int], None] | None = None) -> StudyAnalysis:
-    """Analyse an unblinded study; a study that was changed is analysed as it is, and `verification` tells it.
+    """Analyse an unblinded study; faults of a changed study are in ``verification``.
 
-    The first reading of each target by a device is what counts; repeats serve to tell how well they agree. An analysis
-    draws the same numbers each time, so that the same study has the same answer.
+    The first reading of each target by a device counts; repeats serve for the agreement. Random numbers are the same
+    each time, so the same study gives the same result.
 
     Parameters
     ----------

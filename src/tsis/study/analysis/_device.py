@@ -1,4 +1,4 @@
-"""Diameter, depth and modulus of inclusions that were found, beside what is true."""
+"""Analysis of one device: detection, scores as probabilities, and errors of diameter, depth and modulus."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SizeErrors:
-    """Readings of one quantity and what is true.
+    """Readings of one quantity with their true values.
 
     Attributes
     ----------
@@ -46,11 +46,11 @@ class SizeErrors:
     codes
         Of the targets.
     read, true
-        Shape (targets,), in the unit that the name tells.
+        Shape (targets,), in the unit of the quantity.
     covered
-        How many of the 90 % intervals hold the truth, among those that the device gave; None where it gave none.
+        Fraction of the device's 90 % intervals that contain the truth; None without intervals.
     not_identified
-        How many of the readings say of themselves that the data told hardly more than was believed before.
+        Number of readings whose data added hardly anything to the prior.
     """
 
     quantity: str
@@ -62,12 +62,12 @@ class SizeErrors:
 
     @property
     def bias(self) -> float:
-        """Mean of read less true."""
+        """Mean of read minus true."""
         return float((self.read - self.true).mean())
 
     @property
     def bias_interval(self) -> Interval | None:
-        """Student's interval of it; None of one target alone, or where all errors are equal."""
+        """Student's interval of the bias; None for one target, or where all errors are equal."""
         try:
             return bland_altman(self.read, self.true).bias_interval()
         except InputError:
@@ -75,82 +75,80 @@ class SizeErrors:
 
     @property
     def rmse(self) -> float:
-        """Root of the mean square of read less true, the source's (6.15)."""
+        """Root of the mean square of read minus true, the source's (6.15)."""
         return float(np.sqrt(np.mean((self.read - self.true) ** 2)))
 
     @property
     def largest(self) -> float:
-        """The largest distance of read and true."""
+        """Largest absolute error."""
         return float(np.abs(self.read - self.true).max())
 
 
 def size_errors(device_results: DeviceResults) -> tuple[SizeErrors, ...]:
-    """Errors of every quantity that the device read of inclusions which it found."""
+    """Errors of every quantity on the inclusions that the device detected."""
     return tuple(errors for quantity in QUANTITIES if (errors := _of(device_results, quantity)) is not None)
 
 
 def _of(device_results: DeviceResults, quantity: str) -> SizeErrors | None:
-    stored = [
+    pairs = [
         (item, item.reading) for item in device_results.detected if item.reading and quantity in item.reading.values
     ]
-    if not stored:
+    if not pairs:
         return None
     inside = [
         reading.interval_90[quantity][0] <= target.truth.values[quantity] <= reading.interval_90[quantity][1]
-        for target, reading in stored
+        for target, reading in pairs
         if quantity in reading.interval_90
     ]
     return SizeErrors(
         quantity=quantity,
-        codes=tuple(target.code for target, _ in stored),
-        read=np.array([reading.values[quantity] for _, reading in stored]),
-        true=np.array([target.truth.values[quantity] for target, _ in stored]),
+        codes=tuple(target.code for target, _ in pairs),
+        read=np.array([reading.values[quantity] for _, reading in pairs]),
+        true=np.array([target.truth.values[quantity] for target, _ in pairs]),
         covered=Proportion(successes=sum(inside), trials=len(inside)) if inside else None,
-        not_identified=sum(f"{quantity}_not_identified" in reading.flags for _, reading in stored),
+        not_identified=sum(f"{quantity}_not_identified" in reading.flags for _, reading in pairs),
     )
 
 
-FEW = 5  # of a class: below, a study says little
-TARGET_RATE = 0.9  # sensitivity, and specificity, at which operating points are told
-BINS, MANY = 5, 100  # bins of the reliability curve, twice as many from so many targets on
+FEW = 5  # of a class: below, a study is inconclusive
+TARGET_RATE = 0.9  # sensitivity, and specificity, of the operating points
+BINS, MANY = 5, 100  # bins of the reliability curve, twice as many from this number of targets on
 
 Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DeviceAnalysis:
-    """Numbers of one device; what could not be told is None, and ``missing`` says why.
+    """Analysis of one device; for a value of None ``missing`` gives the reason.
 
     Attributes
     ----------
     results
         Its targets.
-    readings
-        How many it made, and how many of them are undecided.
-    undecided_readings
-        Likewise.
+    readings, undecided_readings
+        Number of its readings, and of the undecided ones.
     counts
-        At the threshold that was fixed, undecided targets left out.
+        At the fixed threshold, without undecided targets.
     counts_if_wrong
-        Undecided targets as the wrong answer.
+        With undecided targets as errors.
     curve, auc_interval
-        Of the decided targets by `DeviceResults.ranks`, in whose unit thresholds are told.
+        Of the decided targets by `DeviceResults.ranks`; thresholds are in the unit of the ranks.
     auc_if_wrong
-        Area with undecided targets as the wrong answer.
+        Area with undecided targets as errors.
     points
-        Operating points, chosen on the same targets and so optimistic.
+        Operating points, selected on the same targets and therefore optimistic.
     held_out
-        Counts at thresholds of the largest Youden index that were chosen without the target they decide on.
+        Counts at thresholds of the largest Youden index, each selected without the target that it decides.
     reliability, brier_interval, recalibration
-        Of scores taken for probabilities; where all lie in [0, 1].
+        Of scores as probabilities, where all lie in [0, 1].
     errors
-        Of size, depth and modulus of inclusions that were found.
+        Of size, depth and modulus of detected inclusions.
     strata
-        Found among small and large, shallow and deep ones.
+        Detected inclusions by size and by depth.
     agreements
         Of repeats and operators.
     missing
-        Why something is None, by its name.
+        Reason of each missing value, by its name.
     """
 
     results: DeviceResults
@@ -173,7 +171,7 @@ class DeviceAnalysis:
 
     @property
     def few(self) -> bool:
-        """Whether a class has so few decided targets that the study says little."""
+        """Whether a class has too few decided targets for a conclusion."""
         present = sum(target.truth.has_inclusion for target in self.results.decided)
         return min(present, len(self.results.decided) - present) < FEW
 
@@ -190,7 +188,7 @@ def device_analysis(
     readings
         Of all devices.
     rng
-        Source of bootstrap draws.
+        Generator for the bootstrap.
     """
     missing: dict[str, str] = {}
     scores, present = device_results.scores()

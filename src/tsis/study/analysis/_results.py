@@ -1,4 +1,4 @@
-"""Targets with what is true of them and what a device said first."""
+"""Results of a device: every target with its truth and the device's first reading."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class TargetResult:
     code
         Of the target.
     truth
-        What it is.
+        True values.
     reading
-        The first that the device made of it; None where it made none.
+        The device's first reading, if any.
     """
 
     code: str
@@ -38,20 +38,20 @@ class TargetResult:
 
     @property
     def score(self) -> float | None:
-        """What was said; None where the target was not read or the reading is undecided."""
+        """Score of the reading; None for an unread or undecided target."""
         return None if self.reading is None else self.reading.score
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceResults:
-    """All targets of a study before one device.
+    """All targets of a study with the results of one device.
 
     Attributes
     ----------
     device
         Its name.
     threshold
-        From which score on a target is called one with an inclusion.
+        Least score of a target that is called one with an inclusion.
     targets
         In the order of the study.
     """
@@ -67,26 +67,26 @@ class DeviceResults:
 
     @property
     def undecided(self) -> tuple[TargetResult, ...]:
-        """Targets that were read without an answer."""
+        """Targets with an undecided reading."""
         return tuple(target for target in self.targets if target.reading is not None and target.score is None)
 
     @property
     def unread(self) -> tuple[TargetResult, ...]:
-        """Targets that it did not read."""
+        """Targets without a reading."""
         return tuple(target for target in self.targets if target.reading is None)
 
     @property
     def detected(self) -> tuple[TargetResult, ...]:
-        """Targets with an inclusion that was found."""
+        """Targets with a detected inclusion."""
         return tuple(item for item in self.decided if item.truth.has_inclusion and self.calls(item))
 
     def calls(self, target: TargetResult) -> bool:
-        """Whether a decided target was said to hold an inclusion."""
+        """Whether a decided target was called one with an inclusion."""
         return target.score is not None and target.score >= self.threshold
 
     @property
     def are_probabilities(self) -> bool:
-        """Whether its scores can be taken for probabilities: there are some, and all lie in [0, 1]."""
+        """Whether there are scores, and all lie in [0, 1]."""
         scores, _ = self.scores()
         return len(scores) > 0 and bool((scores >= 0).all() and (scores <= 1).all())
 
@@ -99,29 +99,29 @@ class DeviceResults:
 
     @property
     def is_ranked(self) -> bool:
-        """Whether every decided target has a rank, which tells rounded scores apart."""
+        """Whether every decided target has a rank, which separates rounded scores."""
         return bool(self.decided) and all(item.reading and item.reading.rank is not None for item in self.decided)
 
     def ranks(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """What orders the decided targets, their scores where there are no ranks, and truth."""
+        """Ranks of the decided targets, or their scores without ranks, and truth."""
         scores, present = self.scores()
         if not self.is_ranked:
             return scores, present
         return np.array([item.reading.rank for item in self.decided if item.reading], dtype=float), present
 
     def ranks_if_wrong(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """The same with undecided targets as the wrong answer: below, or above, every other."""
+        """As `ranks`, with undecided targets as errors: below, or above, every other."""
         ranks, present = self.ranks()
         lowest, highest = (ranks.min() - 1, ranks.max() + 1) if len(ranks) else (0.0, 1.0)
         missed = np.array([target.truth.has_inclusion for target in self.undecided], dtype=bool)
         return np.concatenate([ranks, np.where(missed, lowest, highest)]), np.concatenate([present, missed])
 
     def counts(self, *, undecided_wrong: bool = False) -> Counts | None:
-        """Decisions at the fixed threshold, counted; None where there is none."""
-        messages = [(self.calls(target), target.truth.has_inclusion) for target in self.decided]
+        """Decisions at the fixed threshold, counted; None without any."""
+        decisions = [(self.calls(target), target.truth.has_inclusion) for target in self.decided]
         if undecided_wrong:
-            messages += [(not target.truth.has_inclusion, target.truth.has_inclusion) for target in self.undecided]
-        return Counts.of([item for item, _ in messages], [other for _, other in messages]) if messages else None
+            decisions += [(not target.truth.has_inclusion, target.truth.has_inclusion) for target in self.undecided]
+        return Counts.of([called for called, _ in decisions], [true for _, true in decisions]) if decisions else None
 
 
 def device_results(
@@ -131,14 +131,14 @@ def device_results(
     truths: Mapping[str, TargetTruth],
     codes: Sequence[str],
 ) -> DeviceResults:
-    """Set the first reading of every target by a device beside the truth.
+    """Pair the first reading of every target by a device with the truth.
 
     Parameters
     ----------
     device, threshold
         As of `DeviceResults`.
     readings
-        Of all devices, in the order in which they were entered.
+        Of all devices, in the order of entry.
     truths
         By code.
     codes
@@ -157,18 +157,18 @@ EDGES_MM = {"diameter_mm": (5.0, 8.0), "depth_mm": (6.0, 8.0)}  # a value at an 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stratum:
-    """Inclusions of like size or depth.
+    """Inclusions in one range of size or depth.
 
     Attributes
     ----------
     quantity
         ``"diameter_mm"`` or ``"depth_mm"``.
     low, high
-        Ends, mm; infinite where there is none.
+        Ends, mm; infinite without an end.
     detected
-        Found among those that were decided; None where there was none.
+        Detected among the decided ones; None without any.
     undecided
-        How many more were read without an answer.
+        Number of undecided ones.
     """
 
     quantity: str
@@ -191,17 +191,17 @@ def _of(device_results: DeviceResults, quantity: str, low: float, high: float) -
     def inside(value: float) -> bool:
         return low <= value < high if quantity == "diameter_mm" else low < value <= high
 
-    stored = [
+    matching = [
         target
         for target in device_results.targets
         if target.truth.has_inclusion and inside(target.truth.values[quantity])
     ]
-    decided = [item for item in stored if item.score is not None]
-    result = sum(device_results.calls(item) for item in decided)
+    decided = [item for item in matching if item.score is not None]
+    count = sum(device_results.calls(item) for item in decided)
     return Stratum(
         quantity=quantity,
         low=low,
         high=high,
-        detected=Proportion(successes=result, trials=len(decided)) if decided else None,
-        undecided=sum(item.reading is not None and item.score is None for item in stored),
+        detected=Proportion(successes=count, trials=len(decided)) if decided else None,
+        undecided=sum(item.reading is not None and item.score is None for item in matching),
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from tsis.calibration.force import loading_forces
-from tsis.calibration.session import LiveBench
+from tsis.calibration.session import LiveCalibration
 from tsis.catalog import load_probe
 from tsis.errors import CalibrationError, CameraError
 from tsis.model import require_number
@@ -127,7 +127,7 @@ class CameraRig:
         """Yield fresh frames, all of one uninterrupted stream at the session's settings."""
         acquisition = self._acquisition()
         before = len(acquisition.account().interruptions)
-        instrument = LiveBench(acquisition, self._gauge())
+        instrument = LiveCalibration(acquisition, self._gauge())
         for shot in instrument.loading(over) if step.is_loading else instrument.still(step.frames):
             yield shot
             if len(acquisition.account().interruptions) != before:
@@ -137,7 +137,7 @@ class CameraRig:
     def one(self, force_n: float) -> CalibrationFrame:
         """The next frame with a typed force, in [-100, 100] N."""
         require_number("force", force_n, -LARGEST_TYPED_N, LARGEST_TYPED_N, hint="newtons")
-        return LiveBench(self._acquisition()).take_frame(force_n)
+        return LiveCalibration(self._acquisition()).take_frame(force_n)
 
     def _acquisition(self) -> Acquisition:
         return acquisition_of(self._desk, self._terms)

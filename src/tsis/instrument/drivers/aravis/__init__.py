@@ -1,4 +1,4 @@
-"""GigE Vision and USB3 Vision cameras through Aravis, a library of the system that is bound without a compiler."""
+"""GigE Vision and USB3 Vision cameras through the system library Aravis, bound with ctypes."""
 
 from tsis.instrument.drivers.aravis._camera import AravisCamera
 from tsis.instrument.drivers.aravis._library import Aravis, load

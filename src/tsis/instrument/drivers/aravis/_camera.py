@@ -1,4 +1,4 @@
-"""How long a reader waits for a frame before it calls the camera lost."""
+"""Cameras through Aravis, and the time that a reader waits before a camera counts as lost."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from tsis.instrument.drivers.aravis._library import Aravis
 
 
-TORN_S = 10.0  # with parts of frames alone
+TORN_S = 10.0  # with incomplete frames only
 
 
 class Watch:
-    """Started whenever a reader begins to wait, so that time which the reader spends elsewhere does not count.
+    """Started whenever a reader begins to wait, so that the reader's own time does not count.
 
     Parameters
     ----------
@@ -43,14 +43,14 @@ class Watch:
         self._torn = 0
 
     def reason(self, *, heard: bool, period_s: float = 0.0) -> str | None:
-        """Why to give up, if so.
+        """Why the camera counts as lost; None if it does not.
 
         Parameters
         ----------
         heard
-            Whether a part of a frame came, but no whole one.
+            Whether an incomplete frame arrived.
         period_s
-            How long a frame takes with the present settings, seconds.
+            Duration of a frame with the present settings, seconds.
         """
         now_s = self._clock()
         if heard:
@@ -64,12 +64,12 @@ class Watch:
 
 
 POLL_S = 0.05  # a reader notices stop() within it
-RELEASE_S = 0.5  # that stop() waits for a camera to let go
+RELEASE_S = 0.5  # time limit of stop() for the release of a camera
 
 
 @dataclass(slots=True, eq=False)
 class _Reading:
-    """What one reader of frames remembers."""
+    """State of one reader of frames."""
 
     blocks: BlockCount = field(default_factory=BlockCount)
     first_ns: int | None = None
@@ -77,25 +77,24 @@ class _Reading:
 
 
 class AravisCamera:
-    """A camera that Aravis can reach over the network or USB 3.
+    """A camera that Aravis finds over the network or USB 3.
 
-    A camera's own control of exposure and gain is switched off when it starts, so that each frame carries what it was
-    taken with; a change counts for the frames that arrive after it. Frames of which a part was lost on the way are not
-    delivered, and leave a gap in the sequence.
+    The camera's automatic exposure and gain are switched off at the start, so that each frame records its settings; a
+    change applies to the frames that arrive after it. Incomplete frames are dropped and leave a gap in the sequence.
 
     Parameters
     ----------
     identity
-        What `found` calls it, or its network address; None takes the first camera that answers.
+        Its name from the search, or its network address; None takes the first camera that answers.
     library
-        Gives the library; tests give one that fails.
+        Returns the library.
     clock
         Seconds, monotonic.
 
     Raises
     ------
     InputError
-        When the identity is no text.
+        When the identity is not a text.
 
     Examples
     --------
@@ -117,14 +116,14 @@ class AravisCamera:
         self._connection: Connection | None = None
         self._stream: Stream | None = None
         self._mode: Mode | None = None
-        self._taken: list[tuple[int, Mapping[str, float]]] = []  # settings, each with the time from which it counts
+        self._taken: list[tuple[int, Mapping[str, float]]] = []  # settings, each with the start of its validity
         self._running = threading.Event()
         self._controlling, self._popping = threading.RLock(), threading.Lock()
         self._lost = False
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Display name."""
         return self._identity or "the first camera of Aravis"
 
     @property
@@ -133,18 +132,18 @@ class AravisCamera:
         return self._lost
 
     def open(self) -> None:
-        """Take hold of the camera with a new handle.
+        """Connect to the camera with a new handle.
 
         Raises
         ------
         MissingExtraError
             When Aravis is not installed.
         CameraError
-            When no camera of this identity answers, or another program holds it.
+            When no camera of this identity answers, or another program uses it.
         """
         self.stop()
         self._connection = Connection.open(self._library(), self._identity)
-        self._identity = self._connection.identity  # opened again, it shall be the same camera
+        self._identity = self._connection.identity  # the same camera at the next open
         self._lost = False
 
     def modes(self) -> tuple[Mode, ...]:
@@ -154,18 +153,18 @@ class AravisCamera:
             return features.modes(connection.aravis, connection.camera)
 
     def settings(self) -> tuple[Setting, ...]:
-        """Exposure in ms, gain, brightness (black level) and frame rate, as far as the camera has them."""
+        """Exposure in ms, gain, brightness (black level) and frame rate, where the camera has them."""
         with self._controlling:
             connection = self._opened()
             return features.settings(connection.aravis, connection.camera)
 
     def adjust(self, name: str, value: float) -> None:
-        """Change one of `settings`; the camera may round the value to a step of its own.
+        """Change one of `settings`; the camera may round the value.
 
         Raises
         ------
         UnknownNameError
-            When it has none of that name.
+            When there is no such setting.
         InputError
             When the value lies outside its range.
         CameraError
@@ -200,13 +199,13 @@ class AravisCamera:
             self._running.set()
 
     def frames(self) -> Iterator[Frame]:
-        """Yield whole frames as they come, until the camera is stopped.
+        """Yield complete frames on arrival, until the camera is stopped.
 
         Raises
         ------
         CameraError
-            When the camera falls silent for a second (three frame times of a slow one), or sends nothing but parts of
-            frames for ten; frames already yielded stay valid.
+            When the camera is silent for a second (three frame times of a slow one), or sends only incomplete frames
+            for ten; frames already yielded stay valid.
         """
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
@@ -216,16 +215,16 @@ class AravisCamera:
             reading.delivered += 1
 
     def stop(self) -> None:
-        """End the stream and let go of the camera."""
+        """End the stream and release the camera."""
         self._running.clear()
         with self._controlling, self._popping:
             connection, self._connection, self._stream = self._connection, None, None
         if connection is not None:
-            # a lost camera answers nothing, and its driver waits for answers
+            # a lost camera does not answer, and its driver waits for answers
             connection.close(wait_s=0.0 if self._lost else RELEASE_S)
 
     def _awaited(self, reading: _Reading) -> Frame | None:
-        """The next whole frame; None once the camera is stopped."""
+        """The next complete frame; None once the camera is stopped."""
         watch = Watch(self._clock)
         while self._running.is_set():
             heard, frame = self._popped(reading)
@@ -241,13 +240,13 @@ class AravisCamera:
         return None
 
     def _period_s(self) -> float:
-        """How long a frame takes with the present settings; 0 when the camera tells nothing of it."""
+        """Duration of a frame with the present settings; 0 when unknown."""
         _, taken = self._taken[-1]
         rate = taken.get("frames_per_s", 0.0)
         return max(1 / rate if rate > 0 else 0.0, taken.get("exposure_ms", 0.0) / 1000)
 
     def _popped(self, reading: _Reading) -> tuple[bool, Frame | None]:
-        """Whether anything came within a short time, and the frame if it was whole."""
+        """Whether anything arrived within a short time, and the frame if it is complete."""
         with self._popping:
             if self._stream is None:
                 return False, None
@@ -260,7 +259,7 @@ class AravisCamera:
                 return True, self._frame(received, received.pixels, reading)
 
     def _frame(self, received_buffer: ReceivedBuffer, pixels: NDArray[Any], reading: _Reading) -> Frame:
-        """The frame of a whole arrival, with a copy of its pixels."""
+        """The frame of a complete arrival, with a copy of its pixels."""
         if reading.first_ns is None:
             reading.first_ns = received_buffer.device_ns
         sequence = reading.blocks.at(received_buffer.number)

@@ -1,4 +1,4 @@
-"""Buffers that travel between Aravis and the reader of a camera."""
+"""The connection to a camera through Aravis, and the buffers of its stream."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from tsis.instrument.drivers.aravis._library import Aravis
 
 
-BUFFERS = 16  # half a second of 30 frames/s that a reader may be late
-BACKLOG, MOST_BACKLOG_BYTES = 4, 2**26  # frames that wait in the system; it may grant less
+BUFFERS = 16  # half a second of delay at 30 frames/s
+BACKLOG, MOST_BACKLOG_BYTES = 4, 2**26  # frames in the system's socket buffer; it may grant less
 WHOLE = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReceivedBuffer:
-    """One buffer as it came; ``pixels`` is a view that ends with the buffer's loan, None when not all of it arrived."""
+    """One buffer on arrival; ``pixels`` is a view while the buffer is borrowed, None when it is incomplete."""
 
     number: int
     device_ns: int
@@ -47,14 +47,14 @@ class Stream:
     aravis
         The library.
     camera
-        Handle of a camera that is in the mode wanted.
+        Handle of a camera in the requested mode.
     mode
         That mode.
 
     Raises
     ------
     CameraError
-        When the camera gives no stream.
+        When the camera provides no stream.
     """
 
     def __init__(self, aravis: Aravis, camera: int, mode: Mode) -> None:
@@ -65,14 +65,14 @@ class Stream:
         payload = max(aravis.call("camera_get_payload", camera), self._bytes)
         self.handle: int = aravis.call("camera_create_stream", camera, None, None)
         if aravis.call("camera_is_gv_device", camera):
-            # the system's default holds a fraction of a frame, and a camera sends a whole one at once
+            # the system's default is a fraction of a frame, and a camera sends a complete one at once
             aravis.set_whole(self.handle, "socket-buffer-size", min(BACKLOG * payload, MOST_BACKLOG_BYTES))
         for _ in range(BUFFERS):
             aravis.call("stream_push_buffer", self.handle, aravis.call("buffer_new_allocate", payload))
 
     @contextmanager
     def next(self, timeout_s: float) -> Iterator[ReceivedBuffer | None]:
-        """Lend the next buffer; None when none came in time."""
+        """Borrow the next buffer; None when none arrived in time."""
         buffer = self._aravis.call("stream_timeout_pop_buffer", self.handle, round(1e6 * timeout_s))
         if not buffer:
             yield None
@@ -103,12 +103,12 @@ class Stream:
         return np.ctypeslib.as_array(lent).view(self._dtype).reshape(self._shape)
 
 
-CONTROLLER_ADDRESS = 0x0A14  # GigE Vision's register of the network address that controls the camera; 0 where not kept
+CONTROLLER_ADDRESS = 0x0A14  # GigE Vision's register of the controller's network address; 0 where not stored
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Connection:
-    """Handles of one camera, which belong together and are given back together."""
+    """Handles of one camera, released together."""
 
     aravis: Aravis
     camera: int
@@ -117,12 +117,12 @@ class Connection:
 
     @classmethod
     def open(cls, aravis: Aravis, identity: str | None) -> Self:
-        """Hold the camera of that identity or address, or the first that answers.
+        """Connect to the camera of that identity or address, or to the first that answers.
 
         Raises
         ------
         CameraError
-            When none answers, or another program holds it.
+            When none answers, or another program uses it.
         """
         chosen, address = _chosen(aravis, identity)
         try:
@@ -137,20 +137,20 @@ class Connection:
         return connection
 
     def close(self, *, wait_s: float = 0.5) -> None:
-        """Give the camera back; one that does not answer is left to a thread after ``wait_s``."""
+        """Release the camera; one that does not answer is left to a thread after ``wait_s``."""
         leaving = threading.Thread(target=self._release, name=f"leaving {self.identity}", daemon=True)
         leaving.start()
         leaving.join(wait_s)
 
     def _release(self) -> None:
         if self.stream is not None:
-            with suppress(CameraError):  # it is gone, or stops when control ends
+            with suppress(CameraError):  # it is lost, or stops when control ends
                 self.aravis.call("camera_stop_acquisition", self.camera)
             self.aravis.unref(self.stream.handle)  # and its buffers
         self.aravis.unref(self.camera)
 
     def _controller(self) -> str | None:
-        """Who else controls the camera; of USB cameras the driver has said so before."""
+        """The other program that controls the camera; for USB cameras the driver reports it at opening."""
         if not self.aravis.call("camera_is_gv_device", self.camera):
             return None
         device = self.aravis.call("camera_get_device", self.camera)
@@ -161,18 +161,18 @@ class Connection:
             self.aravis.call("device_read_register", device, CONTROLLER_ADDRESS, ctypes.byref(address))
         except CameraError:
             address.value = 0
-        given = f" at {ipaddress.ip_address(address.value)}" if address.value else ""
-        return f"another program{given}"
+        at = f" at {ipaddress.ip_address(address.value)}" if address.value else ""
+        return f"another program{at}"
 
 
 def _chosen(aravis: Aravis, identity: str | None) -> tuple[str, str]:
-    """Identity of the camera that is meant, and what the library opens it by."""
-    if identity is not None and _is_address(identity):  # perhaps on a network that a search does not reach
+    """Identity of the requested camera, and the name by which the library opens it."""
+    if identity is not None and _is_address(identity):  # perhaps on a network outside the search
         return identity, identity
     cameras = search(aravis)
     for camera, address in cameras:
         if identity in (None, camera.identity):
-            # Aravis may hear a camera of this machine over another network, where its frames would not come.
+            # Aravis may find a camera of this machine over another network, where its frames would not arrive.
             return camera.identity, address if _is_loopback(address) else camera.identity
     requested = "no camera answers" if identity is None else f"no camera called {identity!r} answers"
     names = ", ".join(camera.identity for camera, _ in cameras) or "none"

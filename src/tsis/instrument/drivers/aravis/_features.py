@@ -1,4 +1,4 @@
-"""Modes and settings of a camera that Aravis holds, in the units of the camera protocol."""
+"""Modes and settings of a camera under Aravis, in the units of the camera protocol."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ AUTO_OFF, CONTINUOUS = 0, 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """A setting and how Aravis names it; ``scale`` of ours make one of the library's."""
+    """A setting and its name in Aravis; the library's value is ``scale`` times ours."""
 
     name: str
     call: str
@@ -41,19 +41,19 @@ QUANTITIES = (
 
 
 def settings(aravis: Aravis, camera: int) -> tuple[Setting, ...]:
-    """What the camera lets one set, with present values and ranges."""
+    """The adjustable settings, with present values and ranges."""
     return tuple(_setting(aravis, camera, quantity) for quantity in _offered(aravis, camera))
 
 
 def adjust(aravis: Aravis, camera: int, name: str, value: float) -> None:
-    """Set one of `settings`, of which the camera's own control is switched off."""
+    """Set one of `settings`, and switch off its automatic control."""
     (quantity,) = (quantity for quantity in QUANTITIES if quantity.name == name)
     _take_over(aravis, camera, quantity)
     aravis.call(f"camera_set_{quantity.call}", camera, quantity.scale * value)
 
 
 def hold_settings(aravis: Aravis, camera: int) -> None:
-    """Switch the camera's own control of every setting off, so that they stay what they are."""
+    """Switch off the automatic control of every setting."""
     for quantity in _offered(aravis, camera):
         _take_over(aravis, camera, quantity)
 
@@ -72,7 +72,7 @@ def modes(aravis: Aravis, camera: int) -> tuple[Mode, ...]:
         raise CameraError(f"the camera must offer one of {', '.join(FULL_SCALE)}; it offers none")
     formats.sort(key=lambda name: (name != present, list(FULL_SCALE).index(name)))
     _, _, *size = region(aravis, camera)
-    sizes = dict.fromkeys((tuple(size), _sensor_size(aravis, camera) or tuple(size)))  # each once, in order
+    sizes = dict.fromkeys((tuple(size), _sensor_size(aravis, camera) or tuple(size)))  # unique, in order
     has_rate = aravis.call("camera_is_frame_rate_available", camera)
     rate = aravis.call("camera_get_frame_rate", camera) if has_rate else 0.0
     return tuple(
@@ -89,12 +89,12 @@ def modes(aravis: Aravis, camera: int) -> tuple[Mode, ...]:
 
 
 def offered(mode: Mode | None, modes: tuple[Mode, ...], name: str) -> Mode:
-    """The mode wanted, whose rate may be any; the first when none is.
+    """The requested mode at any rate, or the first mode when None.
 
     Raises
     ------
     CameraError
-        When none of the modes has its size and pixels.
+        When no mode has its size and pixel format.
     """
     if mode is None:
         return modes[0]
@@ -105,7 +105,7 @@ def offered(mode: Mode | None, modes: tuple[Mode, ...], name: str) -> Mode:
 
 
 def choose(aravis: Aravis, camera: int, mode: Mode) -> None:
-    """Bring the camera into one of `modes`."""
+    """Apply one of `modes`."""
     aravis.call("camera_set_pixel_format_from_string", camera, mode.pixel_format.encode())
     if region(aravis, camera)[2:] != (mode.width_px, mode.height_px):
         aravis.call("camera_set_region", camera, 0, 0, mode.width_px, mode.height_px)
@@ -116,7 +116,7 @@ def choose(aravis: Aravis, camera: int, mode: Mode) -> None:
 
 
 def region(aravis: Aravis, camera: int) -> tuple[int, int, int, int]:
-    """First column, first row, columns and rows that are read from the sensor."""
+    """First column, first row, columns and rows of the sensor's region."""
     positions = [ctypes.c_int() for _ in range(4)]
     aravis.call("camera_get_region", camera, *(ctypes.byref(position) for position in positions))
     first_column, first_row, columns, rows = (position.value for position in positions)
@@ -124,7 +124,7 @@ def region(aravis: Aravis, camera: int) -> tuple[int, int, int, int]:
 
 
 def values(offered: tuple[Setting, ...]) -> Mapping[str, float]:
-    """The present values by name, as a frame carries them."""
+    """The present values by name, for a frame."""
     return {setting.name: setting.value for setting in offered}
 
 
@@ -135,7 +135,7 @@ def _offered(aravis: Aravis, camera: int) -> list[Quantity]:
 def _setting(aravis: Aravis, camera: int, quantity: Quantity) -> Setting:
     try:
         low, high = aravis.pair(f"camera_get_{quantity.call}_bounds", camera, ctypes.c_double)
-    except CameraError:  # some cameras tell no range
+    except CameraError:  # some cameras give no range
         low, high = -np.inf, np.inf
     return Setting(
         name=quantity.name,
@@ -147,7 +147,7 @@ def _setting(aravis: Aravis, camera: int, quantity: Quantity) -> Setting:
 
 
 def _unit(aravis: Aravis, camera: int, quantity: Quantity) -> str:
-    """What the camera says it counts in; empty for steps of its own."""
+    """Unit of the camera's value; empty for its own steps."""
     feature = {"gain": b"Gain", "black_level": b"BlackLevel"}[quantity.call]
     node = aravis.call("device_get_feature", aravis.call("camera_get_device", camera), feature)
     return aravis.text("gc_float_get_unit", node) if node and aravis.is_a(node, "gc_float") else ""
@@ -164,14 +164,14 @@ def _pixel_formats(aravis: Aravis, camera: int) -> list[str]:
     if not names:
         return []
     texts = ctypes.cast(names, ctypes.POINTER(ctypes.c_char_p))
-    results = [(texts[index] or b"").decode(errors="replace") for index in range(count.value)]
+    formats = [(texts[index] or b"").decode(errors="replace") for index in range(count.value)]
     aravis.free(names)
-    return results
+    return formats
 
 
 def _sensor_size(aravis: Aravis, camera: int) -> tuple[int, int] | None:
     try:
         columns, rows = aravis.pair("camera_get_sensor_size", camera, ctypes.c_int)
-    except CameraError:  # not every camera tells
+    except CameraError:  # some cameras give no size
         return None
     return (columns, rows) if columns > 0 and rows > 0 else None

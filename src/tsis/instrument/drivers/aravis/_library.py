@@ -1,4 +1,4 @@
-"""What the calls of libaravis 0.8 take and return; the interface of 0.8 no longer changes."""
+"""The library Aravis: signatures of libaravis 0.8, whose interface is stable, and its loading."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ POINTER, TEXT = ctypes.c_void_p, ctypes.c_char_p
 INT, UINT, U32, U64 = ctypes.c_int, ctypes.c_uint, ctypes.c_uint32, ctypes.c_uint64
 SIZE, REAL = ctypes.c_size_t, ctypes.c_double
 
-# By name without "arv_": what is returned, then what is taken.
+# By name without "arv_": result, then arguments.
 SIGNATURES: dict[str, tuple[Any, ...]] = {
     "update_device_list": (None,),
     "get_n_devices": (UINT,),
@@ -51,7 +51,7 @@ SIGNATURES: dict[str, tuple[Any, ...]] = {
     "fake_camera_set_fill_pattern": (None, POINTER, POINTER, POINTER),
 }
 
-# The same for those that report errors: each takes the place for one after what is listed.
+# The same for calls that report errors: each takes a pointer for an error as a further argument.
 FALLIBLE: dict[str, tuple[Any, ...]] = {
     "camera_new": (POINTER, TEXT),
     "camera_get_sensor_size": (None, POINTER, POINTER, POINTER),
@@ -92,7 +92,7 @@ BELOW: dict[str, tuple[Any, ...]] = {
 }
 
 
-# Where a system keeps them; on Linux and macOS the symbols of GLib are found through Aravis.
+# File names by system; on Linux and macOS the symbols of GLib are available through Aravis.
 FILES = {
     "darwin": (
         "libaravis-0.8.0.dylib",
@@ -118,21 +118,21 @@ class _Error(ctypes.Structure):
 
 
 class Aravis:
-    """The calls of libaravis that are used here, by their names without ``arv_``.
+    """The calls of libaravis by their names without ``arv_``.
 
     Parameters
     ----------
     parts
-        Loaded libraries; each symbol is taken from the first that has it.
+        Loaded libraries; each symbol comes from the first that has it.
 
     Raises
     ------
     MissingExtraError
-        When a symbol is in none of them.
+        When no library has a symbol.
     """
 
     def __init__(self, *parts: ctypes.CDLL) -> None:
-        self._plain = {name: _bound(parts, f"arv_{name}", kinds) for name, kinds in SIGNATURES.items()}
+        self._infallible = {name: _bound(parts, f"arv_{name}", kinds) for name, kinds in SIGNATURES.items()}
         self._fallible = {
             name: _bound(parts, f"arv_{name}", (*kinds, ctypes.POINTER(ctypes.POINTER(_Error))))
             for name, kinds in FALLIBLE.items()
@@ -140,15 +140,15 @@ class Aravis:
         self._below = {name: _bound(parts, name, kinds) for name, kinds in BELOW.items()}
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """What ``arv_name`` answers.
+        """The result of ``arv_name``.
 
         Raises
         ------
         CameraError
-            What the library says went wrong.
+            When the library reports an error.
         """
-        if name in self._plain:
-            return self._plain[name](*arguments)
+        if name in self._infallible:
+            return self._infallible[name](*arguments)
         error = ctypes.POINTER(_Error)()
         response = self._fallible[name](*arguments, ctypes.byref(error))
         if error:
@@ -158,11 +158,11 @@ class Aravis:
         return response
 
     def text(self, name: str, *arguments: Any) -> str:
-        """The text that ``arv_name`` answers; empty when there is none."""
+        """The text result of ``arv_name``; empty without one."""
         return (self.call(name, *arguments) or b"").decode(errors="replace")
 
     def pair(self, name: str, handle: int, kind: Any) -> tuple[Any, Any]:
-        """Two numbers that ``arv_name`` writes to places given to it."""
+        """Two numbers that ``arv_name`` writes through pointers."""
         first, second = kind(), kind()
         self.call(name, handle, ctypes.byref(first), ctypes.byref(second))
         return first.value, second.value
@@ -173,17 +173,17 @@ class Aravis:
 
     def set_whole(self, handle: int, name: str, value: int) -> None:
         """Set a property of an object to a whole number."""
-        position = (ctypes.c_uint64 * 3)()  # GLib's GValue
-        self._below["g_value_init"](position, G_TYPE_INT)
-        self._below["g_value_set_int"](position, value)
-        self._below["g_object_set_property"](handle, name.encode(), position)
+        holder = (ctypes.c_uint64 * 3)()  # GLib's GValue
+        self._below["g_value_init"](holder, G_TYPE_INT)
+        self._below["g_value_set_int"](holder, value)
+        self._below["g_object_set_property"](handle, name.encode(), holder)
 
     def unref(self, handle: int) -> None:
-        """Give an object back."""
+        """Release an object."""
         self._below["g_object_unref"](handle)
 
     def free(self, memory: int) -> None:
-        """Give memory back."""
+        """Release memory."""
         self._below["g_free"](memory)
 
 
@@ -203,7 +203,7 @@ def load() -> Aravis:
     Raises
     ------
     MissingExtraError
-        When it is not installed or too old; the sentence tells how to install it.
+        When it is not installed or too old; the message includes the cure.
     """
     if sys.platform == "win32":
         return Aravis(_first(FILES["win32"]), *(_first(names) for names in WINDOWS_BELOW))

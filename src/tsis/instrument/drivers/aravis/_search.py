@@ -1,4 +1,4 @@
-"""Which cameras Aravis sees."""
+"""Search for cameras through Aravis."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 
 SOURCE = "aravis"
-_the_list = threading.Lock()  # the library keeps one, and its entries are asked for one by one
+_the_list = threading.Lock()  # the library has one list, whose entries are read one by one
 
 
 def missing_requirement(library: Callable[[], Aravis] = load) -> str | None:
-    """What is not installed, in one sentence; None when cameras can be searched."""
+    """What is not installed, with the cure; None when cameras can be searched."""
     try:
         library()
     except MissingExtraError as error:
@@ -29,7 +29,7 @@ def missing_requirement(library: Callable[[], Aravis] = load) -> str | None:
 
 
 def find_cameras_here(library: Callable[[], Aravis] = load) -> tuple[CameraInfo, ...]:
-    """Cameras that answer now, in the order of their names; the search takes about a second.
+    """Cameras that answer now, by name; the search takes about a second.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The modes of a GenICam camera: grey pixel formats, the region it sends, its rate."""
+"""Cameras of the GenICam standard, and their modes: grey pixel formats, region, rate."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ _RATES = (
 def modes(nodes: Nodes) -> tuple[Mode, ...]:
     """Each grey format at the present size and at the full one; the present format and size first.
 
-    The rate is told for the present size alone: a camera tells it for no other.
+    Only the present size has a rate.
 
     Raises
     ------
     CameraError
-        When the camera does not tell its size or offers no grey format.
+        When the size is unknown or no grey format is available.
     """
     formats = _grey_formats(nodes)
     width, height = _size(nodes)
-    result = first_number(nodes, _RATES)
-    rate = result[1].value if result is not None and 1e-3 <= result[1].value <= 1e5 else None
+    frame_rate = first_number(nodes, _RATES)
+    rate = frame_rate[1].value if frame_rate is not None and 1e-3 <= frame_rate[1].value <= 1e5 else None
     full = _full("WidthMax", nodes, width), _full("HeightMax", nodes, height)
     present = (int(width.value), int(height.value))
     sizes = [(*present, rate)] if full == present else [(*present, rate), (*full, None)]
@@ -56,7 +56,7 @@ def modes(nodes: Nodes) -> tuple[Mode, ...]:
 
 
 def apply_mode(nodes: Nodes, mode: Mode) -> None:
-    """Bring the camera into ``mode``; a size other than the present one becomes a region in the middle of the sensor.
+    """Set the camera to ``mode``; a size other than the present one becomes a region in the middle of the sensor.
 
     Raises
     ------
@@ -67,26 +67,26 @@ def apply_mode(nodes: Nodes, mode: Mode) -> None:
     """
     formats = _grey_formats(nodes)
     if mode.pixel_format not in formats or mode.full_scale != FULL_SCALE[mode.pixel_format]:
-        given = ", ".join(f"{name} (full scale {FULL_SCALE[name]:g})" for name in formats)
-        raise CameraError(f"the camera has no mode {mode.label} of full scale {mode.full_scale:g}; it offers {given}")
-    stored = choice_node(nodes, "PixelFormat")
-    if stored is not None and stored.value != mode.pixel_format:
+        offered = ", ".join(f"{name} (full scale {FULL_SCALE[name]:g})" for name in formats)
+        raise CameraError(f"the camera has no mode {mode.label} of full scale {mode.full_scale:g}; it offers {offered}")
+    pixel_format = choice_node(nodes, "PixelFormat")
+    if pixel_format is not None and pixel_format.value != mode.pixel_format:
         nodes.write("PixelFormat", mode.pixel_format)
     width, height = _size(nodes)
     if (width.value, height.value) != (mode.width_px, mode.height_px):
         _resize(nodes, mode)
-    result = first_number(nodes, _RATES)
-    if mode.frames_per_s is not None and (result is None or result[1].value != mode.frames_per_s):
+    rate = first_number(nodes, _RATES)
+    if mode.frames_per_s is not None and (rate is None or rate[1].value != mode.frames_per_s):
         adjust(nodes, "frames_per_s", mode.frames_per_s)
 
 
 def _grey_formats(nodes: Nodes) -> list[str]:
-    stored = choice_node(nodes, "PixelFormat") or ChoiceNode(value="", options=())
-    grey = [name for name in stored.options if name in FULL_SCALE]
+    pixel_format = choice_node(nodes, "PixelFormat") or ChoiceNode(value="", options=())
+    grey = [name for name in pixel_format.options if name in FULL_SCALE]
     if not grey:
-        offered = ", ".join(stored.options) or "none"
+        offered = ", ".join(pixel_format.options) or "none"
         raise CameraError(f"the camera must offer a grey pixel format ({', '.join(FULL_SCALE)}); it offers {offered}")
-    return sorted(grey, key=lambda name: (name != stored.value, FULL_SCALE[name]))
+    return sorted(grey, key=lambda name: (name != pixel_format.value, FULL_SCALE[name]))
 
 
 def _size(nodes: Nodes) -> tuple[NumberNode, NumberNode]:
@@ -103,15 +103,13 @@ def _full(name: str, nodes: Nodes, present: NumberNode) -> int:
 
 def _resize(nodes: Nodes, mode: Mode) -> None:
     for offset in ("OffsetX", "OffsetY"):
-        stored = number_node(nodes, offset)
-        if stored is not None and stored.value != stored.low:
-            nodes.write(offset, stored.low)  # a size may only grow as far as the offset leaves room
+        node = number_node(nodes, offset)
+        if node is not None and node.value != node.low:
+            nodes.write(offset, node.low)  # the offset limits the size
     for name, offset, requested in (("Width", "OffsetX", mode.width_px), ("Height", "OffsetY", mode.height_px)):
-        stored = number_node(nodes, name)
-        if stored is None or stored.nearest(requested) != requested:
-            room = (
-                "" if stored is None else f"; its {name} goes from {stored.low:g} to {stored.high:g} by {stored.step:g}"
-            )
+        node = number_node(nodes, name)
+        if node is None or node.nearest(requested) != requested:
+            room = "" if node is None else f"; its {name} goes from {node.low:g} to {node.high:g} by {node.step:g}"
             raise CameraError(f"the camera has no mode {mode.label}{room}")
         nodes.write(name, requested)
         position = number_node(nodes, offset)
@@ -119,9 +117,9 @@ def _resize(nodes: Nodes, mode: Mode) -> None:
             nodes.write(offset, position.nearest((position.low + position.high) / 2))
 
 
-_POLL_S = 0.1  # how long one look for a frame takes at most, so how late a stop or a removal is noticed
+_POLL_S = 0.1  # longest wait for a frame, so the delay of a stop or a removal
 
-# some libraries open a camera twice in one process and let the two holds disturb each other
+# some libraries open a camera twice in one process, and the two connections disturb each other
 _open_identities: set[str] = set()
 _open_identities_lock = threading.Lock()
 
@@ -129,20 +127,20 @@ _open_identities_lock = threading.Lock()
 class GenICamCamera:
     """A camera behind a `Link`.
 
-    Frames carry the number and the time that the camera gave them: a lost or incomplete frame is a gap in `sequence`
-    and is never delivered. Starting switches triggers and automatic exposure, gain and black level off. The settings
-    written beside a frame are those in force when it was received; after `adjust`, frames already on their way differ.
+    Frames carry the camera's number and time: a lost or incomplete frame is a gap in `sequence` and is never
+    delivered. Starting switches off triggers and automatic exposure, gain and black level. A frame carries the
+    settings at its arrival; after `adjust`, frames already on their way differ.
 
     Parameters
     ----------
     source
         Name of the source, for messages.
     identity
-        Of the camera; the first found when empty.
+        Of the camera; the first camera when empty.
     link
-        Opens the camera and returns the hold on it.
+        Opens the camera and returns the connection.
     clock
-        Seconds, monotonic; used to notice silence, and as the time of frames where the camera tells none.
+        Seconds, monotonic; detects silence, and gives the time of frames without one.
     """
 
     def __init__(
@@ -160,23 +158,23 @@ class GenICamCamera:
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
+        """Display name."""
         return self._name
 
     @property
     def lost(self) -> bool:
-        """True when the camera fell silent or was removed while it was running."""
+        """True when the camera was silent or removed while it was running."""
         return self._lost
 
     def open(self) -> None:
-        """Take hold of the camera with a new handle.
+        """Connect to the camera with a new handle.
 
         Raises
         ------
         CameraError
-            When it is not found, is held by another program or by this one, or does not answer.
+            When it does not answer, or is in use by another program or by this one.
         MissingExtraError
-            When the library that reaches it is not installed.
+            When its library is not installed.
         """
         self.stop()
         link = self._connect()
@@ -197,12 +195,12 @@ class GenICamCamera:
             return modes(link.nodes)
 
     def settings(self) -> tuple[Setting, ...]:
-        """Those of exposure_ms, gain, brightness and frames_per_s that the camera has."""
+        """The available settings of exposure_ms, gain, brightness and frames_per_s."""
         with self._speaking("tell its settings") as link:
             return genicam_settings.settings(link.nodes)
 
     def adjust(self, name: str, value: float) -> None:
-        """Change one of `settings`, running or not; what the camera would do to it by itself is switched off."""
+        """Change one of `settings`, running or not, and switch off its automatic control."""
         with self._speaking(f"take {name} = {value}") as link:
             genicam_settings.adjust(link.nodes, name, value)
             self._remember(link)
@@ -210,7 +208,7 @@ class GenICamCamera:
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames in ``mode``, or in the first of `modes`.
 
-        A mode of a size that is not listed is taken where the camera takes it, as a region in the middle.
+        A mode of another size becomes a region in the middle, where the camera supports it.
         """
         with self._speaking("start") as link:
             if self._running.is_set():
@@ -224,12 +222,12 @@ class GenICamCamera:
             self._running.set()
 
     def frames(self) -> Iterator[Frame]:
-        """Yield frames as they come, until stopped.
+        """Yield frames on arrival, until stopped.
 
         Raises
         ------
         CameraError
-            When none comes for 1 s (or two frames, where those take longer) or the camera is removed.
+            When none arrives for 1 s (or two frames, where those take longer) or the camera is removed.
         """
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
@@ -261,23 +259,23 @@ class GenICamCamera:
             silent_since_s = self._clock()  # a slow reader is not a silent camera
 
     def stop(self) -> None:
-        """End the stream and let go of the camera; a thread that waits in `frames` is released at once."""
+        """End the stream and release the camera; a thread that waits in `frames` returns at once."""
         self._running.clear()
-        with self._looking, self._features:  # nobody is speaking to the camera while it is taken away
+        with self._looking, self._features:  # no other thread uses the camera meanwhile
             link, self._link = self._link, None
-            stored, self._buffers = self._buffers, ""
+            name, self._buffers = self._buffers, ""
         if link is None:
             return
         try:
             for step in (link.end, link.close):
-                with contextlib.suppress(*link.errors):  # a lost camera cannot be told to stop
+                with contextlib.suppress(*link.errors):  # a lost camera cannot be stopped
                     step()
         finally:
             with _open_identities_lock:
-                _open_identities.discard(stored)
+                _open_identities.discard(name)
 
     def _check_connection(self, link: Link, silent_since_s: float) -> Grab | None:
-        """One look for a frame; the camera counts as lost when it was removed or silent too long."""
+        """One attempt to get a frame; the camera counts as lost when it was removed or silent too long."""
         try:
             with self._looking:
                 if self._link is not link:
@@ -306,7 +304,7 @@ class GenICamCamera:
 
     @contextlib.contextmanager
     def _speaking(self, what: str) -> Iterator[Link]:
-        """Hold the camera's features for one call, and make a sentence of what its library raises."""
+        """Lock the camera's features for one call, and convert its library's errors."""
         with self._features:
             if self._link is None:
                 raise CameraError(f"{self.name} must be opened first; call open()")

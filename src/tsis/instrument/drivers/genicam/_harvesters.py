@@ -1,4 +1,4 @@
-"""A hold on one camera through Harvesters: its node map, and its buffers as they come."""
+"""The connection to a camera through Harvesters: its node map and its buffers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-# A look inside Harvesters holds Python's interpreter lock, so looks are short and other threads run between them.
+# A call into Harvesters holds Python's interpreter lock, so calls are short and other threads run between them.
 _LOOK_S, _PAUSE_S = 0.001, 0.002
 
 
@@ -37,7 +37,7 @@ class HarvestersNodes:
         _, self._failure = genicam_producers.failures()
 
     def read(self, name: str) -> NumberNode | ChoiceNode | None:
-        """What the camera holds under that name; None when it is absent or cannot be read now."""
+        """The value of that name; None when it is absent or not readable now."""
         try:
             node = getattr(self._map, name)
             value = node.value
@@ -53,25 +53,25 @@ class HarvestersNodes:
             return None
 
     def write(self, name: str, value: float | str) -> None:
-        """Change it, in the kind of number that the camera holds."""
+        """Write the value in the camera's number type."""
         node = getattr(self._map, name)
         node.value = value if isinstance(value, str) else type(node.value)(value)
 
 
 class HarvestersLink:
-    """A hold on one camera through Harvesters."""
+    """The connection to one camera through Harvesters."""
 
     def __init__(self, acquirer: Any, identity: str, file: Path) -> None:
         self._acquirer, self.identity, self._file = acquirer, identity, file
         self.nodes = HarvestersNodes(acquirer.remote_device.node_map)
         self.errors = genicam_producers.failures()
-        self.present = True  # GenTL tells no removal without events; silence does
+        self.present = True  # GenTL reports no removal without events; silence does
         self._torn = threading.Event()
         events = genicam_producers.harvesters().ImageAcquirer.Events
         acquirer.add_callback(events.INCOMPLETE_BUFFER, _incomplete_buffers(self._torn))
 
     def begin(self) -> None:
-        """Announce buffers and let the camera send."""
+        """Allocate buffers and start the camera."""
         payload = first_number(self.nodes, ["PayloadSize"])
         self._acquirer.num_buffers = max(
             buffer_count(0.0 if payload is None else payload[1].value), self._acquirer.min_num_buffers
@@ -79,7 +79,7 @@ class HarvestersLink:
         self._acquirer.start()
 
     def grab(self, timeout_s: float) -> Grab | None:
-        """The next buffer, given back once its pixels are copied; None when none came within the time."""
+        """The next buffer, released after its pixels are copied; None when none arrived in time."""
         end_s = time.monotonic() + timeout_s
         while True:
             buffer = self._acquirer.try_fetch(timeout=_LOOK_S)
@@ -96,22 +96,22 @@ class HarvestersLink:
             time.sleep(_PAUSE_S)
 
     def end(self) -> None:
-        """Let the camera send no more."""
+        """Stop the camera."""
         self._acquirer.stop()
 
     def close(self) -> None:
-        """Let go of the camera, and of its producer when nobody else uses that."""
+        """Release the camera, and its producer after its last use."""
         chunks = getattr(self._acquirer, "_chunk_adapter", None)
         with contextlib.ExitStack() as afterwards:
             afterwards.callback(PRODUCERS.give_back, self._file)
             last_act = getattr(chunks, "_finalizer", None)
-            if last_act is not None:  # left alone, it would keep the node map, half a megabyte, until the program ends
+            if last_act is not None:  # otherwise the node map, half a megabyte, stays until the program ends
                 afterwards.callback(last_act)
-            self._acquirer.__exit__(None, None, None)  # as destroy(), but leaves nothing to be done at the end
+            self._acquirer.__exit__(None, None, None)  # as destroy(), without a finalizer at the end
 
 
 def _incomplete_buffers(event: threading.Event) -> Any:
-    """Sets ``event`` for each buffer that comes incomplete, which Harvesters queues again without a word."""
+    """Sets ``event`` for each incomplete buffer, which Harvesters queues again without notice."""
     core = genicam_producers.harvesters()
     return type("IncompleteBuffers", (core.Callback,), {"emit": lambda *_: event.set()})()
 
@@ -133,7 +133,7 @@ def _number(buffer: Any) -> int | None:
 
 
 def _stamp_s(buffer: Any) -> float | None:
-    """The camera's own time; Harvesters answers 0 where the producer tells none."""
+    """The camera's own time; Harvesters returns 0 where the producer gives none."""
     ticks = buffer.timestamp
     return ticks / buffer.timestamp_frequency if ticks else None
 
@@ -144,9 +144,9 @@ class HarvestersCamera(GenICamCamera):
     Parameters
     ----------
     identity
-        Its GenTL id, its serial number or the name that its user gave it; the first found when empty.
+        Its GenTL id, its serial number or its user-defined name; the first camera when empty.
     producers
-        The producers to ask; those of ``GENICAM_GENTL64_PATH`` when None.
+        The producers; those of ``GENICAM_GENTL64_PATH`` when None.
     clock
         Seconds, monotonic.
     """
@@ -162,7 +162,7 @@ class HarvestersCamera(GenICamCamera):
 
 
 def missing_requirement() -> str | None:
-    """What is not installed or not set, and the cure; None when nothing is missing."""
+    """What is not installed or not set, with the cure; None when nothing is missing."""
     try:
         genicam_producers.harvesters()
     except MissingExtraError as error:
@@ -200,17 +200,17 @@ def _chosen(producers: Sequence[Path] | None) -> Sequence[Path]:
 
 
 def _device_text(device: Any, what: str) -> str:
-    """One of the words that a producer may tell of a camera; empty when it does not."""
-    untold: tuple[type[Exception], ...] = (AttributeError, *genicam_producers.failures())
+    """A producer's text about a camera; empty where it has none."""
+    absent: tuple[type[Exception], ...] = (AttributeError, *genicam_producers.failures())
     try:
         return str(getattr(device, what) or "")
-    except untold:
+    except absent:
         return ""
 
 
 def _listed(producers: Sequence[Path]) -> Generator[tuple[Any, Path]]:
-    """Each device of each producer, that producer in use meanwhile; one that cannot be loaded is passed over."""
-    observed, broken = 0, None
+    """Each device of each producer, with the producer in use meanwhile; producers that fail to load are skipped."""
+    count, broken = 0, None
     for file in producers:
         try:
             harvester = PRODUCERS.take(file)
@@ -219,11 +219,11 @@ def _listed(producers: Sequence[Path]) -> Generator[tuple[Any, Path]]:
             continue
         try:
             for device in genicam_producers.devices(harvester):
-                observed += 1
+                count += 1
                 yield device, file
         finally:
             PRODUCERS.give_back(file)
-    if broken is not None and not observed:
+    if broken is not None and not count:
         raise broken
 
 
@@ -248,7 +248,7 @@ def _link(device: Any, file: Path) -> HarvestersLink:
     try:
         with genicam_producers.interrupts_preserved():
             return HarvestersLink(harvester.create(device, config=chunks_off), identity, file)
-    except Exception as error:  # of any kind: Harvesters unpacks and parses a file that the camera sends
+    except Exception as error:  # of any kind: Harvesters parses a file that the camera sends
         PRODUCERS.give_back(file)
         busy = isinstance(error, genicam_producers.busy_failures())
         raise cannot_open(f"genicam camera {identity}", error, busy=busy) from error

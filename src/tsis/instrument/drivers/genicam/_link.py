@@ -1,4 +1,4 @@
-"""Libraries of camera makers, imported so that they leave this program's warnings as they were."""
+"""The protocol between a GenICam camera and its maker's library, and the import of such libraries."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def maker_library(name: str, *, source: str) -> Any:
     """Import a library when its source is first used.
 
-    Those made with SWIG warn about themselves, and Harvesters changes the filters of all warnings; neither is for our
-    users to see.
+    Libraries made with SWIG emit warnings at import, and Harvesters changes the filters of all warnings; both are
+    undone here.
 
     Raises
     ------
@@ -28,7 +28,7 @@ def maker_library(name: str, *, source: str) -> Any:
         When it is not installed.
     """
     imported = name in sys.modules
-    with contextlib.nullcontext() if imported else quiet_decoders():  # silences warnings, and puts the filters back
+    with contextlib.nullcontext() if imported else quiet_decoders():  # silences warnings, and restores the filters
         return import_extra(name, feature=f"the camera source {source}", extra=f"camera-{source}")
 
 
@@ -39,16 +39,16 @@ _LONGEST_REASON = 160
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grab:
-    """One buffer as it came from the camera.
+    """One buffer of the camera.
 
     Parameters
     ----------
     pixels
-        Grey levels, shape (rows, columns); None when the buffer came incomplete.
+        Grey levels, shape (rows, columns); None for an incomplete buffer.
     number
-        What the camera numbered it; None when it does not.
+        The camera's number; None without one.
     time_s
-        When, in seconds on the camera's own clock; None when it does not tell.
+        Seconds on the camera's own clock; None without one.
     """
 
     pixels: NDArray[Any] | None
@@ -57,15 +57,15 @@ class Grab:
 
 
 class Link(Protocol):
-    """A hold on one open camera; it serves until the camera is let go of or lost, and is never used again."""
+    """The connection to one open camera; it is never used again after its release or loss."""
 
     @property
     def identity(self) -> str:
-        """What its source calls the camera."""
+        """The camera's name in its source."""
 
     @property
     def nodes(self) -> Nodes:
-        """Its features."""
+        """The camera's features."""
 
     @property
     def present(self) -> bool:
@@ -73,23 +73,23 @@ class Link(Protocol):
 
     @property
     def errors(self) -> tuple[type[Exception], ...]:
-        """What the library raises when the camera does not answer."""
+        """Exceptions of the library when the camera does not answer."""
 
     def begin(self) -> None:
-        """Let the camera send frames."""
+        """Start the camera."""
 
     def grab(self, timeout_s: float) -> Grab | None:
-        """The next buffer, or None when none came within the time."""
+        """The next buffer, or None when none arrived in time."""
 
     def end(self) -> None:
-        """Let it send no more."""
+        """Stop the camera."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the camera."""
 
 
 def buffer_count(payload_bytes: float) -> int:
-    """How many buffers to keep between the camera and us: a second's worth at usual rates, within 64 MiB.
+    """Number of buffers for a camera: a second's worth at usual rates, within 64 MiB.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def buffer_count(payload_bytes: float) -> int:
 
 
 def reason(error: Exception) -> str:
-    r"""What a library's error says, as the end of a sentence: one line, no place in its source, not too long.
+    r"""The text of a library's error for a message: one line, without its source position, not too long.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def reason(error: Exception) -> str:
 
 
 def cannot_open(name: str, error: Exception, *, busy: bool) -> CameraError:
-    """The sentence for a camera that does not open."""
+    """The error of a camera that does not open."""
     if busy:
         why = "is busy: another program, or another part of this one, holds it; close that first"
     else:
@@ -122,7 +122,6 @@ def cannot_open(name: str, error: Exception, *, busy: bool) -> CameraError:
 
 
 def camera_not_found(source: str, identity: str, others: list[str]) -> CameraError:
-    """The sentence for a camera that did not answer the search."""
-    requested = f"no {source} camera is called {identity!r}" if identity else f"no {source} camera was found"
-    observed = f"; found: {', '.join(others)}" if others else "; check its cable and power"
-    return CameraError(requested + observed)
+    """The error of a camera that did not answer the search."""
+    start = f"no {source} camera is called {identity!r}" if identity else f"no {source} camera was found"
+    return CameraError(start + (f"; found: {', '.join(others)}" if others else "; check its cable and power"))

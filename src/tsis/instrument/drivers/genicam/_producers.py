@@ -1,7 +1,6 @@
-"""GenTL producers: the drivers (``.cti`` files) through which Harvesters reaches cameras of any maker.
+"""GenTL producers: the drivers (``.cti`` files) through which Harvesters uses cameras of any maker.
 
-A producer serves one caller a process, so the cameras and searches of this process share each one, and let go of it
-together.
+A producer serves one caller per process, so the cameras and searches of this process share it and release it together.
 """
 
 from __future__ import annotations
@@ -26,21 +25,21 @@ PATH_VARIABLE = "GENICAM_GENTL64_PATH"
 
 
 def producer_files() -> tuple[Path, ...]:
-    """The producers that the environment variable of the GenTL standard leads to, in its order."""
+    """The producers in the environment variable of the GenTL standard, in its order."""
     folders = [Path(folder) for folder in os.environ.get(PATH_VARIABLE, "").split(os.pathsep) if folder]
     files = [file for folder in folders for file in (sorted(folder.glob("*.cti")) if folder.is_dir() else [folder])]
     return tuple(dict.fromkeys(file for file in files if file.suffix == ".cti" and file.is_file()))
 
 
 class Producers:
-    """The producers that this process uses, each opened once and closed with its last use."""
+    """The producers of this process, each opened once and closed with its last use."""
 
     def __init__(self) -> None:
         self._open: dict[Path, tuple[Any, int]] = {}
         self._changing = threading.Lock()
 
     def take(self, file: Path) -> Any:
-        """The harvester of that producer, its list of cameras fresh unless somebody uses it already."""
+        """The harvester of that producer; its first user updates its list of cameras."""
         with self._changing:
             harvester, users = self._open.get(file, (None, 0))
             if harvester is None:
@@ -49,7 +48,7 @@ class Producers:
             return harvester
 
     def give_back(self, file: Path) -> None:
-        """Say that one use of it ended."""
+        """End one use of it."""
         with self._changing:
             harvester, users = self._open.pop(file)
             if users > 1:
@@ -72,7 +71,7 @@ PRODUCERS = Producers()
 
 @contextlib.contextmanager
 def interrupts_preserved() -> Iterator[None]:
-    """Keep this program's answer to Ctrl-C: Harvesters puts its own in the place when it opens a camera."""
+    """Preserve this program's handler of Ctrl-C: Harvesters replaces it when it opens a camera."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -89,25 +88,25 @@ def harvesters() -> Any:
 
 
 def failures() -> tuple[type[Exception], ...]:
-    """What its calls raise when a camera or a producer does not answer."""
+    """Exceptions of a camera or a producer that does not answer."""
     gentl, genapi = (maker_library(name, source="genicam") for name in ("genicam.gentl", "genicam.genapi"))
     return gentl.GenericException, genapi.GenericException
 
 
 def busy_failures() -> tuple[type[Exception], ...]:
-    """What opening a camera raises when somebody else holds it."""
+    """Exceptions of a camera that another program uses."""
     gentl = maker_library("genicam.gentl", source="genicam")
     return gentl.ResourceInUseException, gentl.AccessDeniedException
 
 
 def devices(harvester: Any) -> Sequence[Any]:
-    """What a harvester lists."""
+    """The devices in a harvester's list."""
     return tuple(harvester.device_info_list)
 
 
 def _harvester(file: Path) -> Any:
     core = harvesters()
-    # its warnings go to whoever listens to the log, not to the terminal; each becomes an error or does not matter
+    # its warnings go to the log, not to the terminal; each becomes an error or does not matter
     log = logging.getLogger("tsis.harvesters")
     if not log.handlers:
         log.addHandler(logging.NullHandler())

@@ -1,7 +1,7 @@
-"""The features of a GenICam camera, as Basler's, Allied Vision's and Harvesters' libraries all offer them.
+"""The features of a GenICam camera, as the libraries of Basler, Allied Vision and Harvesters offer them.
 
-Each library wraps the same node map in classes of its own. `Nodes` is the little that is needed of it: two kinds of
-values to read, one call to write.
+Each library wraps the same node map in its own classes. `Nodes` is the common part: two kinds of values to read, and
+one call to write.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberNode:
-    """A number that a camera holds; a switch is a number from 0 to 1.
+    """A number of a camera; a switch is a number from 0 to 1.
 
     Parameters
     ----------
     value
-        What it is now.
+        Present value.
     low, high
-        The range that the camera takes in its present state, ends included.
+        The range in the camera's present state, ends included.
     step
-        Distance of the values that it takes, counted from ``low``; 0 where any will do.
+        Distance of the valid values, counted from ``low``; 0 where any is valid.
     unit
-        As the camera names it, e.g. ``"us"``; empty when it does not.
+        The camera's unit, e.g. ``"us"``; empty without one.
     """
 
     value: float
@@ -41,7 +41,7 @@ class NumberNode:
     unit: str = ""
 
     def nearest(self, value: float) -> float:
-        """The value nearest to ``value`` that the camera takes.
+        """The nearest valid value.
 
         Examples
         --------
@@ -58,7 +58,7 @@ class NumberNode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChoiceNode:
-    """A word that a camera holds, out of those that it takes now."""
+    """A choice of a camera, with its present options."""
 
     value: str
     options: tuple[str, ...]
@@ -68,43 +68,43 @@ class Nodes(Protocol):
     """The node map of one open camera."""
 
     def read(self, name: str) -> NumberNode | ChoiceNode | None:
-        """What the camera holds under that name; None when there is no such feature or it cannot be read now."""
+        """The value of that name; None when it is absent or not readable now."""
 
     def write(self, name: str, value: float | str) -> None:
-        """Change it; the errors of its library when the camera refuses."""
+        """Write the value; the library's errors when the camera refuses."""
 
 
 def number_node(nodes: Nodes, name: str) -> NumberNode | None:
     """The number of that name, or None."""
-    stored = nodes.read(name)
-    return stored if isinstance(stored, NumberNode) else None
+    node = nodes.read(name)
+    return node if isinstance(node, NumberNode) else None
 
 
 def choice_node(nodes: Nodes, name: str) -> ChoiceNode | None:
-    """The word of that name, or None."""
-    stored = nodes.read(name)
-    return stored if isinstance(stored, ChoiceNode) else None
+    """The choice of that name, or None."""
+    node = nodes.read(name)
+    return node if isinstance(node, ChoiceNode) else None
 
 
 def first_number(nodes: Nodes, names: Iterable[str]) -> tuple[str, NumberNode] | None:
-    """The first of the names that the camera holds a number under: newer names come before older ones."""
+    """The first of the names with a number: newer names come before older ones."""
     for name in names:
-        stored = number_node(nodes, name)
-        if stored is not None:
-            return name, stored
+        node = number_node(nodes, name)
+        if node is not None:
+            return name, node
     return None
 
 
 def set_choice(nodes: Nodes, name: str, option: str) -> None:
-    """Set a word, where the camera has it, offers that option, and holds another."""
-    stored = choice_node(nodes, name)
-    if stored is not None and stored.value != option and option in stored.options:
+    """Set a choice, where the camera has it, offers that option, and has another value."""
+    node = choice_node(nodes, name)
+    if node is not None and node.value != option and option in node.options:
         nodes.write(name, option)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Feature:
-    """Where a setting lives in the camera, and what must be off or on before it has an effect."""
+    """The camera's nodes of a setting, and the nodes that must be off or on for it."""
 
     nodes: tuple[str, ...]
     scale: float = 1.0  # of our unit to the camera's
@@ -129,13 +129,13 @@ _FEATURES: Mapping[str, _Feature] = {
 
 
 def settings(nodes: Nodes) -> tuple[Setting, ...]:
-    """Those of the settings that the camera has, with their present values and ranges."""
-    result = ((name, first_number(nodes, feature.nodes)) for name, feature in _FEATURES.items())
-    return tuple(_setting(name, stored[1]) for name, stored in result if stored is not None)
+    """The available settings, with their present values and ranges."""
+    nodes_of = ((name, first_number(nodes, feature.nodes)) for name, feature in _FEATURES.items())
+    return tuple(_setting(name, node[1]) for name, node in nodes_of if node is not None)
 
 
 def adjust(nodes: Nodes, name: str, value: float) -> None:
-    """Change one setting, switching off what the camera would do to it by itself.
+    """Change one setting, and switch off its automatic control.
 
     Raises
     ------
@@ -153,19 +153,19 @@ def adjust(nodes: Nodes, name: str, value: float) -> None:
     if feature.automatic:
         set_choice(nodes, feature.automatic, "Off")
     for switch in feature.switches:
-        stored = number_node(nodes, switch)
-        if stored is not None and stored.value == 0:
+        switch_node = number_node(nodes, switch)
+        if switch_node is not None and switch_node.value == 0:
             nodes.write(switch, 1)
-    result = first_number(nodes, feature.nodes)  # anew: the switches may have changed the range
-    if result is None:
+    named_node = first_number(nodes, feature.nodes)  # read again: the switches may have changed the range
+    if named_node is None:
         raise CameraError(f"the camera no longer tells its {name}")
-    node, stored = result
-    requested = _setting(name, stored).checked(value)
-    nodes.write(node, stored.nearest(requested * feature.scale))
+    node_name, node = named_node
+    requested = _setting(name, node).checked(value)
+    nodes.write(node_name, node.nearest(requested * feature.scale))
 
 
 def run_free(nodes: Nodes) -> None:
-    """Let frames come one after the other, alike: no trigger, and nothing automatic that changes their grey levels."""
+    """Switch off the trigger and automatic controls: frames follow each other with constant settings."""
     set_choice(nodes, "AcquisitionMode", "Continuous")
     for feature in _FEATURES.values():
         if feature.automatic:
@@ -181,13 +181,13 @@ def run_free(nodes: Nodes) -> None:
 
 
 def timeout_s(values: Mapping[str, float]) -> float:
-    """How long a running camera may deliver nothing before it counts as lost: 1 s, or three frames if that is longer.
+    """Silence after which a running camera counts as lost: 1 s, or three frames if that is longer.
 
     Examples
     --------
-    >>> patience_s({"frames_per_s": 30.0, "exposure_ms": 20.0})
+    >>> timeout_s({"frames_per_s": 30.0, "exposure_ms": 20.0})
     1.0
-    >>> patience_s({"frames_per_s": 0.5})
+    >>> timeout_s({"frames_per_s": 0.5})
     6.0
     """
     rate = values.get("frames_per_s", 0.0)
