@@ -134,8 +134,10 @@ def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
         dark_grey=noise.random((ROWS, COLUMNS)),
     )
     write_calibration(_known(reference=reference), tmp_path / "calibration.json")
-    keep = ("--keep", "--store", "records")
-    kept = run_tsis("examine", "a.png", "b.png", "--plain", "plain.png", "--calibration", "calibration.json", *keep)
+    keep = ("--save", "--store", "records")
+    kept = run_tsis(
+        "examine", "a.png", "b.png", "--reference-press", "plain.png", "--calibration", "calibration.json", *keep
+    )
     assert kept.code == 0, kept.err
     finished = run_tsis("records", "recompute", "1", "--store", "records", "--json")
     assert finished.code == 0, finished.err

@@ -29,7 +29,7 @@ def the_app() -> typer.Typer:
 
 def test_a_plan_is_told_drawn_and_written(app: typer.Typer, tmp_path: Path) -> None:
     (tmp_path / "reach.csv").write_text(TABLE)
-    asked = [*AREA, "--diameter-mm", "10", "--depth-mm", "8", "--reach", str(tmp_path / "reach.csv")]
+    asked = [*AREA, "--diameter-mm", "10", "--depth-mm", "8", "--detection-range", str(tmp_path / "reach.csv")]
     made = CliRunner().invoke(app, [*asked, "--json", "--out", str(tmp_path / "made")])
     assert made.exit_code == 0, made.output
     document = json.loads(made.stdout)
@@ -80,11 +80,14 @@ def test_without_a_table_of_its_own_a_plan_takes_the_measured_one(app: typer.Typ
     [
         ([], "exactly one of --spacing-mm"),
         (["--spacing-mm", "5", "--overlap", "0.5"], "exactly one of --spacing-mm"),
-        (["--diameter-mm", "5"], "together, and with --reach"),
-        (["--diameter-mm", "5", "--depth-mm", "6", "--probe", "tsis-2011"], "with --reach where nothing was measured"),
-        (["--diameter-mm", "3", "--depth-mm", "4", "--reach", "{table}"], "it finds it nowhere"),
+        (["--diameter-mm", "5"], "together, and with --detection-range"),
+        (
+            ["--diameter-mm", "5", "--depth-mm", "6", "--probe", "tsis-2011"],
+            "with --detection-range where nothing was measured",
+        ),
+        (["--diameter-mm", "3", "--depth-mm", "4", "--detection-range", "{table}"], "it finds it nowhere"),
         (["--spacing-mm", "-5"], "spacing_mm must lie"),
-        (["--reach-mm", "5", "--reach", "none.csv"], "does not exist"),
+        (["--detection-range-mm", "5", "--detection-range", "none.csv"], "does not exist"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(

@@ -114,13 +114,28 @@ COMMANDS = {
     ),
 }
 
+OLD_OPTIONS = {  # each still works, and no help shows it
+    "keep": "save",
+    "plain": "reference-press",
+    "plain-force-n": "reference-force-n",
+    "gauge-share": "gauge-uncertainty",
+    "reach": "detection-range",
+    "reach-mm": "detection-range-mm",
+}
+
+
+def current_name(option: str) -> str:
+    """The name of an option that was renamed, any other as it is."""
+    return OLD_OPTIONS.get(option, option)
+
+
 app = typer.Typer(
     name="tsis",
     cls=LazyCommands.of(COMMANDS),
     help=f"Open software for optical tactile imaging. {RESEARCH_USE_ONLY}",
     epilog="Start with: tsis demo",
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": current_name},
 )
 
 

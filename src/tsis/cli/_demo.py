@@ -51,7 +51,7 @@ def demo(
     prior: PriorFile = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
-    keep: SaveOption = False,
+    save: SaveOption = False,
     store: StoreOption = None,
     number: TargetOption = None,
     as_json: AsJson = False,
@@ -63,11 +63,11 @@ def demo(
     """
     target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     truth, forces = _truth(target), _named(force_n)
-    if keep:
-        require_no_file("--keep", probe)
+    if save:
+        require_no_file("--save", probe)
     chosen = chosen_probe(probe)
     assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
-    destination = chosen_destination(keep, store, number=number)
+    destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = irradiance(chosen, progress=advance)
     virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)

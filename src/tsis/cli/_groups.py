@@ -21,9 +21,9 @@ class DefaultCommand(TyperGroup):
     is_default = True  # whether nothing at all calls the default command too, and not for help
 
     @classmethod
-    def named(cls, default: str, *, alone: bool = True) -> type[DefaultCommand]:
+    def named(cls, default: str, *, is_default: bool = True) -> type[DefaultCommand]:
         """The group with that default."""
-        return type("DefaultCommand", (cls,), {"default": default, "alone": alone})
+        return type("DefaultCommand", (cls,), {"default": default, "is_default": is_default})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put the default command before what is neither a command nor a call for help."""

@@ -89,7 +89,7 @@ def hardness(
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-hardness"
     ),
-    keep: SaveOption = False,
+    save: SaveOption = False,
     store: StoreOption = None,
     kind: KindOption = None,
     number: TargetOption = None,
@@ -97,15 +97,15 @@ def hardness(
 ) -> None:
     """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness."""
     paths = images or []
-    if keep:
-        require_no_file("--keep", probe)
+    if save:
+        require_no_file("--save", probe)
     assumed = HardnessPrior() if prior is None else read_prior_file(prior, HardnessPrior)
     if demo or virtual is not None:
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
         if any(value is not None for value in given):
             raise InputError("--virtual and --demo press by themselves: give no images, scale, radius or calibration")
         chosen, name = chosen_probe(probe or UNNAMED), virtual or DEMO
-        destination = chosen_destination(keep, store, kind, number)
+        destination = chosen_destination(save, store, kind, number)
         _virtual(
             name, chosen, force_n or DEMO_FORCES, seed, out, prior=assumed, destination=destination, as_json=as_json
         )
@@ -129,9 +129,9 @@ def hardness(
     raw_balls = read_frames(balls, ball_force_n or (), scale)
     from tsis.records import SavableResult, require_savable  # loads the libraries of records
 
-    if keep:
+    if save:
         require_savable([*raw, *raw_balls])
-    destination = chosen_destination(keep, store, kind, number)
+    destination = chosen_destination(save, store, kind, number)
     options = {
         "radius_mm": radius_mm,
         "radius_sd_mm": radius_sd_mm,

@@ -101,7 +101,7 @@ def train(
 
 @app.command(
     epilog=(
-        "Example: tsis network apply networks.json press.png --plain plain.png --calibration probe.json "
+        "Example: tsis network apply networks.json press.png --reference-press plain.png --calibration probe.json "
         "--scale-mm 0.0336,0.0392 --force-n 1"
     )
 )
@@ -109,7 +109,7 @@ def apply(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File that tsis network train wrote.")],
     images: Annotated[list[Path], typer.Argument(help="Frames of presses over inclusions, at the training's force.")],
     *,
-    plain: Annotated[Path, typer.Option(help="The same press on plain tissue.")],
+    reference_press: Annotated[Path, typer.Option(help="The same press on tissue without inclusion.")],
     calibration: Annotated[Path, typer.Option(help="Calibration file of the probe.")],
     force_n: Annotated[
         float | None, typer.Option(help="Force of all presses in newtons; left out with a force line.")
@@ -134,7 +134,7 @@ def apply(
         raise InputError(
             "networks need --scale-mm and --force-n, where the calibration holds neither scale nor force line"
         )
-    frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in (*images, plain)]
+    frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in (*images, reference_press)]
     pressed, response = given.pressed(frames)
     chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
     outputs = trained.outputs(pressed[:-1], pressed[-1], probe=chosen, calibration=response)

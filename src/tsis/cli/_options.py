@@ -109,12 +109,12 @@ def target_forces(given: Sequence[float], images: int) -> list[float]:
 def reference_forces(given: Sequence[float], force_n: Sequence[float], presses: int) -> list[float]:
     """Force of each press on plain tissue: as given; else the force of all images, or of the image in its place."""
     if given:
-        return _one_per_press("--plain-force-n", given, presses, "presses on plain tissue")
+        return _one_per_press("--reference-force-n", given, presses, "presses on plain tissue")
     if len(set(force_n)) == 1:
         return [force_n[0]] * presses
     if presses > len(force_n):
         raise InputError(
-            "--plain-force-n must tell the force of each --plain when there are more of them than images; "
+            "--reference-force-n must tell the force of each --reference-press when there are more of them than images; "
             f"got {presses} for {len(force_n)} images"
         )
     return list(force_n[:presses])

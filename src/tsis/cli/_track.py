@@ -37,9 +37,12 @@ def track(
     ],
     *,
     reference: Annotated[Path | None, typer.Option(help="Frame of the untouched probe to compare with.")] = None,
-    plain: Annotated[
+    reference_presses: Annotated[
         list[Path] | None,
-        typer.Option(help="Press on plain tissue as hard as the frames, to compare with instead; repeat it for more."),
+        typer.Option(
+            "--reference-press",
+            help="Press on tissue without inclusion at the force of the frames, to compare with instead; repeatable.",
+        ),
     ] = None,
     scale_mm: Annotated[
         str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
@@ -64,10 +67,10 @@ def track(
     as_json: AsJson = False,
 ) -> None:
     """Follow the light of a press through a sequence of frames, and tell whether the press has settled."""
-    if (reference is None) == (not plain):
+    if (reference is None) == (not reference_presses):
         raise InputError(
             "a sequence is compared with one kind of reference: give the untouched probe as --reference, or presses on "
-            "plain tissue as --plain"
+            "plain tissue as --reference-press"
         )
     given = None if calibration is None else read_usable_calibration(calibration)
     scale = chosen_scale(given, scale_mm)
@@ -79,7 +82,9 @@ def track(
         for number, path in enumerate(paths):
             images.append(_read(path, scale, given))
             advance(number + 1, len(paths))
-    others = [_read(path, scale, given) for path in (plain or []) + ([] if reference is None else [reference])]
+    others = [
+        _read(path, scale, given) for path in (reference_presses or []) + ([] if reference is None else [reference])
+    ]
     with progress_bar("following the light") as advance:
         result = track_press(
             images,

@@ -133,8 +133,8 @@ def acquire(
     phantom: PhantomName = "hardness-100",
     force_n: ForceN = 1.0,
     seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
-    keep: Annotated[
-        bool, typer.Option("--keep", help="Keep the snapshot in the store of records too: tsis records list.")
+    save: Annotated[
+        bool, typer.Option("--save", help="Keep the snapshot in the store of records too: tsis records list.")
     ] = False,
     role: Annotated[str, typer.Option(help=f"What is pressed, for the store: {', '.join(ROLES)}.")] = ROLES[0],
     store: StoreOption = None,
@@ -160,13 +160,13 @@ def acquire(
         raise InputError("--watch saves nothing: leave out --frames and --out (--seconds ends it)")
     if seconds is not None:
         require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
-    if keep and (sequence or watch):
-        raise InputError("--keep is of snapshots; a sequence goes into a store by tsis records import")
+    if save and (sequence or watch):
+        raise InputError("--save is of snapshots; a sequence goes into a store by tsis records import")
     require_one_of("role", role, ROLES)
     require_one_of("picture format", picture, FORMATS)
     require_one_of("colour map", map_name, COLOUR_MAPS)
     given = None if calibration is None else read_usable_calibration(calibration)
-    destination = chosen_destination(keep, store, kind)
+    destination = chosen_destination(save, store, kind)
     where = None
     if destination is not None:
         where = SnapshotDestination(destination=destination, role=role, probe=probe if camera == VIRTUAL else "")

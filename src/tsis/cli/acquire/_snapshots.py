@@ -1,4 +1,4 @@
-"""Where ``tsis acquire --keep`` keeps a snapshot, beside its files."""
+"""Where ``tsis acquire --save`` keeps a snapshot, beside its files."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def take_snapshot(
     failure = None
     if where is not None:
         try:
-            about["kept"] = where.save(saved.sidecar, calibration)
+            about["saved"] = where.save(saved.sidecar, calibration)
         except TsisError as error:  # the files are there and stay
             failure = error
     _print(saved, received, flags, about, as_json=as_json)
@@ -125,10 +125,10 @@ def _print(
         console.print(f"force: {about['force']['force_n']:.3f} N within {about['force']['error_n']:.3f} N")
     for flag in flags:
         console.print(f"- {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
-    if "kept" in about:
+    if "saved" in about:
         from tsis.records import saved_notes  # loads the libraries of records, as keeping did
 
-        for note in saved_notes(about["kept"]):
+        for note in saved_notes(about["saved"]):
             console.print(note, markup=False, soft_wrap=True)
     print_notice(console)
 

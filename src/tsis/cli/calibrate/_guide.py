@@ -126,7 +126,7 @@ OPTIONS = {  # by the term that each one states
     "name": "--name",
     "pitch_mm": "--pitch-mm",
     "pitch_sd_mm": "--pitch-sd-mm",
-    "gauge_share": "--gauge-share",
+    "gauge_share": "--gauge-uncertainty",
     "patch_px": "--patch-px",
     "tips_mm": "--tip-mm",
     "repeats": "--repeats",
@@ -193,7 +193,7 @@ def guide(
     gauge_baud: GaugeBaud = BAUD,
     gauge_sends: GaugeSends = False,
     gauge_latency_ms: GaugeLatency = 0.0,
-    gauge_share: Annotated[
+    gauge_uncertainty: Annotated[
         float, typer.Option(help="Relative uncertainty of the gauge, from its certificate.")
     ] = 0.001,
     probe: Annotated[
@@ -231,7 +231,7 @@ def guide(
         camera=camera,
         pitch_mm=pitch_mm,
         pitch_sd_mm=pitch_sd_mm,
-        gauge_share=gauge_share,
+        gauge_share=gauge_uncertainty,
         patch_px=None if patch_px is None else _box(patch_px),
         tips_mm=tuple(tip_mm or TIPS_MM),
         repeats=repeats,

@@ -13,7 +13,7 @@ DEFAULT = "points"
 
 app = typer.Typer(
     name="match",
-    cls=DefaultCommand.named(DEFAULT, alone=False),
+    cls=DefaultCommand.named(DEFAULT, is_default=False),
     help=(
         "Match two point files: tsis match A B. A file that is called as a command below is given as ./bench. "
         f"{RESEARCH_USE_ONLY}"

@@ -17,7 +17,7 @@ from tsis.cli.records._show import list_targets, show
 app = typer.Typer(
     name="records",
     help=f"Targets with their presses and estimates: kept, verified, computed again, exported. {RESEARCH_USE_ONLY}",
-    epilog="Start with: tsis demo --keep, then tsis records list",
+    epilog="Start with: tsis demo --save, then tsis records list",
     no_args_is_help=True,
 )
 app.command("list", epilog="Example: tsis records list --store bench-records")(list_targets)

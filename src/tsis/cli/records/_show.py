@@ -40,7 +40,7 @@ def list_targets(
         last = "never" if item.last is None else f"{item.last:%Y-%m-%d %H:%M}"
         cells = (str(item.target.number), item.target.name, str(item.presses), str(item.estimates), last)
         table.add_row(*(escape(cell) for cell in cells))
-    console.print(table if result else "The store is empty; tsis records import and --keep fill it.")
+    console.print(table if result else "The store is empty; tsis records import and --save fill it.")
     console.print(f"Store: {position}", markup=False, soft_wrap=True)
     print_notice(console)
 

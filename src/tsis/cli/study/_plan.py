@@ -31,10 +31,10 @@ def plan(
     overlap: Annotated[
         float | None, typer.Option(help="Or by how much of the face's diameter neighbours overlap, 0 to 0.95.")
     ] = None,
-    reach_mm: Annotated[
+    detection_range_mm: Annotated[
         float | None, typer.Option(help="Or how far beside the axis the wanted inclusion is still found, mm.")
     ] = None,
-    reach: Annotated[
+    detection_range: Annotated[
         Path | None,
         typer.Option(
             help="CSV of diameter_mm, depth_mm, reach_mm: what is found how far beside the axis. By default what was "
@@ -60,21 +60,21 @@ def plan(
     )
 
     requested = diameter_mm is not None or depth_mm is not None
-    if sum((spacing_mm is not None, overlap is not None, reach_mm is not None, requested)) != 1:
+    if sum((spacing_mm is not None, overlap is not None, detection_range_mm is not None, requested)) != 1:
         raise InputError(
-            "exactly one of --spacing-mm, --overlap, --reach-mm, and --diameter-mm with --depth-mm must be given"
+            "exactly one of --spacing-mm, --overlap, --detection-range-mm, and --diameter-mm with --depth-mm must be given"
         )
-    table = measured_detection_range(probe) if reach is None else read_detection_range(reach)
+    table = measured_detection_range(probe) if detection_range is None else read_detection_range(detection_range)
     if requested and (table is None or diameter_mm is None or depth_mm is None):
         raise InputError(
-            f"--diameter-mm and --depth-mm must be given together, and with --reach where nothing was measured for the "
+            f"--diameter-mm and --depth-mm must be given together, and with --detection-range where nothing was measured for the "
             f"probe; got the probe {probe!r:.60}"
         )
     if table is not None and diameter_mm is not None and depth_mm is not None:
-        reach_mm = _reached(table, diameter_mm, depth_mm)
+        detection_range_mm = _range_mm(table, diameter_mm, depth_mm)
     radius = load_probe(probe).radius_mm
-    if reach_mm is not None:
-        result = widest_plan(width_mm, height_mm, radius_mm=radius, extent_mm=reach_mm)
+    if detection_range_mm is not None:
+        result = widest_plan(width_mm, height_mm, radius_mm=radius, extent_mm=detection_range_mm)
     else:
         result = scan_plan(width_mm, height_mm, radius_mm=radius, spacing_mm=spacing_mm, overlap=overlap)
     seconds = result.duration_s(press_s=press_s, speed_mm_s=speed_mm_s)
@@ -83,19 +83,19 @@ def plan(
         CommandResult(
             document=_document(result, seconds, smallest, table),
             tables=(_table(result, seconds), *_limits(smallest)),
-            notes=_notes(table, measured=reach is None),
-            figures={"plan": partial(_draw, result, reach_mm)},
+            notes=_notes(table, measured=detection_range is None),
+            figures={"plan": partial(_draw, result, detection_range_mm)},
         ),
         out,
         as_json=as_json,
     )
 
 
-def _reached(table: DetectionRangeTable, diameter_mm: float, depth_mm: float) -> float:
+def _range_mm(table: DetectionRangeTable, diameter_mm: float, depth_mm: float) -> float:
     extent = table(diameter_mm, depth_mm)
     if extent == 0:
         raise InputError(
-            f"--reach must find an inclusion of {diameter_mm:g} mm, {depth_mm:g} mm deep, somewhere; it finds it "
+            f"--detection-range must find an inclusion of {diameter_mm:g} mm, {depth_mm:g} mm deep, somewhere; it finds it "
             "nowhere: choose a larger or a shallower one"
         )
     return extent
@@ -150,7 +150,9 @@ def _limits(smallest: dict[float, float | None]) -> tuple[Table, ...]:
 
 def _notes(table: DetectionRangeTable | None, *, measured: bool) -> tuple[str, ...]:
     if table is None:
-        return ("What is found between presses is not said: give --reach, a table of how far each inclusion is found.",)
+        return (
+            "What is found between presses is not said: give --detection-range, a table of how far each inclusion is found.",
+        )
     whose = (
         "of this probe on the virtual bench, in uneven tissue, with one false call in ten blanks," if measured else ""
     )
@@ -160,13 +162,13 @@ def _notes(table: DetectionRangeTable | None, *, measured: bool) -> tuple[str, .
     )
 
 
-def _draw(found: ScanPlan, reach_mm: float | None) -> Figure:
+def _draw(found: ScanPlan, detection_range_mm: float | None) -> Figure:
     from matplotlib.figure import Figure
 
     from tsis.plots import draw_scan_plan as draw_plan
 
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
-    ax = draw_plan(found, figure.subplots(), extent_mm=reach_mm)
+    ax = draw_plan(found, figure.subplots(), extent_mm=detection_range_mm)
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
     figure.suptitle(f"{found.presses} presses in {found.strips} strips. {RESEARCH_USE_ONLY}", fontsize=8)
     return figure

@@ -25,7 +25,7 @@ def run(
     folder: StudyFolder,
     *,
     operator: ByName = "",
-    keep: Annotated[
+    save: Annotated[
         Path | None,
         typer.Option(help="Folder of a store of phantoms that gets frames and estimates, under the codes."),
     ] = None,
@@ -42,8 +42,8 @@ def run(
     study = open_study(folder)
     with ExitStack() as until:
         store = None
-        if keep is not None:
-            store = until.enter_context(opened(keep, PHANTOM, os.environ.get(DATABASE), create=True))
+        if save is not None:
+            store = until.enter_context(opened(save, PHANTOM, os.environ.get(DATABASE), create=True))
         preparing = until.enter_context(progress_bar("preparing the probe (kept for next time)"))
         advance = until.enter_context(progress_bar("reading targets"))
         ended = until.enter_context(ended_by(signal.SIGINT, signal.SIGTERM))

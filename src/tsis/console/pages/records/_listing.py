@@ -108,7 +108,7 @@ COLUMNS = (
 LINK = '<q-td :props="props"><a class="link" :href="props.row.address">{{ props.value }}</a></q-td>'
 BEGIN = (
     "Nothing is kept yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
-    "target. A bundle of another store can be imported here. On the command line, tsis demo --keep fills a store."
+    "target. A bundle of another store can be imported here. On the command line, tsis demo --save fills a store."
 )
 
 
