@@ -195,18 +195,18 @@ def test_an_estimate_needs_scale_and_force(run_tsis: RunTsis, tmp_path: Path) ->
     (tmp_path / "calibration.json").write_bytes(_known())
     finished = run_tsis("examine", "press.png", "--calibration", "calibration.json")
     assert finished.code == 2
-    assert "needs --scale-mm and --force-n as well" in finished.err
+    assert "needs --scale-mm and --force-n" in finished.err
 
 
 MISCOUNTED = [
     (["--force-n", "1", "--force-n", "2", "--force-n", "3"], "--force-n must be given once, or once for each of 2"),
     (
         ["--force-n", "1", "--force-n", "2", *("--reference-press", "untouched.png") * 3],
-        "--reference-force-n must tell the force of each --reference-press when there are more of them than images; got 3 for 2",
+        "--reference-force-n must give the force of each --reference-press when they outnumber the images; got 3 for 2",
     ),
     (
         ["--force-n", "1", *("--reference-press", "untouched.png") * 3, *("--reference-force-n", "1") * 2],
-        "--reference-force-n must be given once, or once for each of 3 presses on plain tissue; got it 2 times",
+        "--reference-force-n must be given once, or once for each of 3 reference presses; got it 2 times",
     ),
 ]
 

@@ -155,7 +155,7 @@ def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
 @pytest.mark.parametrize(
     ("without", "said"),
     [
-        ({"force_line": None}, "needs --scale-mm and --force-n as well"),
+        ({"force_line": None}, "needs --scale-mm and --force-n"),
         ({"reference": None}, "a force without --force-n needs the part 'reference'"),
     ],
 )

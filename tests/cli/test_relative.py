@@ -141,7 +141,7 @@ def stored_calibration(folder: Path) -> tsis.Calibration:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--relative"], "give the untouched probe as --reference, or presses on plain tissue"),
+        (["--relative"], "give the untouched probe as --reference, or reference presses"),
         (["--shape", "--reference", "untouched.png"], "need --scale-mm"),
         (["--relative", "--reference", "untouched.png", "--scale-mm", "0.05", "--invert"], "leave out --invert"),
         (

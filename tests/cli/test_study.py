@@ -127,7 +127,7 @@ def test_ctrl_c_between_readings_keeps_what_was_read(run_tsis: RunTsis, monkeypa
     monkeypatch.setattr(pressing, "enter_readings", interrupted)
     done = run_tsis("study", "run", folder, "--operator", "Ada")
     assert done.code == 130
-    assert "Start the same command again" in done.err
+    assert "Repeat the command" in done.err
     assert len(open_study(folder).readings) == 1
     monkeypatch.undo()
 

@@ -58,7 +58,7 @@ def test_people_read_how_long_it_takes(app: typer.Typer) -> None:
     by_hand = ScanPlan(width_mm=60, height_mm=40, strips=5, presses_a_strip=4, radius_mm=12)
     assert f"{(20 * 6 + by_hand.travel_mm / 10) / 60:.1f} min" in text
     assert "Research use only" in text
-    assert "What is found between presses is not said" in text
+    assert "The detection between presses is unknown" in text
 
 
 def test_without_a_table_of_its_own_a_plan_takes_the_measured_one(app: typer.Typer) -> None:
@@ -72,7 +72,7 @@ def test_without_a_table_of_its_own_a_plan_takes_the_measured_one(app: typer.Typ
         if one["diameter_mm"] is not None:
             assert measured(one["diameter_mm"], one["depth_mm"]) >= document["worst_distance_mm"] - 1e-6
     told = CliRunner().invoke(app, [*AREA, "--spacing-mm", "5"])
-    assert "of this probe on the virtual bench" in " ".join(told.stdout.split())
+    assert "of this probe on the virtual rig" in " ".join(told.stdout.split())
 
 
 @pytest.mark.parametrize(
@@ -83,9 +83,9 @@ def test_without_a_table_of_its_own_a_plan_takes_the_measured_one(app: typer.Typ
         (["--diameter-mm", "5"], "together, and with --detection-range"),
         (
             ["--diameter-mm", "5", "--depth-mm", "6", "--probe", "tsis-2011"],
-            "with --detection-range where nothing was measured",
+            "with --detection-range where none is known",
         ),
-        (["--diameter-mm", "3", "--depth-mm", "4", "--detection-range", "{table}"], "it finds it nowhere"),
+        (["--diameter-mm", "3", "--depth-mm", "4", "--detection-range", "{table}"], "got 0: choose a larger"),
         (["--spacing-mm", "-5"], "spacing_mm must lie"),
         (["--detection-range-mm", "5", "--detection-range", "none.csv"], "does not exist"),
     ],

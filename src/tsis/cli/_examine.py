@@ -1,4 +1,4 @@
-"""``tsis examine``: what image files from any camera say, and what they cannot."""
+"""``tsis examine``: contacts and inclusions in image files of any camera."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from tsis.report import PressComparison
 
 
-UNNAMED = "tsis-2011"  # the probe of calibrations that name none of the catalog
+UNNAMED = "tsis-2011"  # for calibrations that name no probe
 REFUSED = (
     (
         "inclusion: diameter, depth, modulus",
@@ -103,12 +103,12 @@ def examine(
         bool,
         typer.Option(
             "--relative",
-            help="Read relative size and depth, and with two forces and a calibration relative hardness, against "
+            help="Estimate relative size and depth, and with two forces and a calibration relative hardness, against "
             "--reference, else against --reference-press.",
         ),
     ] = False,
     shape: Annotated[
-        bool, typer.Option("--shape", help="Read ellipse, roundness and outline of what lights, against the same.")
+        bool, typer.Option("--shape", help="Measure ellipse, roundness and outline of the lit area, against the same.")
     ] = False,
     prior: PriorFile = None,
     show_prior: ShowPrior = False,
@@ -135,23 +135,23 @@ def examine(
     if calibration is not None and ((reference is not None and not compared) or invert or match_lamps):
         raise InputError(
             "--reference, --invert and --match-light are not used with --calibration: its background level is "
-            "subtracted instead (for a press on plain tissue use --reference-press)"
+            "subtracted instead (a press on tissue without inclusion is a --reference-press)"
         )
     if match_lamps and reference is None:
         raise InputError("--match-light needs --reference, the frame that it scales")
     if calibration is None and force_n and not compared:
-        raise InputError("--force-n needs --calibration: without it a force tells nothing")
+        raise InputError("--force-n needs --calibration: without it a force is not used")
     if save and calibration is None:
         raise InputError("--save needs --calibration: without it there is no estimate to save")
     if prior is not None and calibration is None:
         raise InputError("--prior needs --calibration: without it no inclusion is estimated")
     assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
-    given = None if calibration is None else read_usable_calibration(calibration)
-    scale = chosen_scale(given, scale_mm)
-    by_line = given is not None and not force_n and given.calibration.force_line is not None
-    if given is not None and (scale is None or not (force_n or by_line)):
+    usable = None if calibration is None else read_usable_calibration(calibration)
+    scale = chosen_scale(usable, scale_mm)
+    by_line = usable is not None and not force_n and usable.calibration.force_line is not None
+    if usable is not None and (scale is None or not (force_n or by_line)):
         raise InputError(
-            "an estimate with --calibration needs --scale-mm and --force-n as well, where it holds neither scale nor "
+            "an estimate with --calibration needs --scale-mm and --force-n, where it contains neither scale nor "
             "force line"
         )
     forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
@@ -165,9 +165,9 @@ def examine(
         "mm_per_pixel": None if scale is None else list(scale),
         "invert": invert,
         "match_light": match_lamps,
-        "calibration": None if given is None else given.citation(),
+        "calibration": None if usable is None else usable.citation(),
     }
-    if given is None:
+    if usable is None:
         comparison = None
         if compared:
             on_tissue = read_frames(
@@ -191,8 +191,8 @@ def examine(
         if save:
             require_savable([*frames, *reference_frames])
         destination = chosen_destination(save, store, kind, number)
-        pressed, response = given.pressed(frames)
-        on_reference, reference_response = given.pressed(reference_frames)
+        pressed, response = usable.pressed(frames)
+        on_reference, reference_response = usable.pressed(reference_frames)
         response = max(response, reference_response, key=lambda item: item.force_sd)
         if by_line:
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
@@ -200,14 +200,14 @@ def examine(
         result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_reference, prior=assumed)
         comparison = None
         if compared:
-            bare = None if untouched is None else given.pressed([replace(untouched, force_n=0.0)])[0][0]
+            bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
         outcome = _inclusion(result, pressed, on_reference, by, assumed, provenance, comparison)
         savable = SavableResult(
             kind="inclusion",
             estimate=result,
             probe=by.name,
-            calibration=given.calibration,
+            calibration=usable.calibration,
             frames={"target": frames, "plain": reference_frames},
             options={"prior": asdict(assumed)},
         )
@@ -217,7 +217,7 @@ def examine(
 def _forces_if_given(
     reference_force_n: Sequence[float] | None, force_n: Sequence[float] | None, presses: int
 ) -> Sequence[float | None]:
-    """Force of each press on plain tissue, None where nobody gave any."""
+    """Force of each reference press, None where none is given."""
     return (
         reference_forces(reference_force_n or (), force_n or (), presses)
         if reference_force_n or force_n
@@ -233,11 +233,11 @@ def _require_comparable(
     *,
     invert: bool,
 ) -> None:
-    """Refuse frames from which nothing can be compared."""
+    """Refuse frames that cannot be compared."""
     if reference is None and not reference_presses:
         raise InputError(
-            "--relative and --shape compare each image: give the untouched probe as --reference, or presses on plain "
-            "tissue as hard as the images as --reference-press"
+            "--relative and --shape compare each image: give the untouched probe as --reference, or reference presses "
+            "at the forces of the images as --reference-press"
         )
     if calibration is None and reference is not None and reference_presses:
         raise InputError(
@@ -246,7 +246,7 @@ def _require_comparable(
     if calibration is None and scale_mm is None:
         raise InputError("--relative and --shape need --scale-mm: they are lengths and areas in millimetres")
     if invert:
-        raise InputError("--relative and --shape read light that grows where the probe is pressed; leave out --invert")
+        raise InputError("--relative and --shape need light that grows where the probe is pressed; leave out --invert")
 
 
 def _compared(
