@@ -105,7 +105,7 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
     hosts
         Names by which it may be called.
     """
-    hub = LiveHub(lambda: instrument.desk.acquisition)
+    hub = LiveHub(lambda: instrument.camera_controller.acquisition)
     reports = Reports(instrument.store, database=instrument.terms.database)
 
     @asynccontextmanager

@@ -41,9 +41,9 @@ class WorkerProcess:
     def __init__(self, *, most: int = MOST) -> None:
         self._most, self._closed = most, False
         self._pool: ProcessPoolExecutor | None = None
-        self._one_at_a_time = threading.Lock()
+        self._lock = threading.Lock()
 
-    def ask(self, work: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs) -> Result:
+    def call(self, work: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs) -> Result:
         """Have work done there; it is a function of a module, and what it takes and returns can be pickled.
 
         Raises
@@ -56,7 +56,7 @@ class WorkerProcess:
             When it failed for another reason, which the log tells.
         """
         requested = pickle.dumps((work, given, named))
-        with self._one_at_a_time:
+        with self._lock:
             try:
                 return self._ready().submit(_answer, requested).result()  # type: ignore[no-any-return]
             except TsisError:

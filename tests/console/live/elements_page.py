@@ -46,7 +46,7 @@ def page(bench: Instrument, viewer: Viewer) -> None:
 
     def show(state: InstrumentState) -> None:
         for element in (view, histogram, surface):
-            element.tell(state)
+            element.update_state(state)
 
     viewer.follow(show)
 

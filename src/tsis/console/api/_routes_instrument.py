@@ -56,13 +56,13 @@ def get_state(bench: TheBench, caller: Caller = None) -> StateResponse:
 @state_router.get("/sight", operation_id="get_sight")
 def get_frame_analysis(bench: TheBench) -> FrameAnalysisResponse:
     """Tell what the newest frame shows: contact, force, stillness, flags, grey histogram and exposure."""
-    return FrameAnalysisResponse(sight=bench.sight)
+    return FrameAnalysisResponse(sight=bench.frame_analysis)
 
 
 def state_answer(bench: Instrument, caller: str | None) -> StateResponse:
     """The whole state; what identifies the holder is told to nobody."""
     state = bench.state()
-    stored = state.holder
+    stored = state.owner
     return StateResponse(
         camera=state.camera,
         target=state.target,
@@ -71,7 +71,7 @@ def state_answer(bench: Instrument, caller: str | None) -> StateResponse:
         force_n=0.0 if state.lifted else state.force_n,
         calibration=state.calibration,
         calibration_identity=state.calibration_identity,
-        sight=state.sight,
+        sight=state.frame_analysis,
         holder=None if stored is None else OwnerItem(name=stored.name, yours=stored.identity == caller),
         sequence=state.sequence,
         jobs=state.jobs,
@@ -114,7 +114,7 @@ def get_settings(bench: TheBench) -> SettingsResponse:
 @camera_router.patch("/settings", operation_id="change_settings", responses={**OF_ACTS, **OF_BODIES})
 def change_settings(bench: TheBench, given: SettingsRequest, by: Acting) -> SettingsResponse:
     """Change settings; none when one of them is unknown or outside its range."""
-    present = {setting.name: setting for setting in bench.desk.settings()}
+    present = {setting.name: setting for setting in bench.camera_controller.settings()}
     if not present:
         raise CameraError("the camera must run to be adjusted; it is stopped or away (start it)")
     for name, value in given.values.items():
@@ -132,7 +132,7 @@ def apply_preset(bench: TheBench, given: PresetRequest, by: Acting) -> SettingsR
 
 
 def _settings(bench: Instrument) -> SettingsResponse:
-    return SettingsResponse(settings=bench.desk.settings())
+    return SettingsResponse(settings=bench.camera_controller.settings())
 
 
 cameras_router = APIRouter(prefix="/cameras", tags=["camera"])
@@ -164,7 +164,7 @@ async def take_control(bench: TheBench, given: ControlRequest, caller: Caller = 
     count. Answers 409 when somebody else holds it and `over` is false.
     """
     require_label("name", given.name)
-    stored = bench.control.holder()
+    stored = bench.control.owner()
     identity = stored.identity if stored is not None and stored.identity == caller else uuid.uuid4().hex
     bench.control.take(identity, given.name, over=given.over, held_s=given.held_s)
     return ControlResponse(identity=identity, name=given.name, held_s=given.held_s)
@@ -238,7 +238,7 @@ def get_frame_png(bench: TheBench) -> Response:
 
     It was begun after the last change of a setting or a press. Answers 503 while the camera is stopped or away.
     """
-    received = bench.desk.fresh()
+    received = bench.camera_controller.fresh()
     levels = whole_levels(received.frame.pixels, received.frame.full_scale)
     return _sent(received, cv2.imencode(".png", levels, QUICK_PNG)[1].tobytes(), "image/png")
 
@@ -246,7 +246,7 @@ def get_frame_png(bench: TheBench) -> Response:
 @frames_router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))
 def get_frame_jpg(bench: TheBench, quality: Quality = 85) -> Response:
     """Send the newest frame as a small picture of 8 bits, for the eye."""
-    received = bench.desk.fresh()
+    received = bench.camera_controller.fresh()
     content = cv2.imencode(".jpg", display_levels(received), [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
     return _sent(received, content, "image/jpeg")
 

@@ -71,7 +71,7 @@ class ColouredFrames(FrameElement):
         """
         self._set("range", json.dumps(checked_ends(ends)))
 
-    def tell(self, state: InstrumentState) -> None:
+    def update_state(self, state: InstrumentState) -> None:
         """Take the scale from the bench's state."""
         scale = state.camera.mm_per_pixel
         self._set("scale", json.dumps(scale))
@@ -90,9 +90,9 @@ class LiveView(ColouredFrames, component="live_view.js"):
         """Show or hide outline and centroid of the contact."""
         self._set("overlay", bool(shown))
 
-    def tell(self, state: InstrumentState) -> None:
+    def update_state(self, state: InstrumentState) -> None:
         """Take scale and words from the bench's state."""
-        super().tell(state)
+        super().update_state(state)
         self._set("words", f"live image of the probe: {analysis_text(state)}")
         self._set("notice", notice(state))
 
@@ -104,9 +104,9 @@ class SurfaceView(ColouredFrames, component="surface_view.js"):
         super().__init__(map_name=map_name, ends=ends)
         self._props["words"] = "relief of the live image"
 
-    def tell(self, state: InstrumentState) -> None:
+    def update_state(self, state: InstrumentState) -> None:
         """Take scale and words from the bench's state."""
-        super().tell(state)
+        super().update_state(state)
         self._set("words", f"relief of the live image: {analysis_text(state)}; arrow keys turn it")
 
 
@@ -124,16 +124,16 @@ class Histogram(FrameElement, component="histogram.js"):
         self._props["log"] = log
         self._props["words"] = "grey levels of the newest frame"
 
-    def tell(self, state: InstrumentState) -> None:
+    def update_state(self, state: InstrumentState) -> None:
         """Take words from the bench's state."""
         self._set("words", f"grey levels of the newest frame: {histogram_text(state)}")
 
 
 def analysis_text(state: InstrumentState) -> str:
     """What the newest frame shows, for those who do not see it."""
-    if not state.camera.running or state.sight is None:
+    if not state.camera.running or state.frame_analysis is None:
         return "no frames"
-    observed = state.sight.contact
+    observed = state.frame_analysis.contact
     if observed is None:
         return "nothing is pressed"
     return "contact around column {:.0f}, row {:.0f}".format(*observed.centroid_px)
@@ -141,7 +141,7 @@ def analysis_text(state: InstrumentState) -> str:
 
 def histogram_text(state: InstrumentState) -> str:
     """What a histogram shows, for those who do not see it."""
-    analysis = state.sight
+    analysis = state.frame_analysis
     if not state.camera.running or analysis is None:
         return "no frames"
     upto = list(accumulate(analysis.histogram))

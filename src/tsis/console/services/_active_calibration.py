@@ -26,7 +26,7 @@ class ActiveCalibration:
 
     Attributes
     ----------
-    known
+    calibration
         The calibration in force; None without one.
     why
         Why there is none, in one sentence; empty where none is wanted.
@@ -38,7 +38,7 @@ class ActiveCalibration:
         What the press guard compares frames with.
     """
 
-    known: UsableCalibration | None
+    calibration: UsableCalibration | None
     why: str
     scale: Pair | None
     probe: str
@@ -49,9 +49,9 @@ class ActiveCalibration:
         """What frames that are watched are compared with, and their scale."""
         return self.reference, self.scale
 
-    def told(self) -> dict[str, Any]:
+    def sidecar_entries(self) -> dict[str, Any]:
         """Probe and calibration, as files beside frames tell of them."""
-        return {"probe": self.probe, "calibration": None if self.known is None else self.known.citation()}
+        return {"probe": self.probe, "calibration": None if self.calibration is None else self.calibration.citation()}
 
 
 class ActiveCalibrationCheck:
@@ -66,8 +66,8 @@ class ActiveCalibrationCheck:
     """
 
     def __init__(self, camera_controller: CameraController, given: UsableCalibration | None) -> None:
-        self._desk, self._given = camera_controller, given
-        self._kept: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
+        self._camera, self._chosen = camera_controller, given
+        self._checked: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
 
     def use(self, given: UsableCalibration | None) -> None:
         """Put another one in force; None for the virtual probe's own, or none.
@@ -78,28 +78,28 @@ class ActiveCalibrationCheck:
             When it does not fit; the one before stays.
         """
         if given is not None:
-            _require_fit(given, self._desk)
-        self._given = given
+            _require_fit(given, self._camera)
+        self._chosen = given
 
     def now(self) -> ActiveCalibration:
         """Judge once by the camera as it is set now."""
-        subject, choice = self._desk.stage, self._desk.choice
-        given, why = self._judged(self._given or (None if subject is None else subject.calibration))
+        subject, choice = self._camera.subject, self._camera.choice
+        given, why = self._check(self._chosen or (None if subject is None else subject.calibration))
         measured = None if given is None else given.calibration.scale
         scale = None if subject is None else subject.mm_per_pixel
         return ActiveCalibration(
-            known=given,
+            calibration=given,
             why=why,
             scale=scale if measured is None else measured.mm_per_pixel,
             probe=choice.probe if choice.is_virtual or given is None else given.calibration.probe or choice.probe,
             reference=self._reference(given, subject),
         )
 
-    def _judged(self, calibration: UsableCalibration | None) -> tuple[UsableCalibration | None, str]:
+    def _check(self, calibration: UsableCalibration | None) -> tuple[UsableCalibration | None, str]:
         if calibration is None:
             return None, ""
         try:
-            _require_fit(calibration, self._desk)
+            _require_fit(calibration, self._camera)
         except CalibrationError as error:
             return None, str(error)
         return calibration, ""
@@ -107,7 +107,7 @@ class ActiveCalibrationCheck:
     def _reference(
         self, calibration: UsableCalibration | None, virtual_subject: VirtualSubject | None
     ) -> GuardReference:
-        saved = self._kept
+        saved = self._checked
         if saved is None or saved[0] is not calibration or saved[1] is not virtual_subject:
             own = virtual_subject is not None and calibration is virtual_subject.calibration
             created = (
@@ -115,7 +115,7 @@ class ActiveCalibrationCheck:
                 if virtual_subject is not None and own
                 else guard_reference(calibration)
             )
-            self._kept = saved = calibration, virtual_subject, created
+            self._checked = saved = calibration, virtual_subject, created
         return saved[2]
 
 

@@ -58,11 +58,11 @@ class ControlLock:
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._lock = clock, threading.Lock()
-        self._holder: Owner | None = None
-        self._heard_s, self._held_s = 0.0, LOCK_S
+        self._owner: Owner | None = None
+        self._heard_s, self._lock_s = 0.0, LOCK_S
         self._taken_from = self._acting = ""
 
-    def holder(self) -> Owner | None:
+    def owner(self) -> Owner | None:
         """Who holds the camera now; None when nobody does."""
         with self._lock:
             return self._present()
@@ -88,9 +88,9 @@ class ControlLock:
             stored = self._present()
             other = stored is not None and stored.identity != identity
             if stored is not None and other and not over:
-                raise self._held_by(stored, identity)
+                raise self._require_owner(stored, identity)
             self._taken_from = stored.identity if stored is not None and other else self._taken_from
-            self._holder, self._held_s = Owner(identity=identity, name=name), held_s
+            self._owner, self._lock_s = Owner(identity=identity, name=name), held_s
             self._heard_s = self._clock()
 
     def heard_of(self, identity: str) -> None:
@@ -103,8 +103,8 @@ class ControlLock:
     def release(self, identity: str) -> None:
         """Give the camera back; of anybody but the holder it changes nothing."""
         with self._lock:
-            if self._holder is not None and self._holder.identity == identity:
-                self._holder = None
+            if self._owner is not None and self._owner.identity == identity:
+                self._owner = None
 
     def require(self, identity: str) -> None:
         """Refuse an act of who does not hold the camera, with `ControlError`."""
@@ -113,7 +113,7 @@ class ControlLock:
             if stored is None:
                 raise ControlError("nobody holds the camera; take it first")
             if stored.identity != identity:
-                raise self._held_by(stored, identity)
+                raise self._require_owner(stored, identity)
             self._heard_s = self._clock()
 
     @contextmanager
@@ -126,17 +126,17 @@ class ControlLock:
         finally:
             with self._lock:
                 self._acting = ""
-                if self._holder is not None and self._holder.identity == identity:
+                if self._owner is not None and self._owner.identity == identity:
                     self._heard_s = self._clock()
 
     def _present(self) -> Owner | None:
         """Whoever acts is there, however long nothing else was heard."""
-        silent = self._clock() - self._heard_s > self._held_s
-        if silent and self._holder is not None and self._holder.identity != self._acting:
-            self._holder = None
-        return self._holder
+        silent = self._clock() - self._heard_s > self._lock_s
+        if silent and self._owner is not None and self._owner.identity != self._acting:
+            self._owner = None
+        return self._owner
 
-    def _held_by(self, owner: Owner, identity: str) -> ControlError:
+    def _require_owner(self, owner: Owner, identity: str) -> ControlError:
         if identity == self._taken_from:
             return ControlError(f"{owner.name} has taken the camera over; watch, or take it back")
         return ControlError(f"the camera is held by {owner.name}; watch, or take it over")
@@ -182,8 +182,8 @@ class Commands:
         timeout_s: float = COMMAND_TIMEOUT_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._control, self._patience_s, self._clock = control, timeout_s, clock
-        self._one = threading.Lock()
+        self._control, self._timeout_s, self._clock = control, timeout_s, clock
+        self._lock = threading.Lock()
         self._doing: tuple[str, float] | None = None  # what, and since when
         self._closed = False
         self.sequence: Job | None = None
@@ -217,7 +217,7 @@ class Commands:
             When somebody else holds the camera, another act lasts, a sequence forbids it, or the bench was closed.
         """
         self._control.require(by)
-        if not self._one.acquire(timeout=self._patience_s):
+        if not self._lock.acquire(timeout=self._timeout_s):
             raise ControlError(f"the bench is busy {self.busy or 'with something else'}; try again when that is over")
         try:
             self._require_open()
@@ -228,7 +228,7 @@ class Commands:
                 yield
         finally:
             self._doing = None
-            self._one.release()
+            self._lock.release()
 
     def require_no_sequence(self, instead: str) -> None:
         """Refuse, with `ControlError`, what would spoil a sequence under way."""

@@ -57,7 +57,7 @@ class JobState:
         return self.status == RUNNING
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """Of the steps that are done, in [0, 1]; 0 also where nobody can tell."""
         return self.done / self.total if self.total else 0.0
 
@@ -79,7 +79,7 @@ class Job:
         self.identity, self.title, self.follows_camera = uuid.uuid4().hex, title, follows_camera
         self._after = after
         self._lock, self._finished, self._ending = threading.Lock(), threading.Event(), threading.Event()
-        self._status, self._done, self._total, self._sentence = RUNNING, 0, 0, ""
+        self._status, self._done, self._total, self._message = RUNNING, 0, 0, ""
         self._result: Any = None
 
     def state(self) -> JobState:
@@ -91,7 +91,7 @@ class Job:
                 status=self._status,
                 done=self._done,
                 total=self._total,
-                sentence=self._sentence,
+                sentence=self._message,
             )
 
     @property
@@ -103,7 +103,7 @@ class Job:
         """The same job that is over, for those who ask for it later; what it returned is with those who hold it."""
         job = Job(self.title, follows_camera=self.follows_camera)
         state, job.identity = self.state(), self.identity
-        job._status, job._done, job._total, job._sentence = state.status, state.done, state.total, state.sentence
+        job._status, job._done, job._total, job._message = state.status, state.done, state.total, state.sentence
         job._finished.set()
         return job
 
@@ -120,7 +120,7 @@ class Job:
         """Wait until it is over; False when the time is."""
         return self._finished.wait(timeout_s)
 
-    def tell(self, done: int, total: int) -> None:
+    def report(self, done: int, total: int) -> None:
         """Tell (steps done, steps in all)."""
         with self._lock:
             self._done, self._total = done, total
@@ -128,7 +128,7 @@ class Job:
     def say(self, message: str) -> None:
         """Tell what came out, for people."""
         with self._lock:
-            self._sentence = message
+            self._message = message
 
     def advance(self, done: int, total: int) -> None:
         """Tell (steps done, steps in all), and leave when it was asked to end: the ``progress`` of calls.
@@ -138,7 +138,7 @@ class Job:
         Ended
             When somebody asked it to end.
         """
-        self.tell(done, total)
+        self.report(done, total)
         if self._ending.is_set():
             raise JobCancelled
 
@@ -162,7 +162,7 @@ class Job:
             _log.exception("what follows a job failed: %s", self.title)
         with self._lock:
             self._status = status
-            self._sentence = self._sentence if message is None else message
+            self._message = self._message if message is None else message
 
     def finish(self) -> None:
         """Let those go on who wait for it."""
@@ -268,10 +268,10 @@ class Jobs:
     def _run(self, job: Job, work: Callable[[Job], Any]) -> None:
         job.run(work)
         if job.result is not None:
-            self._keep_result(job)
+            self._save_result(job)
         job.finish()  # not before: what is begun after this one ends after it
 
-    def _keep_result(self, job: Job) -> None:
+    def _save_result(self, job: Job) -> None:
         with self._lock:
             self._returned.append(job.identity)
             while len(self._returned) > RESULTS:

@@ -52,14 +52,14 @@ class StoreCheck:
 
     def __init__(self, store: Store, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._store, self._clock = store, clock
-        self._seen = (clock(), False)
+        self._last = (clock(), False)
 
     def trouble(self) -> str:
         """Where it is gone from; empty while it is there."""
-        now, (last_seen_s, gone) = self._clock(), self._seen
+        now, (last_seen_s, gone) = self._clock(), self._last
         if now - last_seen_s >= STORE_LOOKED_AT_S:
             gone = self._store.database.replaced()
-            self._seen = now, gone
+            self._last = now, gone
         return printable_path(self._store.folder) if gone else ""
 
 

@@ -143,7 +143,7 @@ def press_to_save(
     frame: ReceivedFrame, *, camera_controller: CameraController, in_force: ActiveCalibration, force: PressForce | None
 ) -> PressToSave:
     """A frame that came as a press of what the desk holds, under the calibration in force."""
-    subject = camera_controller.stage
+    subject = camera_controller.subject
     return PressToSave(
         frame=frame.frame,
         when=_moment(frame),
@@ -151,7 +151,7 @@ def press_to_save(
         force=force,
         role=camera_controller.role,
         probe=in_force.probe,
-        calibration=in_force.known,
+        calibration=in_force.calibration,
         reference=in_force.reference,
         name="" if subject is None else subject.name,
         truth={} if subject is None else subject.truth,

@@ -87,9 +87,9 @@ class InstrumentState:
     calibration, calibration_identity
         Name and SHA-256 of the one in force; empty without one, and while the one that was given does not fit the
         camera as it is set, of which ``trouble`` tells.
-    sight
+    frame_analysis
         What the newest frame shows.
-    holder
+    owner
         Who holds the camera.
     sequence
         The sequence under way or the last one; None before the first.
@@ -110,8 +110,8 @@ class InstrumentState:
     force_n: float | None
     calibration: str
     calibration_identity: str
-    sight: FrameAnalysis | None
-    holder: Owner | None
+    frame_analysis: FrameAnalysis | None
+    owner: Owner | None
     sequence: JobState | None
     jobs: tuple[JobState, ...]
     trouble: tuple[str, ...]

@@ -99,7 +99,7 @@ def camera_facts(state: InstrumentState) -> Facts:
 
 
 def place_facts(bench: Instrument) -> Facts:
-    """Where things are kept, and how much."""
+    """Where data are stored, and how much."""
     store = bench.store
     return (
         ("Snapshots and sequences", str(bench.terms.workspace.resolve())),
@@ -120,7 +120,7 @@ def _counts(store: Store) -> Facts:
 
 
 DESCRIPTION = "/api/openapi.json"
-MOUSELESS = ("Tab, Enter", "reach and use every control without a mouse")
+MOUSELESS = ("Tab, Enter", "use every control without a mouse")
 FINDINGS = (
     "Numbers and pictures here describe objects that were pressed, and how well they are known. They are no findings "
     "about anybody's health, and no advice."
@@ -137,7 +137,7 @@ async def about_page(bench: Instrument, viewer: Viewer) -> None:
             calibration = FactList()
         with _panel("Camera"):
             camera = FactList()
-        with _panel("Where things are kept"):
+        with _panel("Where data are stored"):
             positions = FactList()
         with _panel("Versions"):
             versions = FactList()

@@ -60,7 +60,7 @@ def session_list(found: Sequence[SessionSummary]) -> None:
     """Every session with how far it is, each a link."""
     if not found:
         ui.label(
-            "None yet. A calibration tells what a grey level is in newtons and a pixel in millimetres; begin one, and "
+            "None yet. A calibration converts grey levels to newtons and pixels to millimetres; begin one, and "
             "it leads through its steps. It can be interrupted at any time and goes on where it was left."
         ).classes("muted")
         return
@@ -114,7 +114,7 @@ class StepList:
         self._viewer, self._session, self._choose = viewer, session, choose
         self._shown: tuple[object, ...] = ()
         self._title = panel_title("Steps")
-        self._place = ui.element("ol").classes("calibrate-steps")
+        self._container = ui.element("ol").classes("calibrate-steps")
         self._all: ui.button | None = None
         if session.rig.by_itself:
             self._all = ui.button("Take all open steps", icon="fast_forward", on_click=self._take_all)
@@ -130,8 +130,8 @@ class StepList:
         self._title.text = f"Steps: {done} of {len(steps)} done"
         if self._all is not None:
             self._all.set_visibility(any(state.status in ("open", "left out") for state in steps))
-        self._place.clear()
-        with self._place:
+        self._container.clear()
+        with self._container:
             for state in steps:
                 self._item(state, here=state.step.name == present)
 
@@ -210,7 +210,7 @@ class _Guide:
                         self._frame = SavedFrame(viewer, session)
                 self._making = Making(bench, viewer, session, self._operated)
         self._result = CalibrationResultPanel(viewer, session)
-        viewer.every(POLL_S, self._look)
+        viewer.every(POLL_S, self._refresh)
         viewer.follow(self._show)
 
     def _show(self, state: InstrumentState) -> None:
@@ -218,19 +218,19 @@ class _Guide:
         self._operated.show(state)
         self._making.show(state)
         if self._view is not None:
-            self._view.tell(state)
+            self._view.update_state(state)
 
-    async def _look(self) -> None:
+    async def _refresh(self) -> None:
         session = self._session
         result = await run.io_bound(lambda: (session.steps(), session.file))
         if result is None:
             return
         self._steps, file = result
         await self._show_step()
-        self._making.look(self._steps)
+        self._making.refresh(self._steps)
         if self._state is not None:
             self._operated.show(self._state)  # of controls that have come since the state was told
-        await self._result.look(file)
+        await self._result.refresh(file)
         self._making.cites(self._result.identity)
 
     async def _choose(self, name: str) -> None:

@@ -61,16 +61,16 @@ class CalibrationPanel:
     """
 
     def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer, self._calibration = bench, viewer, CalibrationMemory(bench)
+        self._instrument, self._viewer, self._calibration = bench, viewer, CalibrationMemory(bench)
         with ui.element("section").classes("panel stack tight"):
-            panel_title("Calibration in force")
+            panel_title("Active calibration")
             self._name = ui.label()
             self._identity = ui.label().classes("muted wordy")
             refused = f"a calibration file must end in .json and hold at most {LARGEST_BYTES // 2**20} MiB"
             self._upload = one_file(
                 viewer, "Calibration file", accept=".json", refused=refused, most_bytes=LARGEST_BYTES
             )
-            self._upload.on_upload(self._given)
+            self._upload.on_upload(self._uploaded)
             self._none = ui.button("Use none", on_click=self._forgotten).props("no-caps outline")
             operated.add(self._upload)
             operated.add(self._none)
@@ -83,26 +83,26 @@ class CalibrationPanel:
         self._identity.text = "" if given is None and own else calibration_text(given)
         self._none.text = "Use the virtual probe's own" if own else "Use none"
 
-    async def _given(self, event: UploadEventArguments) -> None:
+    async def _uploaded(self, event: UploadEventArguments) -> None:
         content = await event.file.read()
         self._upload.reset()
         done = await self._viewer.attempt(self._used, content, event.file.name)
         if done is not None:
-            self._viewer.tell(f"The calibration {done} is in force.")
+            self._viewer.notify(f"The calibration {done} is active.")
 
     def _used(self, content: bytes, name: str) -> str:
         usable_calibration = parse_usable_calibration(content, name)
-        self._bench.use_calibration(usable_calibration, by=self._viewer.identity)
+        self._instrument.use_calibration(usable_calibration, by=self._viewer.identity)
         return usable_calibration.calibration.name
 
     async def _forgotten(self) -> None:
-        await self._viewer.attempt(self._bench.use_calibration, None, by=self._viewer.identity)
+        await self._viewer.attempt(self._instrument.use_calibration, None, by=self._viewer.identity)
 
 
 def calibration_text(known: UsableCalibration | None) -> str:
     """Its identity and dates."""
     if known is None:
-        return "Without one presses are kept, but nothing can be estimated from them."
+        return "Without one presses are saved, but nothing can be estimated from them."
     created, expires = known.calibration.made, known.calibration.expires
     when = "" if created is None else f", made {time_label(created)}"
     until = "" if expires is None else f", expires {time_label(expires)}"
@@ -125,7 +125,7 @@ class GaugePanel:
     """
 
     def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
+        self._instrument, self._viewer = bench, viewer
         with ui.element("section").classes("panel stack tight") as self._panel:
             panel_title("Force gauge")
             self._in_use = ui.label().props("role=status")
@@ -168,16 +168,16 @@ class GaugePanel:
             "baud", typed_number("baud", str(self._baud.value or "")), 50, FASTEST, hint="bits per second"
         )
         unit = None if self._unit.value == ITS_OWN else str(self._unit.value)
-        self._bench.control.require(self._viewer.identity)
+        self._instrument.control.require(self._viewer.identity)
         log = connected_gauge(str(self._port.value or ""), unit=unit, baud=baud, sends=bool(self._sends.value))
         try:
-            self._bench.use_gauge(log, by=self._viewer.identity)
+            self._instrument.use_gauge(log, by=self._viewer.identity)
         except Exception:
             log.stop()
             raise
 
     async def _left(self) -> None:
-        await self._viewer.attempt(self._bench.use_gauge, None, by=self._viewer.identity)
+        await self._viewer.attempt(self._instrument.use_gauge, None, by=self._viewer.identity)
 
 
 CHANGED = {"diameter_mm": ("Diameter", "mm"), "depth_mm": ("Depth", "mm"), "young_kpa": ("Modulus", "kPa")}
@@ -193,8 +193,8 @@ class VirtualPanel:
     """
 
     def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
-        choice = bench.desk.choice
+        self._instrument, self._viewer = bench, viewer
+        choice = bench.camera_controller.choice
         with ui.element("section").classes("panel stack tight"):
             panel_title("Virtual probe")
             ui.label("No hardware: mechanics, light and camera are calculated.").classes("muted")
@@ -243,7 +243,7 @@ class VirtualPanel:
                 depth_mm=changed["depth_mm"],
                 young_kpa=changed["young_kpa"],
             )
-        choose_and_start(self._bench, choice, by=self._viewer.identity)
+        choose_and_start(self._instrument, choice, by=self._viewer.identity)
 
     def _changed(self) -> dict[str, float | None]:
         return {name: _optional(name, field) for name, field in self._values.items()}

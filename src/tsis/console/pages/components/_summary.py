@@ -75,21 +75,21 @@ class _Shared(Generic[Seen]):
     """One look for all who ask at the same time, and for a moment longer."""
 
     def __init__(self, look: Callable[[], Seen], fresh_s: float) -> None:
-        self._look, self._fresh_s = look, fresh_s
+        self._read, self._fresh_s = look, fresh_s
         self._latest: Seen | None = None
-        self._looked_s = 0.0
+        self._read_s = 0.0
         self._looking: asyncio.Task[None] | None = None
 
     async def seen(self) -> Seen | None:
-        if self._latest is None or time.monotonic() - self._looked_s > self._fresh_s:
+        if self._latest is None or time.monotonic() - self._read_s > self._fresh_s:
             if self._looking is None or self._looking.done():
                 self._looking = asyncio.ensure_future(self._take())
             await asyncio.shield(self._looking)
         return self._latest
 
     async def _take(self) -> None:
-        self._latest = await run.io_bound(self._look)
-        self._looked_s = time.monotonic()
+        self._latest = await run.io_bound(self._read)
+        self._read_s = time.monotonic()
 
 
 NAMED = 1000  # tabs; more than anybody opens while a console runs
@@ -110,13 +110,13 @@ class Tabs:
     def __init__(self) -> None:
         self._names: OrderedDict[str, str] = OrderedDict()
         self._kept: OrderedDict[tuple[str, type[Any]], Any] = OrderedDict()
-        self._given = 0
+        self._own = 0
 
     def name(self, identity: str) -> str:
         """What a browser without a login is called."""
         if identity not in self._names:
-            self._given += 1
-            self._names[identity] = f"browser {self._given}"
+            self._own += 1
+            self._names[identity] = f"browser {self._own}"
             if len(self._names) > NAMED:
                 self._names.popitem(last=False)
         return self._names[identity]

@@ -49,7 +49,7 @@ class Viewer:
     """
 
     def __init__(self, client: Client, bench: Instrument, glance: StatePoller, tabs: Tabs) -> None:
-        self._client, self._bench, self._glance, self._tabs = client, bench, glance, tabs
+        self._client, self._instrument, self._summary, self._tabs = client, bench, glance, tabs
         self.visible = True
 
     @property
@@ -72,9 +72,9 @@ class Viewer:
         return self._tabs.kept(self.identity, kind)
 
     @property
-    def acts(self) -> bool:
+    def commands(self) -> bool:
         """Whether he holds the camera."""
-        owner = self._bench.control.holder()
+        owner = self._instrument.control.owner()
         return owner is not None and owner.identity == self.identity
 
     async def attempt(self, act: Callable[Given, Made], *given: Given.args, **named: Given.kwargs) -> Made | None:
@@ -85,7 +85,7 @@ class Viewer:
             self.complain(str(error))
         except Exception as error:
             _log.exception("an act of a page failed")
-            self.complain(f"this failed for a reason that nobody foresaw: {type(error).__name__}: {error}")
+            self.complain(f"this failed for an unexpected reason: {type(error).__name__}: {error}")
         return None
 
     def complain(self, sentence: str) -> None:
@@ -93,7 +93,7 @@ class Viewer:
         with self._client:
             ui.notify(sentence, type="negative", multi_line=True, timeout=TOLD_MS, close_button="Close")
 
-    def tell(self, sentence: str) -> None:
+    def notify(self, sentence: str) -> None:
         """Say what was done."""
         with self._client:
             ui.notify(sentence, type="positive", multi_line=True)
@@ -103,7 +103,7 @@ class Viewer:
 
         None while the program ends; errors as of the store.
         """
-        return await self._glance.entries()
+        return await self._summary.entries()
 
     def every(self, seconds: float, look: Callable[[], Awaitable[None]]) -> None:
         """Look now and again and again, while the present part of the page is there; never again while nobody sees it.
@@ -134,7 +134,7 @@ class Viewer:
         shown: list[InstrumentState] = []
 
         async def look() -> None:
-            state = await self._glance.state()
+            state = await self._summary.state()
             if state is None or (shown and (shown[0] is state or shown[0] == state)):
                 return
             shown[:] = [state]
@@ -153,14 +153,14 @@ class CalibrationMemory:
     """
 
     def __init__(self, bench: Instrument) -> None:
-        self._bench = bench
-        self._known: UsableCalibration | None = None
+        self._instrument = bench
+        self._calibration: UsableCalibration | None = None
 
     def of(self, state: InstrumentState) -> UsableCalibration | None:
         """The calibration that the state names; None without one, and when another came in force since."""
-        if self._known is None or self._known.identity != state.calibration_identity:
-            self._known = self._bench.calibration if state.calibration_identity else None
-        given = self._known
+        if self._calibration is None or self._calibration.identity != state.calibration_identity:
+            self._calibration = self._instrument.calibration if state.calibration_identity else None
+        given = self._calibration
         return given if given is not None and given.identity == state.calibration_identity else None
 
 

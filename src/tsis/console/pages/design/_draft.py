@@ -25,17 +25,17 @@ class FieldMessages:
     """What is wrong with the fields of a group; nothing is shown while all are right."""
 
     def __init__(self) -> None:
-        self._said: dict[str, str] = {}
-        self._place = ui.element("div").classes("faults").props('role="status"')
+        self._messages: dict[str, str] = {}
+        self._container = ui.element("div").classes("faults").props('role="status"')
 
     def say(self, field: str, sentence: str) -> None:
         """Say what is wrong with a field; an empty sentence takes back what was said."""
-        if self._said.get(field, "") == sentence:
+        if self._messages.get(field, "") == sentence:
             return
-        self._said[field] = sentence
-        self._place.clear()
-        with self._place:
-            for item in dict.fromkeys(filter(None, self._said.values())):
+        self._messages[field] = sentence
+        self._container.clear()
+        with self._container:
+            for item in dict.fromkeys(filter(None, self._messages.values())):
                 ui.label(item)
 
 
@@ -267,5 +267,5 @@ class ProbeEditor:
     """Drafts, and the job that judges them or did so last."""
 
     probe: ProbeDraft = field(default_factory=lambda: draft_of(FIRST))
-    asked: QuestionDraft = field(default_factory=QuestionDraft)
+    question: QuestionDraft = field(default_factory=QuestionDraft)
     job: Job | None = None

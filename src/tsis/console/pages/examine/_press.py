@@ -94,10 +94,10 @@ class PressPanel:
     """
 
     def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer, self._keeping = bench, viewer, False
+        self._instrument, self._viewer, self._saving = bench, viewer, False
         with ui.element("div").classes("row"):
             self._run = RunButton(bench, viewer)
-            self._keep = ui.button("Snapshot", icon="photo_camera", on_click=self.snapshot).props("no-caps unelevated")
+            self._save = ui.button("Snapshot", icon="photo_camera", on_click=self.snapshot).props("no-caps unelevated")
             with ui.element("div").classes("stepper"):
                 back = self._stepper("remove", "Target before", -1)
                 self._target = NumberField(viewer, "Target", self._set_target)
@@ -110,7 +110,7 @@ class PressPanel:
             self._force = NumberField(
                 viewer, "Force", self._hold, unit="N", emptied=lambda: bench.forget_force(by=viewer.identity)
             )
-        for control in (self._run.element, self._keep, back, on, self._target.element, choice, self._force.element):
+        for control in (self._run.element, self._save, back, on, self._target.element, choice, self._force.element):
             operated.add(control)
 
     def show(self, state: InstrumentState) -> None:
@@ -122,27 +122,27 @@ class PressPanel:
 
     async def snapshot(self) -> None:
         """Keep the press; a second key while the first is being kept does nothing."""
-        if self._keeping:
+        if self._saving:
             return
-        self._keeping = True
+        self._saving = True
         try:
-            press: SavedPress | None = await self._viewer.attempt(self._bench.snapshot, by=self._viewer.identity)
+            press: SavedPress | None = await self._viewer.attempt(self._instrument.snapshot, by=self._viewer.identity)
         finally:
-            self._keeping = False
+            self._saving = False
         if press is not None:
-            self._viewer.tell(snapshot_text(press))
+            self._viewer.notify(snapshot_text(press))
 
     async def step(self, by: int) -> None:
         """Go to the target before or after."""
-        await self._viewer.attempt(self._bench.step_target, by, by=self._viewer.identity)
+        await self._viewer.attempt(self._instrument.step_target, by, by=self._viewer.identity)
 
     def _set_target(self, number: float) -> None:
         whole = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
-        self._bench.set_target(whole, by=self._viewer.identity)
+        self._instrument.set_target(whole, by=self._viewer.identity)
 
     def _hold(self, force_n: float) -> None:
         with field_messages(FORCE):
-            self._bench.hold(force_n=force_n, by=self._viewer.identity)
+            self._instrument.hold(force_n=force_n, by=self._viewer.identity)
 
     def _stepper(self, icon: str, label: str, by: int) -> ui.button:
         button = ui.button(icon=icon, on_click=lambda: self.step(by)).props("flat dense round")
@@ -156,7 +156,7 @@ def snapshot_text(kept: SavedPress) -> str:
     against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
     notes = "".join(f" {note}." for note in kept.notes)
     return (
-        f"Kept for target {kept.target.number}: {ROLE_NAMES[press.role]}, {force_text(press.force_n)}{against}.{notes}"
+        f"Saved for target {kept.target.number}: {ROLE_NAMES[press.role]}, {force_text(press.force_n)}{against}.{notes}"
     )
 
 
@@ -174,7 +174,7 @@ class SequencePanel:
     """
 
     def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
+        self._instrument, self._viewer = bench, viewer
         with ui.element("div").classes("row"):
             self._length = unit_field("Length", number_text_of_field(FIRST_LENGTH)).classes("number-field")
             self._unit = ui.toggle([SECONDS, FRAMES], value=SECONDS).props("no-caps unelevated toggle-color=primary")
@@ -183,10 +183,10 @@ class SequencePanel:
             self._begin.props("no-caps outline")
             self._end = ui.button("End", icon="stop", on_click=self._ended).props("no-caps outline")
         self._bar = ProgressBar("Progress of the sequence")
-        self._said = ui.label().classes("muted wordy").props("role=status")
-        ui.label("Every frame is kept as it came, in the workspace; it goes on when this page is closed.").classes(
-            "muted"
-        )
+        self._message = ui.label().classes("muted wordy").props("role=status")
+        ui.label(
+            "Every frame is saved unchanged in the workspace; the recording continues when this page is closed."
+        ).classes("muted")
         for control in (self._length, self._unit, self._begin, self._end):
             operated.add(control)
 
@@ -197,7 +197,7 @@ class SequencePanel:
         self._begin.set_visibility(not running)
         self._end.set_visibility(running)
         self._bar.show(sequence)
-        self._said.text = sequence_text(sequence)
+        self._message.text = sequence_text(sequence)
 
     async def _record(self) -> None:
         await self._viewer.attempt(self._recorded)
@@ -205,14 +205,14 @@ class SequencePanel:
     def _recorded(self) -> None:
         length = typed_number("length", str(self._length.value or ""))
         if self._unit.value == FRAMES:
-            self._bench.begin_sequence(
+            self._instrument.begin_sequence(
                 frames=require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES), by=self._viewer.identity
             )
         else:
-            self._bench.begin_sequence(seconds=length, by=self._viewer.identity)
+            self._instrument.begin_sequence(seconds=length, by=self._viewer.identity)
 
     async def _ended(self) -> None:
-        await self._viewer.attempt(self._bench.end_sequence, by=self._viewer.identity)
+        await self._viewer.attempt(self._instrument.end_sequence, by=self._viewer.identity)
 
 
 def sequence_text(sequence: JobState | None) -> str:
@@ -220,6 +220,6 @@ def sequence_text(sequence: JobState | None) -> str:
     if sequence is None:
         return ""
     if sequence.running:
-        fraction = f": {sequence.share:.0%}" if sequence.total else ""
+        fraction = f": {sequence.fraction:.0%}" if sequence.total else ""
         return f"Recording {sequence.title}{fraction}"
     return f"{sequence.title.capitalize()}: {sequence.sentence}"

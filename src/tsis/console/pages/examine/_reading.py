@@ -39,7 +39,7 @@ class FlagList:
     """What speaks against the press, with the advice to each."""
 
     def __init__(self) -> None:
-        self._flags = ui.element("ul").classes("flags").props('aria-label="What speaks against this press"')
+        self._flags = ui.element("ul").classes("flags").props('aria-label="Flags of this press"')
         self._shown: tuple[tuple[str, str], ...] | None = None
 
     def show(self, state: InstrumentState) -> None:
@@ -57,11 +57,11 @@ class FlagList:
 
 def present(state: InstrumentState) -> FrameAnalysis | None:
     """What is seen now; None while nobody can tell, for the camera is stopped or away."""
-    return state.sight if state.camera.running and not state.camera.lost else None
+    return state.frame_analysis if state.camera.running and not state.camera.lost else None
 
 
 def flags(sight: FrameAnalysis | None) -> tuple[tuple[str, str], ...]:
     """Names of what speaks against the press with the advice to each; one line without advice when nothing does."""
     if sight is None:
         return ()
-    return tuple((flag.name, flag.advice) for flag in sight.flags) or (("Nothing speaks against this press.", ""),)
+    return tuple((flag.name, flag.advice) for flag in sight.flags) or (("No flags.", ""),)

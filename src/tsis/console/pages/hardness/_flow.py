@@ -26,7 +26,7 @@ class SavedPresses:
     ----------
     number
         Of its target.
-    dossier
+    record
         All of it; None while there is nothing.
     presses
         Those that an estimate would rest on: of each force the newest.
@@ -35,7 +35,7 @@ class SavedPresses:
     """
 
     number: int
-    dossier: TargetRecord | None = None
+    record: TargetRecord | None = None
     presses: tuple[StoredPress, ...] = ()
     estimate: StoredEstimate | None = None
 
@@ -62,7 +62,7 @@ def saved_presses(store: Store, number: int) -> SavedPresses:
         return SavedPresses(number=number)
     record = store.record(target)
     estimate = next((stored for stored in record.in_force if stored.kind == HARDNESS), None)
-    return SavedPresses(number=number, dossier=record, presses=newest_presses(record, HARDNESS), estimate=estimate)
+    return SavedPresses(number=number, record=record, presses=newest_presses(record, HARDNESS), estimate=estimate)
 
 
 def next_free(store: Store, number: int) -> int:
@@ -103,13 +103,13 @@ def next_step_text(found: SavedPresses, missing: tuple[str, ...], *, estimating:
     """What is to be done next, or what there is, in one sentence."""
     count = len(found.on_object)
     if estimating:
-        return "The estimate is being made."
+        return "The estimate is running."
     if found.is_current:
         return "Done. Press again at another force to test it, or begin with another object."
     if missing and count < PRESSES:
         return f"Next: {missing[0]}"
     if count == 0:
-        return "Next: press the object, and keep the press."
+        return "Next: press the object, and save the press."
     if count < PRESSES:
-        return "Next: press it again at another force; the second press tests what the first told."
+        return "Next: press it again at another force; the second press tests the first."
     return "Next: estimate, now that there are presses at two forces."

@@ -36,14 +36,14 @@ class TargetView:
     ----------
     target
         As it is stored.
-    dossier
+    record
         Its estimates and calibrations as they may be shown, without presses: of a subject the pseudonym only.
     presses, offset, total
         A sheet of its presses, how many come before it, and how many there are.
     """
 
     target: Target
-    dossier: TargetRecord
+    record: TargetRecord
     presses: tuple[StoredPress, ...]
     offset: int
     total: int
@@ -59,9 +59,9 @@ class TargetView:
         return self.private, self.offset, self.total, self.presses
 
     @property
-    def told(self) -> tuple[object, ...]:
+    def fingerprint(self) -> tuple[object, ...]:
         """What is told of all: two that are equal look alike."""
-        given = self.dossier
+        given = self.record
         created = tuple(estimate.id for estimate in given.estimates)
         return self.target, self.sheet, created, tuple(given.calibrations), given.damaged
 
@@ -81,7 +81,7 @@ def read_target(store: Store, number: str, offset: int) -> TargetView:
     offset = min(offset, max(0, (total - 1) // AT_ONCE * AT_ONCE))
     return TargetView(
         target=target,
-        dossier=without_identity(store.record(target, limit=0)),
+        record=without_identity(store.record(target, limit=0)),
         presses=store.presses(target, limit=AT_ONCE, offset=offset),
         offset=offset,
         total=total,
@@ -113,13 +113,13 @@ class TargetContext(Protocol):
 
     Attributes
     ----------
-    bench, viewer
+    instrument, viewer
         Whose store it is, and the browser tab.
     below, dialogs, compared
         Where messages, dialogs and a comparison are drawn.
     """
 
-    bench: Instrument
+    instrument: Instrument
     viewer: Viewer
     below: ui.element
     dialogs: ui.element

@@ -59,7 +59,7 @@ class Order:
     rows: int = SHEETS[1]
 
     @classmethod
-    def asked(cls, pagination: Mapping[str, Any], *, search: str, kind: str) -> Order:
+    def requested(cls, pagination: Mapping[str, Any], *, search: str, kind: str) -> Order:
         """What the table in a browser asks for; anything odd in it becomes what a new page shows."""
         column, sheet, rows = (pagination.get(name) for name in ("sortBy", "page", "rowsPerPage"))
         return cls(
@@ -78,7 +78,7 @@ class Sheet:
 
     targets: tuple[TargetSummary, ...]
     sheet: int
-    found: int
+    total: int
 
 
 def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
@@ -89,7 +89,7 @@ def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
     results.sort(key=KEYS[order.column], reverse=order.descending)  # stable: equal ones stay by number
     sheet = min(order.sheet, max(1, -(-len(results) // order.rows)))
     begin = (sheet - 1) * order.rows
-    return Sheet(targets=tuple(results[begin : begin + order.rows]), sheet=sheet, found=len(results))
+    return Sheet(targets=tuple(results[begin : begin + order.rows]), sheet=sheet, total=len(results))
 
 
 def _is_wanted(each: TargetSummary, wanted: str, kind: str) -> bool:
@@ -107,7 +107,7 @@ COLUMNS = (
 )
 LINK = '<q-td :props="props"><a class="link" :href="props.row.address">{{ props.value }}</a></q-td>'
 BEGIN = (
-    "Nothing is kept yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
+    "Nothing is saved yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
     "target. A bundle of another store can be imported here. On the command line, tsis demo --save fills a store."
 )
 
@@ -132,15 +132,15 @@ class _Found:
     """The table of targets, and what was asked of it."""
 
     def __init__(self, bench: Instrument, viewer: Viewer, told: ui.label) -> None:
-        self._bench, self._viewer, self._told = bench, viewer, told
+        self._instrument, self._viewer, self._count = bench, viewer, told
         self._targets: tuple[TargetSummary, ...] = ()
         self._order = Order()
         with ui.element("div").classes("row") as self._asking:
-            self._search = ui.input("Search number or name", on_change=self._asked).props(
+            self._search = ui.input("Search number or name", on_change=self._requested).props(
                 "dense outlined clearable debounce=200"
             )
             self._kind = (
-                ui.select(list(KINDS), value=KINDS[0], label="Show", on_change=self._asked)
+                ui.select(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
                 .props("dense outlined")
                 .classes("asked-kind")
             )
@@ -156,26 +156,26 @@ class _Found:
         ).classes("targets")
         for name in ("number", "name"):
             self._table.add_slot(f"body-cell-{name}", LINK)
-        self._table.on("request", self._turned)
-        self._table.on_pagination_change(self._told_back)
+        self._table.on("request", self._page_changed)
+        self._table.on_pagination_change(self._notified)
         for part in (self._asking, self._empty, self._table):
             part.set_visibility(False)
 
     async def load(self) -> None:
         """Read the list anew."""
-        targets = await self._viewer.attempt(self._bench.store.targets)
+        targets = await self._viewer.attempt(self._instrument.store.targets)
         if targets is None:
             return
         self._targets = targets
         presses = sum(target.presses for target in targets)
-        kind = self._bench.store.kind
-        self._told.text = f"{count_of(len(targets), 'target')} ({kind}s), {count_of(presses, 'press')}"
+        kind = self._instrument.store.kind
+        self._count.text = f"{count_of(len(targets), 'target')} ({kind}s), {count_of(presses, 'press')}"
         self._empty.set_visibility(not targets)
         self._asking.set_visibility(bool(targets))
         self._table.set_visibility(bool(targets))
         self._show()
 
-    def _asked(self) -> None:
+    def _requested(self) -> None:
         self._order = Order(
             search=self._search.value or "",
             kind=self._kind.value,
@@ -185,13 +185,13 @@ class _Found:
         )
         self._show()
 
-    def _turned(self, event: GenericEventArguments) -> None:
+    def _page_changed(self, event: GenericEventArguments) -> None:
         pagination = event.args.get("pagination") if isinstance(event.args, dict) else None
         requested: dict[str, Any] = pagination if isinstance(pagination, dict) else {}
-        self._order = Order.asked(requested, search=self._order.search, kind=self._order.kind)
+        self._order = Order.requested(requested, search=self._order.search, kind=self._order.kind)
         self._show()
 
-    def _told_back(self) -> None:
+    def _notified(self) -> None:
         """A browser that was slow tells how many there were: what is known here stands."""
         pages = self._pages(sheet_of(self._targets, self._order))
         if self._table.pagination != pages:
@@ -209,7 +209,7 @@ class _Found:
             "descending": self._order.descending,
             "page": sheet.sheet,
             "rowsPerPage": self._order.rows,
-            "rowsNumber": sheet.found,
+            "rowsNumber": sheet.total,
         }
 
 

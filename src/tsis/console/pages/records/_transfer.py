@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tsis.records.store import ImportedTarget
 
 
-IDENTIFIED = "tell label, names and true times"
+IDENTIFIED = "include label, names and true times"
 MEANT = {
     True: "Masked: label, names and times are left out or shifted, unless you ask for them below.",
     False: "This form masks nothing: notes, names and settings are in it.",
@@ -58,7 +58,7 @@ def _ask(page: TargetContext, seen: TargetView) -> None:
             begun.disable()
             address = f"/files/export/{seen.target.number}/{form.value}" + ("?identified=true" if with_names else "")
             if await fetch_file(page.viewer, address):
-                page.viewer.tell(f"Exported as {form.value}: the browser keeps the file.")
+                page.viewer.notify(f"Exported as {form.value}: the browser saves the file.")
                 dialog.close()
             waiting.set_visibility(False)
             begun.enable()

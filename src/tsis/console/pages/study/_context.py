@@ -37,7 +37,7 @@ class DeviceProgress:
     device: str
     operator: str
     read: int
-    wanted: int
+    expected: int
     undecided: int
     threshold: float
 
@@ -71,7 +71,7 @@ def view_study(shelf: StudyRepository, name: str) -> StudyView:
             device=device,
             operator=operator,
             read=count,
-            wanted=requested,
+            expected=requested,
             undecided=undecided[device, operator],
             threshold=study.threshold_of(device),
         )
@@ -103,7 +103,7 @@ class StudyContext(Protocol):
 
     Attributes
     ----------
-    jobs, viewer, shelf
+    jobs, viewer, repository
         What runs, the browser tab, and the folder of studies.
     name
         As it stands in the address, whatever that is.
@@ -111,7 +111,7 @@ class StudyContext(Protocol):
 
     jobs: Jobs
     viewer: Viewer
-    shelf: StudyRepository
+    repository: StudyRepository
     name: str
 
 

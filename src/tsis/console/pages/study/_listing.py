@@ -209,7 +209,7 @@ class _NewStudy:
     """The form of a new study."""
 
     def __init__(self, shelf: StudyRepository, viewer: Viewer) -> None:
-        self._shelf, self._viewer = shelf, viewer
+        self._repository, self._viewer = shelf, viewer
         start = StudyDraft()
         panel_title("New study")
         with ui.element("div").classes("study-fields"):
@@ -227,7 +227,7 @@ class _NewStudy:
             self._threshold = unit_field("Threshold", start.threshold)
             self._seed = unit_field("Seed", start.seed, keys="numeric")
             self._seed.props("stack-label").props["placeholder"] = "drawn and sealed"
-        self._reference = ui.checkbox("Press plain tissue nearby for comparison", value=start.with_reference)
+        self._reference = ui.checkbox("Reference presses on tissue nearby", value=start.with_reference)
         ui.label(MEANT).classes("muted")
         with ui.element("div").classes("row"):
             self._button = ui.button("Make the study", icon="add", on_click=self._make).props("no-caps")
@@ -246,6 +246,6 @@ class _NewStudy:
             seed=self._seed.value or "",
         )
         with loading(self._button):
-            created = await self._viewer.attempt(draft.make, self._shelf, actor=name_in(self._viewer, self._who))
+            created = await self._viewer.attempt(draft.make, self._repository, actor=name_in(self._viewer, self._who))
         if created is not None:
             ui.navigate.to(f"/study/{created}")
