@@ -1,4 +1,4 @@
-"""Connections that are opened and say nothing: closed after a while, so that they keep nobody else out."""
+"""Timeouts of connections that send no request."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NOT_OPENED = "A WebSocket is asked for by GET, without a body, and with few and 
 
 
 class TimeoutProtocol(H11Protocol):
-    """HTTP as uvicorn speaks it, on connections that may be without a request for so long and no longer."""
+    """uvicorn's HTTP protocol with a timeout for connections without a request."""
 
     silence_s = SILENCE_S
 

@@ -165,7 +165,7 @@ def test_a_disk_that_fills_ends_it_with_what_was_kept(
             raise OSError(errno.ENOSPC, "No space left on device")
         return keep(self, frame, number)
 
-    monkeypatch.setattr(FrameFolder, "keep", kept)
+    monkeypatch.setattr(FrameFolder, "save", kept)
     job = running.begin_sequence(frames=100, by=ANN)
     assert job.wait(HANGS_S)
     state = job.state()

@@ -223,7 +223,7 @@ def begin_sequence(bench: TheBench, given: SequenceOfSeconds | SequenceOfFrames,
 
 @press_router.delete("/sequence", operation_id="end_sequence", responses=OF_ACTS)
 def end_sequence(bench: TheBench, by: Acting) -> StateResponse:
-    """End the sequence under way; what was recorded stays. Without one nothing happens."""
+    """End the running sequence; recorded frames stay. Without one nothing happens."""
     bench.end_sequence(by=by)
     return state_answer(bench, by)
 

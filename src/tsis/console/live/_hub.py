@@ -141,7 +141,7 @@ class NewestFrame:
 
 
 class LiveHub:
-    """One thread that waits for frames and wakes the viewers, which live in an event loop.
+    """A thread that waits for frames and notifies the clients in an event loop.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class LiveHub:
         return len(self._viewers)
 
     def packed(self, newest: NewestFrame, quality: int | None) -> bytes:
-        """A frame as `packet`, made once for all who watch in that quality, whichever threads they ask in."""
+        """A frame as `packet`, built once for all clients of that quality; safe for several threads."""
         with self._packing.setdefault(quality, threading.Lock()):
             stored = self._packed.get(quality)
             if stored is not None and stored[0] is newest:
@@ -183,7 +183,7 @@ class LiveHub:
             return created
 
     def text(self, frame_analysis: FrameAnalysis | None) -> str:
-        """What a frame shows as `analysis_json`, made once for all who watch."""
+        """The analysis as `analysis_json`, built once for all clients."""
         reported = self._described
         if reported[0] is not frame_analysis:
             self._described = reported = frame_analysis, analysis_json(frame_analysis)

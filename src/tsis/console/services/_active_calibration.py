@@ -1,4 +1,4 @@
-"""Which calibration is in force: the one that was given as long as it fits the camera, or the virtual probe's own."""
+"""The active calibration: the chosen one while it fits the camera, or the virtual probe's own."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ActiveCalibration:
-    """What one judgement found: its parts belong together, whatever the camera is set to a moment later.
+    """Result of one check; its parts belong to the same camera settings.
 
     Attributes
     ----------
     calibration
-        The calibration in force; None without one.
+        The active calibration; None without one.
     why
-        Why there is none, in one sentence; empty where none is wanted.
+        Why there is none; empty where none is requested.
     scale
-        Size (x, y) of a pixel on the face, mm; None when nobody knows it.
+        Size (x, y) of a pixel on the face, mm; None when unknown.
     probe
         Name of the probe: of the virtual one, of the calibration, or as it was chosen with the camera.
     reference
-        What the press guard compares frames with.
+        Reference frame of the press guard.
     """
 
     calibration: UsableCalibration | None
@@ -46,23 +46,23 @@ class ActiveCalibration:
 
     @property
     def compared(self) -> tuple[GuardReference, Pair | None]:
-        """What frames that are watched are compared with, and their scale."""
+        """Reference of the watched frames, and their scale."""
         return self.reference, self.scale
 
     def sidecar_entries(self) -> dict[str, Any]:
-        """Probe and calibration, as files beside frames tell of them."""
+        """Probe and calibration, for the files beside frames."""
         return {"probe": self.probe, "calibration": None if self.calibration is None else self.calibration.citation()}
 
 
 class ActiveCalibrationCheck:
-    """Judges a calibration by the camera as it runs: another exposure puts it out of force until it is set back.
+    """Checks a calibration against the running camera: it is inactive while a setting such as the exposure differs.
 
     Parameters
     ----------
     desk
         Where the camera is.
     given
-        What was put in force; None for the virtual probe's own, or none.
+        The chosen calibration; None for the virtual probe's own, or none.
     """
 
     def __init__(self, camera_controller: CameraController, given: UsableCalibration | None) -> None:
@@ -70,7 +70,7 @@ class ActiveCalibrationCheck:
         self._checked: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
 
     def use(self, given: UsableCalibration | None) -> None:
-        """Put another one in force; None for the virtual probe's own, or none.
+        """Choose another one; None for the virtual probe's own, or none.
 
         Raises
         ------
@@ -82,7 +82,7 @@ class ActiveCalibrationCheck:
         self._chosen = given
 
     def now(self) -> ActiveCalibration:
-        """Judge once by the camera as it is set now."""
+        """Check once with the camera's present settings."""
         subject, choice = self._camera.subject, self._camera.choice
         given, why = self._check(self._chosen or (None if subject is None else subject.calibration))
         measured = None if given is None else given.calibration.scale

@@ -1,4 +1,4 @@
-"""The camera's settings as they are, read in a thread: drivers take their time, and people change them elsewhere."""
+"""The camera's present settings, read in a thread: drivers are slow, and settings change elsewhere."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 
 EVERY_S = 1.0
-LOOK_S = 1.0  # that a look waits for another one, which may be stuck in a driver
+LOOK_S = 1.0  # for which a reading waits for another one, which may be stuck in a driver
 
 
 class SettingsCache:
-    """Knows what can be adjusted now, without asking the camera each time that somebody wants to know.
+    """Caches the camera's settings.
 
     The force of the virtual probe is left out: no camera has such a setting.
 
@@ -36,9 +36,9 @@ class SettingsCache:
     acquisition
         Gives the running acquisition; None while there is none.
     changed
-        Called when a setting has another value than at the last look.
+        Called when a setting has changed since the last reading.
     every_s
-        Time between two looks, s.
+        Time between two readings, s.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The instrument as one program holds it, whoever looks: camera, target, calibration and store."""
+"""The instrument: camera, target, calibration and store."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ if TYPE_CHECKING:
 class Instrument:
     """Camera, target, calibration and store; safe for several threads.
 
-    Whoever acts gives an identity, ``by``, and must hold the camera: `ControlLock.take` gives it. Acts come in turn.
-    Each raises `ControlError` when somebody else holds the camera, or another act lasts for seconds.
+    A command names its caller's identity, ``by``, which must own the camera (`ControlLock.take`). Commands run in turn.
+    Each raises `ControlError` when somebody else owns the camera, or another command lasts for seconds.
 
     Parameters
     ----------
     terms
-        Where data are stored, and what it begins with.
+        Folders and initial settings.
     connect_to
         Gives a live camera by its name, as `tsis.instrument.connect`.
 
@@ -89,7 +89,7 @@ class Instrument:
         self.close()
 
     def close(self) -> None:
-        """Let go of camera, gauge and store; a sequence under way is ended as a whole one. Again it does nothing."""
+        """Close camera, gauge and store; a running sequence is completed. A second call does nothing."""
         with ExitStack() as left:  # the last first, and each whatever becomes of the others
             left.callback(self.store.close)
             if self._gauge is not None:
@@ -101,16 +101,16 @@ class Instrument:
 
     @property
     def calibration(self) -> UsableCalibration | None:
-        """The one in force: that which was given, else the virtual probe's own; None while it does not fit."""
+        """The active calibration: the chosen one, else the virtual probe's own; None while it does not fit."""
         return self._in_force.now().calibration
 
     @property
     def frame_analysis(self) -> FrameAnalysis | None:
-        """What the newest frame shows; None while none is looked at."""
+        """Analysis of the newest frame; None without one."""
         return self._watcher.frame_analysis
 
     def state(self) -> InstrumentState:
-        """Everything that pages show; it never waits for the camera nor for an act."""
+        """The state that pages show; it never waits for the camera or a command."""
         in_force, gauge, sequence = self._in_force.now(), self._gauge, self._commands.sequence
         given, camera = in_force.calibration, camera_state(self.camera_controller, in_force.scale)
         return InstrumentState(
@@ -133,7 +133,7 @@ class Instrument:
         )
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:
-        """Take another camera, not yet started; a calibration that was given stays in force where it fits."""
+        """Choose another camera, not yet started; a chosen calibration stays active where it fits."""
         with self._commands.act(by, "choosing a camera", instead="another camera can be chosen"):
             self.camera_controller.choose(choice)
             self._watcher.begin_anew()
@@ -171,7 +171,7 @@ class Instrument:
             )
 
     def hold(self, *, role: str | None = None, force_n: float | None = None, forget: bool = False, by: str) -> None:
-        """Say what is pressed and how hard; the virtual probe is lifted and held there.
+        """Set role and force of the press; the virtual probe moves there.
 
         Raises
         ------
@@ -190,13 +190,13 @@ class Instrument:
             self._watcher.begin_anew()
 
     def forget_force(self, *, by: str) -> None:
-        """Say that nobody knows the force any more; that of the virtual probe, which stays, is always known."""
+        """Set the force to unknown; the virtual probe's is always known."""
         self.control.require(by)
         if not self.camera_controller.choice.is_virtual:
             self.hold(forget=True, by=by)
 
     def use_calibration(self, calibration: UsableCalibration | None, *, by: str) -> None:
-        """Put a calibration in force; None for the virtual probe's own, or none.
+        """Activate a calibration; None for the virtual probe's own, or none.
 
         Raises
         ------
@@ -217,18 +217,18 @@ class Instrument:
                 before.stop()
 
     def snapshot(self, *, by: str, map_name: str = "viridis") -> SavedPress:
-        """Keep the press as it is seen now: its files and the press in the store.
+        """Save the present press: its files, and the press in the store.
 
         Raises
         ------
         CameraError
             When no frame comes.
         GaugeError
-            When there is a gauge and it does not tell the force.
+            When a gauge gives no force.
         FileInputError
-            When the files cannot be written; nothing is kept then.
+            When the files cannot be written; nothing is saved then.
         RecordsError
-            When the store does not take the press, whose files stay then.
+            When the store refuses the press; its files stay.
         """
         require_one_of("colour map", map_name, COLOUR_MAPS)
         with self._commands.act(by, "keeping a press"):
@@ -246,7 +246,7 @@ class Instrument:
             )
 
     def begin_sequence(self, *, seconds: float | None = None, frames: int | None = None, by: str) -> Job:
-        """Record every frame until so many have come or so much time has passed; it goes on when the browser closes.
+        """Record every frame for a number of frames or seconds; it continues when the browser closes.
 
         Raises
         ------
@@ -268,13 +268,13 @@ class Instrument:
             return sequence
 
     def end_sequence(self, *, by: str) -> None:
-        """End the sequence under way; what was recorded stays. Without one nothing happens."""
+        """End the running sequence; recorded frames stay. Without one nothing happens."""
         self.control.require(by)
         if self._commands.sequence is not None:
             self._commands.sequence.end()
 
     def end_job(self, identity: str, *, by: str) -> Job:
-        """Ask a job to end: what follows the camera is ended by who holds it, other work by anybody.
+        """Cancel a job; a job of the camera only by its owner.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Work that takes longer than a click: done in a thread, told of in shares, ended when asked."""
+"""Background jobs: threads with progress and cancellation."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _log = logging.getLogger(__name__)
 
 
 class JobCancelled(Exception):  # noqa: N818 - no error, but how work that was asked to end leaves its loops
-    """Raised inside work when somebody asked it to end."""
+    """Raised inside work that was cancelled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobState:
-    """How far a job is.
+    """State of a job.
 
     Attributes
     ----------
@@ -39,9 +39,9 @@ class JobState:
     status
         ``"running"``, also while it waits for its turn, ``"done"``, ``"failed"`` or ``"ended"``.
     done, total
-        Steps done, and in all; 0 in all where nobody can tell.
+        Steps done, and all steps; 0 where unknown.
     sentence
-        Why it failed, or what came out.
+        Why it failed, or its result as text.
     """
 
     identity: str
@@ -53,12 +53,12 @@ class JobState:
 
     @property
     def running(self) -> bool:
-        """Whether it is under way, or waits for its turn."""
+        """Whether it runs or waits."""
         return self.status == RUNNING
 
     @property
     def fraction(self) -> float:
-        """Of the steps that are done, in [0, 1]; 0 also where nobody can tell."""
+        """Fraction of the steps done, in [0, 1]; 0 where unknown."""
         return self.done / self.total if self.total else 0.0
 
 
@@ -83,7 +83,7 @@ class Job:
         self._result: Any = None
 
     def state(self) -> JobState:
-        """How far it is."""
+        """Its state."""
         with self._lock:
             return JobState(
                 identity=self.identity,
@@ -96,7 +96,7 @@ class Job:
 
     @property
     def result(self) -> Any:
-        """What it returned; None before it is done."""
+        """Its result; None before it is done."""
         return self._result
 
     def without_result(self) -> Job:
@@ -109,11 +109,11 @@ class Job:
 
     @property
     def ending(self) -> bool:
-        """Whether somebody asked it to end."""
+        """Whether it was cancelled."""
         return self._ending.is_set()
 
     def end(self) -> None:
-        """Ask it to end; it does so at its next step, and before its first when it has not begun."""
+        """Cancel it; it ends at its next step."""
         self._ending.set()
 
     def wait(self, timeout_s: float) -> bool:
@@ -121,17 +121,17 @@ class Job:
         return self._finished.wait(timeout_s)
 
     def report(self, done: int, total: int) -> None:
-        """Tell (steps done, steps in all)."""
+        """Report (steps done, all steps)."""
         with self._lock:
             self._done, self._total = done, total
 
     def say(self, message: str) -> None:
-        """Tell what came out, for people."""
+        """Set the message of the result."""
         with self._lock:
             self._message = message
 
     def advance(self, done: int, total: int) -> None:
-        """Tell (steps done, steps in all), and leave when it was asked to end: the ``progress`` of calls.
+        """Report (steps done, all steps), and raise after cancellation: the ``progress`` of calls.
 
         Raises
         ------
@@ -170,7 +170,7 @@ class Job:
 
 
 class Jobs:
-    """The jobs of a console: few at once, the last ones remembered, of fewer what they returned; for several threads.
+    """The jobs of a console: limited in number at once; the last ones and fewer results stay; safe for several threads.
 
     Threads of jobs do not keep the program from ending: what they store is whole or absent whenever that happens.
     """
@@ -191,7 +191,7 @@ class Jobs:
         at_once: bool = False,
         after: Callable[[], object] = lambda: None,
     ) -> Job:
-        """Begin work that gets its `Job`.
+        """Begin work; it is called with its `Job`.
 
         Parameters
         ----------
@@ -242,7 +242,7 @@ class Jobs:
         return tuple(job.state() for job in jobs)
 
     def close(self, *, timeout_s: float = CLOSE_S) -> None:
-        """Ask all to end, take no more, and wait a while for those that are under way."""
+        """Cancel all, accept no more, and wait for the running ones."""
         with self._lock:
             self._closed = True
             jobs = list(self._jobs.values())

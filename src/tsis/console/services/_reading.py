@@ -1,4 +1,4 @@
-"""What instruments say at a frame, and what is wrong with them."""
+"""Readings at a frame, and problems of the instrument."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def gauge_force(log: ForceLog, frame: ReceivedFrame, *, wait_s: float = GAUGE_WA
 
 
 class StoreCheck:
-    """Looks now and then whether the store is still where it was opened.
+    """Checks at intervals whether the store is still where it was opened.
 
     Parameters
     ----------
     store
         Which one.
     clock
-        Tells the time, s.
+        Time in s.
     """
 
     def __init__(self, store: Store, *, clock: Callable[[], float] = time.monotonic) -> None:
@@ -66,7 +66,7 @@ class StoreCheck:
 def trouble_messages(
     camera: CameraState, log: ForceLog | None, unfit: str, watching: str, *, store_gone: str = ""
 ) -> tuple[str, ...]:
-    """One sentence for each thing that people must know, the most urgent first.
+    """Messages of problems, the most urgent first.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A sequence of frames onto the disk, as a job that outlives the page that began it."""
+"""Recording of a sequence, as a job independent of the page."""
 
 from __future__ import annotations
 

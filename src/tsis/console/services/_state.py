@@ -1,4 +1,4 @@
-"""How the camera is, as one value."""
+"""State of camera and instrument."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraState:
-    """How the camera is.
+    """State of the camera.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class CameraState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentState:
-    """How the bench is.
+    """State of the instrument.
 
     Attributes
     ----------
@@ -88,15 +88,15 @@ class InstrumentState:
         Name and SHA-256 of the one in force; empty without one, and while the one that was given does not fit the
         camera as it is set, of which ``trouble`` tells.
     frame_analysis
-        What the newest frame shows.
+        Analysis of the newest frame.
     owner
-        Who holds the camera.
+        Owner of the camera's control.
     sequence
         The sequence under way or the last one; None before the first.
     jobs
         Longer work, the newest last.
     trouble
-        One sentence for each thing that people must know; most urgent first.
+        Messages of problems, the most urgent first.
     busy
         What is being done now that others must wait for, as ``"starting the camera"``; empty when nothing is.
     gauge

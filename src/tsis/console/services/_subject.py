@@ -1,4 +1,4 @@
-"""Which camera a bench looks through, as a person chose it."""
+"""The chosen camera, and the virtual subject."""
 
 from __future__ import annotations
 

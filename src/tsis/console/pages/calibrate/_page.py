@@ -1,4 +1,4 @@
-"""Which calibration: one that goes on, or a new one on terms that are stated here."""
+"""Choose a calibration session, or begin a new one."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def calibrate_page(bench: Instrument, viewer: Viewer) -> None:
 
 
 def session_list(found: Sequence[SessionSummary]) -> None:
-    """Every session with how far it is, each a link."""
+    """Links to all sessions with their progress."""
     if not found:
         ui.label(
             "None yet. A calibration converts grey levels to newtons and pixels to millimetres; begin one, and "
@@ -90,7 +90,7 @@ ICONS = {"open": "radio_button_unchecked", "under way": "hourglass_top", "done":
 
 
 class StepList:
-    """Lets people choose the step that they look at, and take all of them where nobody is needed.
+    """Choice of a step, and a button that takes all steps of the virtual rig.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class StepList:
             operated.add(self._all.props("no-caps outline").classes("calibrate-all"))
 
     def show(self, steps: Sequence[StepState], present: str | None) -> None:
-        """Show how far each is; the present one is marked."""
+        """Show the progress of each step and mark the present one."""
         now = (present, *((state.step.name, state.status, state.frames) for state in steps))
         if now == self._shown:
             return
@@ -244,7 +244,7 @@ class _Guide:
         await self._frame.show(next((state for state in self._steps if state.step.name == present), None))
 
     def _present(self) -> str | None:
-        """The step to show: one under way, else the one that was chosen, else the first that is open."""
+        """The step to show: the running one, else the chosen one, else the first open one."""
         under_way = next((state.step.name for state in self._steps if state.status == "under way"), None)
         if under_way is not None:
             self._chosen = None

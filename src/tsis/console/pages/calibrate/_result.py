@@ -1,4 +1,4 @@
-"""What stands behind the calibration of a session: its numbers, and figures of what the fits left."""
+"""Results of a session's calibration: its numbers, and figures of the residuals."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 class CalibrationResultPanel:
-    """Shows what was made, or what was made before the program began.
+    """Shows the calibration, also one from before the program's start.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class CalibrationResultPanel:
         self._container.set_visibility(False)
 
     async def refresh(self, file: Path | None) -> None:
-        """Show what is new; ``file`` is the calibration's, None before it was made."""
+        """Show changes; ``file`` is the calibration's, None before it exists."""
         created = self._session.result
         now = file if created is None else created.identity
         if now == self._shown:
@@ -102,7 +102,7 @@ def whole(page: Page, sources: Sequence[str]) -> None:
 
 
 def calibration_content(known: ProbeCalibration) -> None:
-    """What the file says of a calibration that this program did not make."""
+    """Contents of the file of an earlier calibration."""
     ui.label("It was computed before. Compute it again from the same frames to see the residuals of its fits.").classes(
         "muted"
     )
@@ -179,7 +179,7 @@ class Making:
         set_class(self._text, "doubtful", failed)
 
     def cites(self, identity: str) -> None:
-        """Take the identity of the calibration that was made; empty without one."""
+        """Set the identity of the calibration; empty without one."""
         self._identity = identity
         self._cited.text = f"cited as {identity[:12]}"
         self._commands.set_visibility(bool(identity))

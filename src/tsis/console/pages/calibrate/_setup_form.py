@@ -116,7 +116,7 @@ class TermsForm:
 
 
 def typed_numbers(name: str, text: str) -> tuple[float, ...]:
-    """Numbers that somebody typed one after the other; `InputError` when one is none.
+    """Typed numbers in their order; `InputError` for one that is no number.
 
     Examples
     --------

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 async def asked(question: str, *, yes: str, why: str = "") -> bool:
-    """Ask, and say whether the answer was yes; no answer is no."""
+    """Ask for confirmation; False without a response."""
     with ui.dialog() as dialog, ui.card(), ui.element("div").classes("question"):
         ui.label(question).classes("strong")
         if why:
@@ -250,7 +250,7 @@ class StepCard:
 
 
 def frames_text(job: JobState) -> str:
-    """How far the frames of a step are, or why they are not kept."""
+    """Progress of a step's frames, or why they are not saved."""
     if job.running:
         return f"{job.done} of {job.total} frames" if job.total else f"{job.done} frames"
     return "" if job.status == DONE else job.sentence

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class ChosenPanel:
-    """What is looked through now.
+    """The present camera.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def streaming_text(camera: CameraState) -> str:
 
 
 class FoundPanel:
-    """Search, and use one of those that were found.
+    """Search for cameras, and use one of them.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class FoundPanel:
             self._container = ui.element("div").classes("stack")
 
     def show(self, _: InstrumentState) -> None:
-        """Show the last search, whoever began it."""
+        """Show the last search."""
         job = self._instrument.search.state()
         self._bar.show(job)
         self._search.set_enabled(job is None or not job.running)

@@ -1,4 +1,4 @@
-"""Another camera in place of the present one: chosen and started in one act."""
+"""Change of the camera: chosen and started in one command."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def choose_and_start(bench: Instrument, choice: CameraChoice, *, by: str) -> None:
-    """Take another camera and start it; when it does not start it stays chosen, and the error says why.
+    """Choose another camera and start it; a camera that does not start stays chosen.
 
     Raises
     ------
@@ -145,7 +145,7 @@ class GaugePanel:
         ui.timer(0.0, self._ports, once=True)
 
     def show(self, state: InstrumentState) -> None:
-        """Be there for real cameras, and say what is connected."""
+        """Show for real cameras which gauge is connected."""
         self._panel.set_visibility(not state.camera.choice.is_virtual)
         self._in_use.text = (
             f"Forces are read from the {state.gauge}." if state.gauge else "Forces are typed, or not known."
@@ -184,7 +184,7 @@ CHANGED = {"diameter_mm": ("Diameter", "mm"), "depth_mm": ("Depth", "mm"), "youn
 
 
 class VirtualPanel:
-    """Choose what the virtual probe is and presses; it is used once the button says so.
+    """Choose the virtual probe and its subject; a button applies the choice.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ class VirtualPanel:
         self._bare()
 
     def show(self, state: InstrumentState) -> None:
-        """Say whether it is the one in use."""
+        """Show whether it is in use."""
         self._use.text = "Use it so" if state.camera.choice.is_virtual else "Use the virtual probe"
 
     def _bare(self) -> None:
@@ -250,7 +250,7 @@ class VirtualPanel:
 
 
 def things() -> dict[str, str]:
-    """What the virtual probe can press, in words."""
+    """The subjects of the virtual probe as text."""
     return {name: name for name in list_phantoms()} | {
         name: f"{name} (sphere, for hardness)" for name in list_spheres()
     }

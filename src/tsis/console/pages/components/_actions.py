@@ -86,11 +86,11 @@ class OperatorControls:
         return control
 
     def why(self) -> None:
-        """Place the sentence that says why controls do nothing; it is there only while they do not."""
+        """Place the message why controls are disabled."""
         self._message = ui.label().classes("muted watching").props("role=status")
 
     def show(self, _: InstrumentState) -> None:
-        """Enable the controls for who holds the camera."""
+        """Enable the controls for the camera's owner."""
         commands, self._flags = self._viewer.commands, True
         self._controls = [control for control in self._controls if not control.is_deleted]
         for control in self._controls:
@@ -101,7 +101,7 @@ class OperatorControls:
 
 
 class ProgressBar:
-    """The share of a job that is done; there only while it is under way.
+    """Progress bar of a running job.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class ProgressBar:
         self._bar.props["aria-label"] = label
 
     def show(self, job: JobState | None) -> None:
-        """Show how far the job is; None is one that was never begun."""
+        """Show the progress of the job; None without one."""
         self._bar.set_visibility(job is not None and job.running)
         if job is not None and job.running:
             self._bar.value = job.fraction

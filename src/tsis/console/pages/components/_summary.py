@@ -1,4 +1,4 @@
-"""What every page says in the same words: a force, a time, a press."""
+"""Texts of all pages: a force, a time, a press."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def force_text(force_n: float | None) -> str:
-    """A force, also one that nobody knows.
+    """A force, also an unknown one.
 
     Examples
     --------
@@ -47,7 +47,7 @@ Seen = TypeVar("Seen")
 
 
 class StatePoller:
-    """Looks at a bench in a thread, for a camera may take its time to tell its settings; used in one event loop.
+    """Reads the instrument's state in a thread, since cameras may be slow; used in one event loop.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class StatePoller:
         self._entries = _Shared(lambda: bench.store.entries(), ENTRIES_FRESH_S)
 
     async def state(self) -> InstrumentState | None:
-        """The state as it was at most 0.2 s ago, the same object for all who ask meanwhile; None at the very end."""
+        """The state, at most 0.2 s old, shared by all callers; None at the end."""
         return await self._state.seen()
 
     async def entries(self) -> int | None:
@@ -72,7 +72,7 @@ class StatePoller:
 
 
 class _Shared(Generic[Seen]):
-    """One look for all who ask at the same time, and for a moment longer."""
+    """One reading for all concurrent callers."""
 
     def __init__(self, look: Callable[[], Seen], fresh_s: float) -> None:
         self._read, self._fresh_s = look, fresh_s
@@ -98,7 +98,7 @@ Thing = TypeVar("Thing")
 
 
 class Tabs:
-    """Of each tab the same name, and the same things, when its page is loaded anew; the first ones are forgotten.
+    """Names and saved values of browser tabs; they survive a reload, and the oldest are dropped.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Tabs:
         self._own = 0
 
     def name(self, identity: str) -> str:
-        """What a browser without a login is called."""
+        """Name of a browser without a login."""
         if identity not in self._names:
             self._own += 1
             self._names[identity] = f"browser {self._own}"
@@ -122,7 +122,7 @@ class Tabs:
         return self._names[identity]
 
     def kept(self, identity: str, kind: type[Thing]) -> Thing:
-        """What a tab keeps of this kind; a new one at first, and when many others were looked for since."""
+        """The saved value of a tab of this kind; a new one at first."""
         result = self._kept.pop((identity, kind), None) or kind()
         self._kept[identity, kind] = result
         if len(self._kept) > KEPT:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class QuestionForm:
-    """How one would press, what to compare with, and what a good design is.
+    """Presses, comparisons and criterion.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class QuestionForm:
             )
 
     def _fault(self, alone: QuestionDraft) -> str:
-        """What is wrong with one field, the others being as they are at first."""
+        """Error of one field, with defaults for the others."""
         return draft_message(lambda: alone.question(self._editor.probe.start))
 
     def _forces(self, text: str) -> None:

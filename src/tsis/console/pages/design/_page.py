@@ -1,4 +1,4 @@
-"""Asking what a design would tell: the job, how far it is, and its answer."""
+"""Analysis of a design: the job, its progress and its result."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SCROLL = 'getHtmlElement({}).scrollIntoView({{behavior: "smooth", block: "start"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignResult:
-    """An answer, and its page with its pictures drawn."""
+    """An analysis, and its page with drawn pictures."""
 
     analysis: DesignAnalysis
     page: Page
@@ -58,7 +58,7 @@ def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
 
 
 class DesignResultPanel:
-    """Button, progress and answer.
+    """Button, progress and result.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class DesignResultPanel:
         self._message = ui.label().props('role="status"')
 
     def result_container(self) -> None:
-        """Place the answer here."""
+        """Place the result here."""
         self._result = ui.element("section").classes("panel stack design-answer").props('aria-label="Answer"')
         self._result.set_visibility(False)
         ui.timer(EVERY_S, self._refresh)
@@ -168,7 +168,7 @@ WHAT = (
 
 
 async def design_tab(bench: Instrument, viewer: Viewer) -> None:
-    """Build the page, with what this tab had on its desk."""
+    """Build the page with this tab's draft."""
     await ui.context.client.connected()
     controller = viewer.kept(ProbeEditor)
     with ui.element("div").classes("design"):

@@ -1,4 +1,4 @@
-"""The probe as it is drawn while somebody changes it."""
+"""Drawing of the edited probe."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LEAST_IN, MOST_IN = 1.8, 4.5  # of its height
 
 
 class Section:
-    """The probe from the side; while a field is wrong, the sentence that says why, and the probe as it was before.
+    """The probe from the side; with a wrong field its message and the last valid probe.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def picture_of(probe: Probe) -> Picture:
 
 
 def described(probe: Probe) -> str:
-    """The probe in words."""
+    """The probe as text."""
     layers = ", ".join(f"{layer.thickness_mm:g} mm of {layer.young_kpa:g} kPa" for layer in probe.layers)
     face = "flat" if probe.face_curvature_mm is None else f"domed by {probe.face_curvature_mm:g} mm"
     return (

@@ -1,4 +1,4 @@
-"""What is kept of this target, and what it tells: diameter, depth and modulus with their doubt, or hardness."""
+"""Saved presses of this target, and its estimate: diameter, depth and modulus with uncertainty, or hardness."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class EstimatePanel:
         await self._viewer.attempt(self._instrument.estimate, self._instrument.state().target)
 
     async def _refresh(self) -> None:
-        """Read what is kept when it may have changed: here, in another tab or by a script."""
+        """Read the store after a possible change, also by another tab or a script."""
         state = self._state
         if state is None:
             return
@@ -132,7 +132,7 @@ def presses(found: SavedTarget) -> None:
 
 
 def press_cells(press: StoredPress) -> tuple[str, ...]:
-    """What the list of presses says of one."""
+    """Cells of a press in the list."""
     return (
         ROLE_NAMES[press.role],
         force_text(press.force_n),

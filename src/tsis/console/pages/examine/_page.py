@@ -68,7 +68,7 @@ MAPS = ("grey", "cividis", "inferno", "viridis")
 
 
 class LivePanel:
-    """What the camera sees, for everybody who looks."""
+    """The live image."""
 
     def __init__(self) -> None:
         self._map = FIRST_MAP

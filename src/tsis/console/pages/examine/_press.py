@@ -1,4 +1,4 @@
-"""What the store holds of the target under examination, read when it may have changed."""
+"""The saved presses of the examined target, and the controls of a press."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SHOWN = 8  # presses, the newest
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedTarget:
-    """A target's number with what is kept of it.
+    """A target's number and its stored record.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def saved_target(store: Store, number: int) -> SavedTarget:
 
 
 class PressPanel:
-    """What the operator does with a press.
+    """Controls of a press.
 
     Parameters
     ----------
@@ -114,14 +114,14 @@ class PressPanel:
             operated.add(control)
 
     def show(self, state: InstrumentState) -> None:
-        """Show the bench's press."""
+        """Show the instrument's press."""
         self._run.show(state.camera)
         self._target.show(state.target)
         self._role.show(state.role, {role: ROLE_NAMES[role] for role in state.roles})
         self._force.show(state.force_n)
 
     async def snapshot(self) -> None:
-        """Keep the press; a second key while the first is being kept does nothing."""
+        """Save the press; a second key during saving does nothing."""
         if self._saving:
             return
         self._saving = True
@@ -151,7 +151,7 @@ class PressPanel:
 
 
 def snapshot_text(kept: SavedPress) -> str:
-    """What a snapshot says of itself."""
+    """Text of a snapshot."""
     press = kept.press
     against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
     notes = "".join(f" {note}." for note in kept.notes)

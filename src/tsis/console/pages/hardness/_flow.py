@@ -1,4 +1,4 @@
-"""What is there of a measurement of hardness, and what is to be done next."""
+"""State of a hardness measurement, and its next step."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PRESSES = 2  # at different forces, of which the second tests what the first tol
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedPresses:
-    """What the store holds of the object.
+    """The stored presses of the object.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ def next_free(store: Store, number: int) -> int:
 
 
 def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
-    """What is to be done before a press can be estimated, one sentence each; nothing when it can be.
+    """Messages of what an estimate still needs; empty when it can run.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
 
 
 def next_step_text(found: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:
-    """What is to be done next, or what there is, in one sentence."""
+    """The next step, or the state, as a message."""
     count = len(found.on_object)
     if estimating:
         return "The estimate is running."

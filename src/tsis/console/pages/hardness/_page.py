@@ -147,7 +147,7 @@ class _Measurement:
         self._notify(state)
 
     async def _refresh(self) -> None:
-        """Read what is kept when it may have changed: here, in another tab or by a script."""
+        """Read the store after a possible change, also by another tab or a script."""
         state = self._state
         if state is None:
             return

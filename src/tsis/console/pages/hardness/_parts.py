@@ -40,7 +40,7 @@ BARE = "tsis-direct"  # the probe of the catalog that touches objects without ti
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TypedRadius:
-    """Radius of the object and its standard deviation, mm; None where nobody measured them."""
+    """Radius of the object and its standard deviation, mm; None where not measured."""
 
     radius_mm: float | None = None
     sd_mm: float | None = None
@@ -79,7 +79,7 @@ class ObjectPart:
             self._message = ui.label().classes("muted")
 
     def show(self, state: InstrumentState, found: SavedPresses) -> None:
-        """Show the bench's object; what was measured of a virtual one is filled in once."""
+        """Show the instrument's object; known values of a virtual one are filled in once."""
         choice = state.camera.choice
         self._virtual.set_visibility(choice.is_virtual)
         self._real.set_visibility(not choice.is_virtual)
@@ -150,7 +150,7 @@ FORCES_N = ("0.7", "1.2")  # that are offered
 
 
 class PressPart:
-    """Takes presses and shows those that are kept.
+    """Takes presses and shows the saved ones.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ class PressPart:
                     operated.add(self._ball.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
-        """Ask for forces where no gauge tells them."""
+        """Ask for forces where there is no gauge."""
         force = None if state.frame_analysis is None else state.frame_analysis.force
         self._gauge = force is not None and force.source == "gauge"
         self._force.set_visibility(not self._gauge)
@@ -205,7 +205,7 @@ class PressPart:
         self._offered = offered
 
     def allow(self, possible: bool) -> None:
-        """Say whether a press can be kept now."""
+        """Show whether a press can be saved now."""
         for part in (self._row, self._extra):
             part.set_visibility(possible)
 

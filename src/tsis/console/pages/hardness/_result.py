@@ -1,4 +1,4 @@
-"""What came out: the modulus with its interval, as Shore hardness, and what limits it."""
+"""The result: modulus with interval, Shore hardness, and limits."""
 
 from __future__ import annotations
 

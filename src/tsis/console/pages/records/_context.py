@@ -1,4 +1,4 @@
-"""What the page of a target shows, read at once."""
+"""Contents of a target's page, read at once."""
 
 from __future__ import annotations
 
@@ -50,17 +50,17 @@ class TargetView:
 
     @property
     def private(self) -> bool:
-        """Whether this is a subject, of whom notes and names are shown to nobody who did not ask for them."""
+        """Whether this is a subject, whose notes and names are hidden at first."""
         return self.target.kind == "subject"
 
     @property
     def sheet(self) -> tuple[object, ...]:
-        """What is told of the presses: two that are equal look alike."""
+        """Fingerprint of the presses: equal ones have the same view."""
         return self.private, self.offset, self.total, self.presses
 
     @property
     def fingerprint(self) -> tuple[object, ...]:
-        """What is told of all: two that are equal look alike."""
+        """Fingerprint of the whole page: equal ones have the same view."""
         given = self.record
         created = tuple(estimate.id for estimate in given.estimates)
         return self.target, self.sheet, created, tuple(given.calibrations), given.damaged
@@ -152,7 +152,7 @@ CUT = "the file did not come: the connection was cut or it took too long; try ag
 
 
 async def fetch_file(viewer: Viewer, address: str) -> bool:
-    """Have the browser fetch a file and keep it; False, after the reason was shown, when there is none."""
+    """Download a file in the browser; False, after a message, when there is none."""
     try:
         message = await ui.run_javascript(FETCH % json.dumps(address), timeout=LONGEST_S)
     except TimeoutError:

@@ -1,4 +1,4 @@
-"""What a dialog says when somebody else has changed a record meanwhile."""
+"""Dialogs of edits, and of conflicts with another editor."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Record = TypeVar("Record")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edited(Generic[Record]):
-    """What became of a change.
+    """Result of a change.
 
     Attributes
     ----------
@@ -78,13 +78,13 @@ def edit_press(store: Store, target: Target, press: StoredPress, changes: Mappin
 
 
 def differences(before: object, now: object, names: tuple[str, ...]) -> tuple[str, ...]:
-    """What was changed between two versions of a record, one sentence a field."""
+    """Changes between two versions of a record, one message per field."""
     changed = ((name, getattr(before, name), getattr(now, name)) for name in names)
     return tuple(f"{_words(name)}: was {_said(was)}, is {_said(new)} now." for name, was, new in changed if was != new)
 
 
 def changed(record: object, wanted: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the wanted values that a record does not have already."""
+    """The values that differ from the record's."""
     return {name: value for name, value in wanted.items() if getattr(record, name) != value}
 
 
@@ -145,7 +145,7 @@ class Editing(ABC, Generic[Record]):
 
     @abstractmethod
     def _written(self) -> tuple[Any, ...]:
-        """What stands in the fields, for `_edited`."""
+        """Contents of the fields, for `_edited`."""
 
     @abstractmethod
     def _edited(self, *written: Any) -> Edited[Record]:
@@ -204,7 +204,7 @@ async def _tell_why(page: TargetContext, seen: TargetView, press: StoredPress, p
 
 
 def _facts(seen: TargetView, press: StoredPress) -> None:
-    """What the store knows of the press and nobody may change."""
+    """Fixed facts of the press."""
     given = seen.record.calibrations.get(press.calibration or "")
     calibration = "none" if press.calibration is None else press.calibration[:SHORT]
     rows = {

@@ -1,4 +1,4 @@
-"""What was estimated of a target: the numbers in force, and all that came before them."""
+"""Estimates of a target: the current ones, and all before."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def estimates(seen: TargetView) -> None:
 
 
 def history(seen: TargetView) -> None:
-    """Show every estimate that was ever made."""
+    """Show all estimates."""
     result = history_tables(seen.record)
     for item in result:
         table(item)

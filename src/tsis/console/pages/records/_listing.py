@@ -1,4 +1,4 @@
-"""Which targets a list shows: those that were searched for, in the order and on the sheet that was asked for."""
+"""List of targets: search, order and page."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ KEYS: dict[str, Callable[[TargetSummary], Any]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """What was asked for.
+    """The request of a list.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Order:
 
     @classmethod
     def requested(cls, pagination: Mapping[str, Any], *, search: str, kind: str) -> Order:
-        """What the table in a browser asks for; anything odd in it becomes what a new page shows."""
+        """The request of a browser's table; invalid values become defaults."""
         column, sheet, rows = (pagination.get(name) for name in ("sortBy", "page", "rowsPerPage"))
         return cls(
             search=search,
@@ -74,7 +74,7 @@ class Order:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
-    """A sheet of a list: its targets, its number, and how many targets all sheets hold."""
+    """A page of a list: its targets, its number, and the number of all targets."""
 
     targets: tuple[TargetSummary, ...]
     sheet: int
@@ -82,7 +82,7 @@ class Sheet:
 
 
 def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
-    """The targets to show; a sheet behind the last one is the last one."""
+    """The targets to show; a page beyond the last becomes the last."""
     requested = order.search.strip().casefold()
     results = [target for target in targets if _is_wanted(target, requested, order.kind)]
     results.sort(key=lambda item: item.target.number)
@@ -203,7 +203,7 @@ class _Found:
         self._table.pagination = self._pages(sheet)
 
     def _pages(self, sheet: Sheet) -> dict[str, Any]:
-        """What the table in the browser is told of the sheet that it shows."""
+        """Pagination for the browser's table."""
         return {
             "sortBy": self._order.column,
             "descending": self._order.descending,

@@ -132,7 +132,7 @@ def _range(seen: TargetView) -> str:
 
 
 def _leave_out(frame: ui.element) -> None:
-    """Say in place of a picture that there is none; the press itself tells why."""
+    """Show a message in place of a missing picture."""
     frame.clear()
     with frame:
         ui.label(NO_PICTURE).classes("press-damaged")

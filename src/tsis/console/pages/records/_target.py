@@ -1,4 +1,4 @@
-"""What can be done with a target: report, estimate, compute again, export."""
+"""The page of a target: report, estimate, recompute, export."""
 
 from __future__ import annotations
 

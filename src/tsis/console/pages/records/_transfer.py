@@ -34,7 +34,7 @@ PAGE = "This form shows what the report shows; of a subject the pseudonym only."
 
 
 def export_button(page: TargetContext, seen: TargetView) -> None:
-    """A button that asks for the form, and has the browser keep the file."""
+    """A button that asks for the form, and downloads the file."""
     ui.button("Export", icon="download", on_click=lambda: _ask(page, seen)).props("dense no-caps outline")
 
 
@@ -79,7 +79,7 @@ TOO_LARGE = f"a bundle must be one zip file of at most {LARGEST_MIB} MiB here; l
 
 
 def import_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
-    """A button that asks for a bundle, takes it in, and says in ``place`` what became of it."""
+    """A button that asks for a bundle, imports it, and shows the result in ``place``."""
     with ui.dialog() as dialog, ui.card().classes("asked"):
         panel_title("Import a bundle")
         ui.label(EXPLAINED).classes("muted")
@@ -108,7 +108,7 @@ def import_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
 
 
 async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
-    """What was uploaded in a folder of its own; None, after the reason was told, when there is no room for it."""
+    """The upload in its own folder; None, after a message, when the disk is full."""
     folder: Path | None = None
     try:
         folder = Path(tempfile.mkdtemp(prefix="tsis-import-"))
@@ -144,7 +144,7 @@ MOST_SHOWN = 100  # faults; a store that has more has one cause
 
 
 def verify_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
-    """A button that has all of the store compared with its audit, and shows in ``place`` what was found."""
+    """A button that verifies the store against its audit, and shows the result in ``place``."""
 
     async def begin() -> None:
         job: Job | None = await viewer.attempt(

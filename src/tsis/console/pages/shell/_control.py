@@ -1,4 +1,4 @@
-"""What everybody must know: trouble, said at once; who holds the camera, said when there is time."""
+"""Messages for everybody: trouble, and the camera's owner."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Notices:
         self._message: tuple[tuple[str, ...], str] = ((), "")
 
     def show(self, now: InstrumentState) -> None:
-        """Say what has changed; what stays is not said again."""
+        """Show changes only."""
         watching = ""
         if now.owner is not None and now.owner.identity != self._viewer.identity:
             watching = f"{now.owner.name} holds the camera; you watch."
@@ -75,7 +75,7 @@ TOLD_MS = 0  # for which the sentence to who lost the camera stays: until it is 
 
 
 class ControlButtons:
-    """A button that takes the camera and one that gives it back; the other is asked for, and told.
+    """Buttons that take and release the camera.
 
     They are two, so that a click does what the button said when it was clicked, whatever changes meanwhile.
 
@@ -104,7 +104,7 @@ class ControlButtons:
                 ui.button("Leave it", on_click=self._dialog.close).props("dense no-caps outline")
 
     def show(self, now: InstrumentState) -> None:
-        """Show the button that makes sense; tell when somebody else has taken the camera."""
+        """Show the applicable button; notify when somebody else has taken the camera."""
         mine = now.owner is not None and now.owner.identity == self._viewer.identity
         self._take.set_visibility(not mine)
         self._release.set_visibility(mine)
@@ -118,7 +118,7 @@ class ControlButtons:
         self._in_control = mine
 
     def heard(self) -> None:
-        """Say that this page is open; a camera that nobody holds is its, unless it was given back here."""
+        """Report that this page is open; it takes a free camera, unless it was released here."""
         control, viewer = self._instrument.control, self._viewer
         if not ui.context.client.has_socket_connection:
             return
@@ -144,7 +144,7 @@ class ControlButtons:
         await self._taken(over=True)
 
     async def _taken(self, *, over: bool) -> None:
-        """Take the camera; from somebody who holds it only when that was asked for and answered."""
+        """Take the camera; from another owner only after confirmation."""
         self._gave_back = False
         await self._viewer.attempt(self._instrument.control.take, self._viewer.identity, self._viewer.name, over=over)
 

@@ -21,7 +21,7 @@ SHOWN = 8  # the newest
 
 
 class JobList:
-    """A button that says whether anything is under way, and a list behind it.
+    """A button that shows running jobs, and their list.
 
     Parameters
     ----------

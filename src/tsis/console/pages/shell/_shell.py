@@ -132,7 +132,7 @@ def address_of(path: str) -> str:
 
 
 def title_of(path: str) -> str:
-    """What the page of a path is called."""
+    """Title of a path's page."""
     return PAGES[address_of(path)][0] if address_of(path) in PAGES else NOWHERE
 
 

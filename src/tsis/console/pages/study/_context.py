@@ -1,4 +1,4 @@
-"""What a page shows of a study, read at once; of its truth nothing while it is blind."""
+"""Contents of a study's page, read at once, without the truth of a blind study."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _one = Lock()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceProgress:
-    """How far a device is: readings of one operator, of all that he is to make."""
+    """Progress of a device: an operator's readings, and all expected ones."""
 
     device: str
     operator: str
@@ -44,7 +44,7 @@ class DeviceProgress:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StudyResult:
-    """What an unblinded study says: its report, the picture of its curves drawn, every target with its truth."""
+    """Results of an unblinded study: report, drawn curves, every target with its truth."""
 
     page: Page
     curves: str
@@ -81,7 +81,7 @@ def view_study(shelf: StudyRepository, name: str) -> StudyView:
 
 
 def study_result(study: Study) -> StudyResult:
-    """What an unblinded study says; kept, for it takes a while and stays the same until the log grows."""
+    """Results of an unblinded study, cached until the log grows."""
     key = (study.folder.resolve(), study.chain.head)
     with _one:
         if key not in _kept:

@@ -49,7 +49,7 @@ class CodeTable:
         )
 
     def show(self, found: StudyView, told: StudyResult | None) -> None:
-        """Show codes with what is read, or with the truth where the study says it."""
+        """Show codes with their readings, or with the truth of an unblinded study."""
         if told is None:
             headings, rows = _progress(found.study)
         else:
@@ -93,7 +93,7 @@ MOST_REPEATS = 1000
 
 @dataclass(slots=True)
 class StudyDraft:
-    """What is in the fields of a new study."""
+    """Contents of the fields of a new study."""
 
     name: str = ""
     like: str = "printed"
@@ -107,7 +107,7 @@ class StudyDraft:
     seed: str = ""
 
     def make(self, shelf: StudyRepository, *, actor: str) -> str:
-        """Make the study, and return its name; `InputError` when a field holds what cannot be."""
+        """Create the study, and return its name; `InputError` for an invalid field."""
         name = self.name.strip()
         with field_messages(WORDS):
             shelf.make(
@@ -142,7 +142,7 @@ class StudyDraft:
 
 
 def typed_whole(name: str, text: str) -> int:
-    """The whole number that somebody typed; `InputError` when it is none."""
+    """The typed whole number; `InputError` for other text."""
     value = typed_number(name, text)
     if not value.is_integer():
         raise InputError(f"{name} must be a whole number; got {text.strip()!r:.40}")

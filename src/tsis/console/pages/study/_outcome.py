@@ -1,4 +1,4 @@
-"""What an unblinded study says: its numbers with their intervals, its curves, and the way to the report."""
+"""Results of an unblinded study: numbers with intervals, curves, and a link to the report."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Outcome:
         self._panel.set_visibility(False)
 
     async def show(self, found: StudyView) -> StudyResult | None:
-        """Show the numbers, and give them; None while the study is blind, or when they cannot be told."""
+        """Show and return the numbers; None while the study is blind, or without numbers."""
         if found.study.unblinded is None:
             return None
         self._panel.set_visibility(True)
@@ -156,7 +156,7 @@ VERIFICATION_MEANING = (
 
 
 def verify_button(page: StudyContext, place: ui.element) -> None:
-    """A button that compares plan, seal, reports and log, and shows in ``place`` what was found."""
+    """A button that verifies plan, seal, reports and log, and shows the result in ``place``."""
 
     async def begin(head: str = "") -> None:
         with loading(button):

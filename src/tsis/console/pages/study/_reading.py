@@ -1,4 +1,4 @@
-"""How far each device is, and its readings as a table."""
+"""Progress of the devices, and import and export of readings."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ class Running:
             self._begin = ui.button("Run on the virtual probe", icon="play_arrow", on_click=self._run).props("no-caps")
 
     def show(self, found: StudyView) -> None:
-        """Go on for who read before, unless somebody has typed already."""
+        """Fill in the last operator, unless the field has text."""
         before = [
             device
             for device in found.devices
@@ -153,7 +153,7 @@ CUT = "the file did not come whole; try again"
 
 
 def import_button(page: StudyContext) -> ui.button:
-    """A button that asks for device, threshold and file, and enters what the file says."""
+    """A button that asks for device, threshold and file, and enters its readings."""
     viewer = page.viewer
     with ui.dialog() as dialog, ui.card().classes("asked study-asked"):
         panel_title("Import readings")
