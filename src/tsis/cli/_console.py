@@ -75,7 +75,7 @@ def console(
     preparing.enter_context(waiting("preparing the console"))
     package = import_module("tsis.console")
     terms = package.ConsoleSettings(
-        bench=package.InstrumentSettings(
+        instrument=package.InstrumentSettings(
             workspace=out,
             store=store,
             kind=kind,

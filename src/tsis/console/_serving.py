@@ -145,7 +145,7 @@ class ConsoleSettings:
 
     Parameters
     ----------
-    bench
+    instrument
         Initial settings.
     host, port
         Address and port; port 0 is any free one. An address open to other machines needs a certificate and a
@@ -158,7 +158,7 @@ class ConsoleSettings:
         Create a new key; the old one is no longer valid.
     """
 
-    bench: InstrumentSettings = field(default_factory=InstrumentSettings)
+    instrument: InstrumentSettings = field(default_factory=InstrumentSettings)
     host: str = LOOPBACK
     port: int = 8642
     certificate: Certificate | None = None
@@ -202,7 +202,7 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
                 secure=tls is not None,
             )
             share_memory_among_threads()
-            with logging_to(folder), Instrument(terms.bench) as instrument:
+            with logging_to(folder), Instrument(terms.instrument) as instrument:
                 application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
                 ready(_entrance(listener, address, terms, token))
                 with (

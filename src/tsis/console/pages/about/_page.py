@@ -98,13 +98,13 @@ def camera_facts(state: InstrumentState) -> Facts:
     return tuple(results)
 
 
-def place_facts(bench: Instrument) -> Facts:
+def place_facts(instrument: Instrument) -> Facts:
     """Where data are stored, and how much."""
-    store = bench.store
+    store = instrument.store
     return (
-        ("Snapshots and sequences", str(bench.terms.workspace.resolve())),
+        ("Snapshots and sequences", str(instrument.terms.workspace.resolve())),
         ("Store of records", str(store.folder.resolve())),
-        ("Its rows", "in SQLite, in that folder" if bench.terms.database is None else "in PostgreSQL"),
+        ("Its rows", "in SQLite, in that folder" if instrument.terms.database is None else "in PostgreSQL"),
         ("Its kind", f"{store.kind}s"),
         *_counts(store),
     )
@@ -127,7 +127,7 @@ FINDINGS = (
 )
 
 
-async def about_page(bench: Instrument, viewer: Viewer) -> None:
+async def about_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("about"):
         with _panel("Research use only"):
@@ -151,7 +151,7 @@ async def about_page(bench: Instrument, viewer: Viewer) -> None:
         with _panel(f"Licence: {LICENCE}"), ui.expansion("Read it").props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
-    in_force = CalibrationMemory(bench)
+    in_force = CalibrationMemory(instrument)
 
     def show(state: InstrumentState) -> None:
         calibration.show(calibration_facts(state, in_force.of(state)))
@@ -159,7 +159,7 @@ async def about_page(bench: Instrument, viewer: Viewer) -> None:
 
     viewer.follow(show)
     versions.show(await viewer.attempt(version_facts) or ())
-    positions.show(await viewer.attempt(place_facts, bench) or ())
+    positions.show(await viewer.attempt(place_facts, instrument) or ())
 
 
 @contextmanager

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LOOK_S = 2.0  # between two looks at the folder
 
 
-def calibrate_page(bench: Instrument, viewer: Viewer) -> None:
+def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     operated = OperatorControls(viewer)
     with ui.element("div").classes("split calibrate-choosing"):
@@ -35,12 +35,12 @@ def calibrate_page(bench: Instrument, viewer: Viewer) -> None:
             listed = ui.element("div").classes("stack")
         with ui.element("section").classes("panel"):
             panel_title("Begin a calibration")
-            form = TermsForm(bench, viewer, operated)
+            form = TermsForm(instrument, viewer, operated)
             operated.why()
     shown: list[Sequence[SessionSummary]] = []
 
     async def look() -> None:
-        result = await run.io_bound(bench.calibrating.listed)
+        result = await run.io_bound(instrument.calibrating.listed)
         if result is None or shown == [result]:
             return
         shown[:] = [result]
@@ -166,11 +166,11 @@ def status_text(state: StepState) -> str:
 POLL_S = 0.3  # between two looks at the session
 
 
-async def session_page(bench: Instrument, viewer: Viewer, name: str) -> None:
+async def session_page(instrument: Instrument, viewer: Viewer, name: str) -> None:
     """Build the page of the session of that name."""
     position = ui.element("div").classes("stack")
     try:
-        session: CalibrationSession | None = await run.io_bound(bench.calibrating.open, name)
+        session: CalibrationSession | None = await run.io_bound(instrument.calibrating.open, name)
     except TsisError as error:
         with position, ui.element("section").classes("panel"):
             ui.label(str(error)).classes("doubtful")
@@ -179,13 +179,13 @@ async def session_page(bench: Instrument, viewer: Viewer, name: str) -> None:
     if session is None:  # the console is being ended
         return
     with position:
-        _Guide(bench, viewer, session)
+        _Guide(instrument, viewer, session)
 
 
 class _Guide:
     """The parts of a session's page, and which step is looked at."""
 
-    def __init__(self, bench: Instrument, viewer: Viewer, session: CalibrationSession) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, session: CalibrationSession) -> None:
         self._session = session
         self._operated = OperatorControls(viewer)
         self._chosen: str | None = None
@@ -208,7 +208,7 @@ class _Guide:
                             with ui.element("div").classes("calibrate-live"):
                                 self._view = LiveView(map_name="grey")
                         self._frame = SavedFrame(viewer, session)
-                self._making = Making(bench, viewer, session, self._operated)
+                self._making = Making(instrument, viewer, session, self._operated)
         self._result = CalibrationResultPanel(viewer, session)
         viewer.every(POLL_S, self._refresh)
         viewer.follow(self._show)

@@ -131,9 +131,9 @@ class Making:
     """
 
     def __init__(
-        self, bench: Instrument, viewer: Viewer, session: CalibrationSession, operated: OperatorControls
+        self, instrument: Instrument, viewer: Viewer, session: CalibrationSession, operated: OperatorControls
     ) -> None:
-        self._instrument, self._viewer, self._session = bench, viewer, session
+        self._instrument, self._viewer, self._session = instrument, viewer, session
         self._identity = ""
         with ui.element("section").classes("panel stack").props('aria-label="Calibration"'):
             with ui.element("div").classes("row"):

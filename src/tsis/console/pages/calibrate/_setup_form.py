@@ -47,9 +47,9 @@ class TermsForm:
         Takes the button.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer = bench, viewer
-        choice = bench.camera_controller.choice
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        choice = instrument.camera_controller.choice
         self._virtual = choice.is_virtual
         shown_tips = ", ".join(number_text_of_field(tip) for tip in TIPS_MM)
         with ui.element("div").classes("stack"):

@@ -39,8 +39,8 @@ class ChosenPanel:
         Takes the controls.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             with ui.element("div"):
                 panel_title("Camera in use")
@@ -49,7 +49,7 @@ class ChosenPanel:
             ui.element("div").classes("spring")
             select = ui.select({}, label="Mode").props("dense outlined").classes("mode")
             self._mode = ChoiceField(viewer, select, self._in_mode)
-            self._run = RunButton(bench, viewer)
+            self._run = RunButton(instrument, viewer)
             ui.link("Examine", "/")
         operated.add(select)
         operated.add(self._run.element)
@@ -95,8 +95,8 @@ class FoundPanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer, self._operated = bench, viewer, operated
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer, self._operated = instrument, viewer, operated
         self._shown: tuple[str, str] | None = None
         with ui.element("section").classes("panel stack tight"):
             with ui.element("div").classes("row"):
@@ -162,19 +162,19 @@ def search_text(job: JobState | None) -> str:
     return "Searching all sources; this takes some seconds." if job.running else job.sentence
 
 
-def camera_page(bench: Instrument, viewer: Viewer) -> None:
+def camera_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     operated = OperatorControls(viewer)
     with ui.element("div").classes("panel stack"):
-        chosen = ChosenPanel(bench, viewer, operated)
+        chosen = ChosenPanel(instrument, viewer, operated)
         operated.why()
     with ui.element("div").classes("camera-columns"):
         with ui.element("div").classes("stack"):
-            virtual = VirtualPanel(bench, viewer, operated)
-            calibration = CalibrationPanel(bench, viewer, operated)
+            virtual = VirtualPanel(instrument, viewer, operated)
+            calibration = CalibrationPanel(instrument, viewer, operated)
         with ui.element("div").classes("stack"):
-            panel = FoundPanel(bench, viewer, operated)
-            gauge = GaugePanel(bench, viewer, operated)
+            panel = FoundPanel(instrument, viewer, operated)
+            gauge = GaugePanel(instrument, viewer, operated)
 
     def show(state: InstrumentState) -> None:
         for part in (chosen, virtual, panel, calibration, gauge, operated):

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument, InstrumentState
 
 
-def choose_and_start(bench: Instrument, choice: CameraChoice, *, by: str) -> None:
+def choose_and_start(instrument: Instrument, choice: CameraChoice, *, by: str) -> None:
     """Choose another camera and start it; a camera that does not start stays chosen.
 
     Raises
@@ -44,8 +44,8 @@ def choose_and_start(bench: Instrument, choice: CameraChoice, *, by: str) -> Non
     TsisError
         When it does not start.
     """
-    bench.choose(choice, by=by)
-    bench.start(by=by)
+    instrument.choose(choice, by=by)
+    instrument.start(by=by)
 
 
 SHORT = 12
@@ -60,8 +60,8 @@ class CalibrationPanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer, self._calibration = bench, viewer, CalibrationMemory(bench)
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer, self._calibration = instrument, viewer, CalibrationMemory(instrument)
         with ui.element("section").classes("panel stack tight"):
             panel_title("Active calibration")
             self._name = ui.label()
@@ -124,8 +124,8 @@ class GaugePanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         with ui.element("section").classes("panel stack tight") as self._panel:
             panel_title("Force gauge")
             self._in_use = ui.label().props("role=status")
@@ -192,9 +192,9 @@ class VirtualPanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer = bench, viewer
-        choice = bench.camera_controller.choice
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        choice = instrument.camera_controller.choice
         with ui.element("section").classes("panel stack tight"):
             panel_title("Virtual probe")
             ui.label("No hardware: mechanics, light and camera are calculated.").classes("muted")

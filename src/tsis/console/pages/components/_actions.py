@@ -132,8 +132,8 @@ class RunButton:
         Who clicks.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._instrument, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._runs: bool | None = None  # as the button says; None before anything is known
         self.element = ui.button("Start", on_click=self._clicked).props("no-caps outline").classes("run")
 

@@ -55,9 +55,9 @@ class StatePoller:
         What is looked at.
     """
 
-    def __init__(self, bench: Instrument) -> None:
-        self._state = _Shared(lambda: bench.state(), FRESH_S)
-        self._entries = _Shared(lambda: bench.store.entries(), ENTRIES_FRESH_S)
+    def __init__(self, instrument: Instrument) -> None:
+        self._state = _Shared(lambda: instrument.state(), FRESH_S)
+        self._entries = _Shared(lambda: instrument.store.entries(), ENTRIES_FRESH_S)
 
     async def state(self) -> InstrumentState | None:
         """The state, at most 0.2 s old, shared by all callers; None at the end."""

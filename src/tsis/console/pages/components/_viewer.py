@@ -48,8 +48,8 @@ class Viewer:
         Whether the page can be seen now, and is not behind another tab.
     """
 
-    def __init__(self, client: Client, bench: Instrument, glance: StatePoller, tabs: Tabs) -> None:
-        self._client, self._instrument, self._summary, self._tabs = client, bench, glance, tabs
+    def __init__(self, client: Client, instrument: Instrument, glance: StatePoller, tabs: Tabs) -> None:
+        self._client, self._instrument, self._summary, self._tabs = client, instrument, glance, tabs
         self.visible = True
 
     @property
@@ -152,8 +152,8 @@ class CalibrationMemory:
         Where it is in force.
     """
 
-    def __init__(self, bench: Instrument) -> None:
-        self._instrument = bench
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument = instrument
         self._calibration: UsableCalibration | None = None
 
     def of(self, state: InstrumentState) -> UsableCalibration | None:

@@ -70,8 +70,8 @@ class DesignResultPanel:
         What is asked about.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, desk: ProbeEditor) -> None:
-        self._instrument, self._viewer, self._editor = bench, viewer, desk
+    def __init__(self, instrument: Instrument, viewer: Viewer, desk: ProbeEditor) -> None:
+        self._instrument, self._viewer, self._editor = instrument, viewer, desk
         self._shown: Job | None = None
         self._begun_here = False
         with ui.element("div").classes("row below"):
@@ -167,7 +167,7 @@ WHAT = (
 )
 
 
-async def design_tab(bench: Instrument, viewer: Viewer) -> None:
+async def design_tab(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page with this tab's draft."""
     await ui.context.client.connected()
     controller = viewer.kept(ProbeEditor)
@@ -178,7 +178,7 @@ async def design_tab(bench: Instrument, viewer: Viewer) -> None:
                 section = Section(controller, viewer)
             with ui.element("section").classes("panel"):
                 QuestionForm(controller)
-                reporting = DesignResultPanel(bench, viewer, controller)
+                reporting = DesignResultPanel(instrument, viewer, controller)
         with probe_panel:
             ProbeForm(controller, lambda: background_tasks.create(section.draw(), name="section of the probe"))
             ui.label(WHAT).classes("muted below")

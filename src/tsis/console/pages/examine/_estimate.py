@@ -44,8 +44,8 @@ class EstimatePanel:
         As of `PressPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._instrument, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._state: InstrumentState | None = None
         self._shown: tuple[object, ...] | None = None
         with ui.element("div").classes("row"):

@@ -129,7 +129,7 @@ def camera_line(camera: CameraState) -> str:
     return f"{camera.name}: {camera.frames_per_s:.0f} frames/s, {camera.missed} dropped{breaks}{size}"
 
 
-def examine_page(bench: Instrument, viewer: Viewer) -> None:
+def examine_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     operated = OperatorControls(viewer)
     with ui.element("div").classes("split examine"):
@@ -137,7 +137,7 @@ def examine_page(bench: Instrument, viewer: Viewer) -> None:
             live = LivePanel()
         with ui.element("section").classes("stack").props('aria-label="Press, estimate and camera"'):
             with ui.element("div").classes("panel stack tight"):
-                press = PressPanel(bench, viewer, operated)
+                press = PressPanel(instrument, viewer, operated)
                 with press.force_row:
                     force = ForceRow()
                 flags = FlagList()
@@ -147,11 +147,11 @@ def examine_page(bench: Instrument, viewer: Viewer) -> None:
                     reported, set_up, recorded = ui.tab("Estimate"), ui.tab("Settings"), ui.tab("Sequence")
                 with ui.tab_panels(tabs, value=reported).props("keep-alive").classes("plain-panels"):
                     with ui.tab_panel(reported):
-                        estimate = EstimatePanel(bench, viewer)
+                        estimate = EstimatePanel(instrument, viewer)
                     with ui.tab_panel(set_up):
-                        settings = SettingsPanel(bench, viewer, operated)
+                        settings = SettingsPanel(instrument, viewer, operated)
                     with ui.tab_panel(recorded):
-                        sequence = SequencePanel(bench, viewer, operated)
+                        sequence = SequencePanel(instrument, viewer, operated)
     Keys(snapshot=press.snapshot, step=press.step, alone=live.single)
 
     def show(state: InstrumentState) -> None:

@@ -93,10 +93,10 @@ class PressPanel:
         Takes the controls.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer, self._saving = bench, viewer, False
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer, self._saving = instrument, viewer, False
         with ui.element("div").classes("row"):
-            self._run = RunButton(bench, viewer)
+            self._run = RunButton(instrument, viewer)
             self._save = ui.button("Snapshot", icon="photo_camera", on_click=self.snapshot).props("no-caps unelevated")
             with ui.element("div").classes("stepper"):
                 back = self._stepper("remove", "Target before", -1)
@@ -105,10 +105,10 @@ class PressPanel:
         with ui.element("div").classes("row"):
             choice = ui.toggle({}, value=None).props("no-caps unelevated toggle-color=primary").classes("roles")
             choice.props('role=group aria-label="Pressed on"')
-            self._role = ChoiceField(viewer, choice, lambda role: bench.hold(role=role, by=viewer.identity))
+            self._role = ChoiceField(viewer, choice, lambda role: instrument.hold(role=role, by=viewer.identity))
         with ui.element("div").classes("row") as self.force_row:
             self._force = NumberField(
-                viewer, "Force", self._hold, unit="N", emptied=lambda: bench.forget_force(by=viewer.identity)
+                viewer, "Force", self._hold, unit="N", emptied=lambda: instrument.forget_force(by=viewer.identity)
             )
         for control in (self._run.element, self._save, back, on, self._target.element, choice, self._force.element):
             operated.add(control)
@@ -173,8 +173,8 @@ class SequencePanel:
         As of `PressPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             self._length = unit_field("Length", number_text_of_field(FIRST_LENGTH)).classes("number-field")
             self._unit = ui.toggle([SECONDS, FRAMES], value=SECONDS).props("no-caps unelevated toggle-color=primary")

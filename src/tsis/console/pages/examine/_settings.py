@@ -98,8 +98,8 @@ class SettingsPanel:
         As of `PressPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer, self._operated = bench, viewer, operated
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer, self._operated = instrument, viewer, operated
         self._lines: dict[str, SettingLine] = {}
         self._shape: tuple[object, ...] | None = None
         with ui.element("div").classes("row"):

@@ -58,9 +58,13 @@ class Estimating:
     """
 
     def __init__(
-        self, bench: Instrument, viewer: Viewer, radius: Callable[[], TypedRadius], ball_radius: Callable[[], float]
+        self,
+        instrument: Instrument,
+        viewer: Viewer,
+        radius: Callable[[], TypedRadius],
+        ball_radius: Callable[[], float],
     ) -> None:
-        self._instrument, self._viewer, self._radius, self._ball_radius = bench, viewer, radius, ball_radius
+        self._instrument, self._viewer, self._radius, self._ball_radius = instrument, viewer, radius, ball_radius
         with ui.element("div").classes("panel stack tight"):
             with ui.element("div").classes("row"):
                 panel_title("3  Estimate")
@@ -106,16 +110,16 @@ class Estimating:
 LOOK_S = 0.5  # between two looks into the store
 
 
-def hardness_tab(bench: Instrument, viewer: Viewer) -> None:
+def hardness_tab(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    _Measurement(bench, viewer)
+    _Measurement(instrument, viewer)
 
 
 class _Measurement:
     """The parts of the page, and what they show."""
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._instrument, self._viewer, self._calibration = bench, viewer, CalibrationMemory(bench)
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer, self._calibration = instrument, viewer, CalibrationMemory(instrument)
         self._state: InstrumentState | None = None
         self._results = SavedPresses(number=0)
         self._mark: object = None
@@ -129,9 +133,9 @@ class _Measurement:
                 with ui.element("div").classes("panel hardness-next"):
                     self._next = ui.label().classes("strong").props("role=status")
                     self._operated.why()
-                self._object = ObjectPart(bench, viewer, self._operated)
-                self._presses = PressPart(bench, viewer, self._operated)
-                self._estimating = Estimating(bench, viewer, self._object.radius, self._presses.ball_radius)
+                self._object = ObjectPart(instrument, viewer, self._operated)
+                self._presses = PressPart(instrument, viewer, self._operated)
+                self._estimating = Estimating(instrument, viewer, self._object.radius, self._presses.ball_radius)
         self._result = HardnessPanel(viewer)
         viewer.every(LOOK_S, self._refresh)
         viewer.follow(self._show)

@@ -55,8 +55,8 @@ class ObjectPart:
         As of the page's other parts.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._filled: object = None
         with ui.element("div").classes("panel stack tight"):
             with ui.element("div").classes("row"):
@@ -158,8 +158,8 @@ class PressPart:
         As of the page's other parts.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._gauge = False
         self._offered = FORCES_N[0]
         self._shown: tuple[str, ...] | None = None

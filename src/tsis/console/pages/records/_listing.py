@@ -112,7 +112,7 @@ BEGIN = (
 )
 
 
-def target_listing(bench: Instrument, viewer: Viewer) -> None:
+def target_listing(instrument: Instrument, viewer: Viewer) -> None:
     """Build the list."""
     with ui.element("section").classes("panel stack"):
         with ui.element("div").classes("row"):
@@ -122,17 +122,17 @@ def target_listing(bench: Instrument, viewer: Viewer) -> None:
             buttons = ui.element("div").classes("row")
         below = ui.element("div")
         with buttons:
-            verify_button(bench, viewer, below)
-            import_button(bench, viewer, below)
-        result = _Found(bench, viewer, reported)
+            verify_button(instrument, viewer, below)
+            import_button(instrument, viewer, below)
+        result = _Found(instrument, viewer, reported)
     follow_store(viewer, result.load)
 
 
 class _Found:
     """The table of targets, and what was asked of it."""
 
-    def __init__(self, bench: Instrument, viewer: Viewer, told: ui.label) -> None:
-        self._instrument, self._viewer, self._count = bench, viewer, told
+    def __init__(self, instrument: Instrument, viewer: Viewer, told: ui.label) -> None:
+        self._instrument, self._viewer, self._count = instrument, viewer, told
         self._targets: tuple[TargetSummary, ...] = ()
         self._order = Order()
         with ui.element("div").classes("row") as self._asking:

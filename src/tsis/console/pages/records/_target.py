@@ -34,9 +34,9 @@ def target_buttons(page: TargetContext, seen: TargetView) -> None:
     ui.link("PDF", f"/files/report/{target.number}.pdf").classes("link button").props("download")
 
 
-def show_target(bench: Instrument, viewer: Viewer, number: str) -> None:
+def show_target(instrument: Instrument, viewer: Viewer, number: str) -> None:
     """Build the page of the target whose number stands in the address."""
-    follow_store(viewer, TargetPage(bench, viewer, number).load)
+    follow_store(viewer, TargetPage(instrument, viewer, number).load)
 
 
 class TargetPage:
@@ -50,8 +50,8 @@ class TargetPage:
         As it stands in the address, whatever that is.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, number: str) -> None:
-        self.instrument, self.viewer, self.number = bench, viewer, number
+    def __init__(self, instrument: Instrument, viewer: Viewer, number: str) -> None:
+        self.instrument, self.viewer, self.number = instrument, viewer, number
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel"):
                 self._head = ui.element("div").classes("row")

@@ -78,7 +78,7 @@ EXPLAINED = (
 TOO_LARGE = f"a bundle must be one zip file of at most {LARGEST_MIB} MiB here; larger ones: tsis records import"
 
 
-def import_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
+def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
     """A button that asks for a bundle, imports it, and shows the result in ``place``."""
     with ui.dialog() as dialog, ui.card().classes("asked"):
         panel_title("Import a bundle")
@@ -93,9 +93,9 @@ def import_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
         if folder is None:
             return
         job: Job | None = await viewer.attempt(
-            bench.jobs.begin,
+            instrument.jobs.begin,
             "import of a bundle",
-            lambda job: _take_in(bench, folder, job),
+            lambda job: _take_in(instrument, folder, job),
             after=lambda: _remove(folder),  # also of one that was ended before it began
         )
         if job is None:
@@ -121,10 +121,10 @@ async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
     return folder
 
 
-def _take_in(bench: Instrument, folder: Path, job: Job) -> ImportedTarget:
+def _take_in(instrument: Instrument, folder: Path, job: Job) -> ImportedTarget:
     """Read what was uploaded and enter it."""
     try:
-        return bench.store.take_in(read_bundle(folder / BUNDLE), progress=job.advance)
+        return instrument.store.take_in(read_bundle(folder / BUNDLE), progress=job.advance)
     except FileInputError as error:  # which names a place that nobody has seen and that is gone in a moment
         raise FileInputError(str(error).replace(f"{folder}/", "")) from error
 
@@ -143,12 +143,12 @@ def _show(job: Job) -> None:
 MOST_SHOWN = 100  # faults; a store that has more has one cause
 
 
-def verify_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
+def verify_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
     """A button that verifies the store against its audit, and shows the result in ``place``."""
 
     async def begin() -> None:
         job: Job | None = await viewer.attempt(
-            bench.jobs.begin, "verify the store", lambda job: verify_store(bench.store, progress=job.advance)
+            instrument.jobs.begin, "verify the store", lambda job: verify_store(instrument.store, progress=job.advance)
         )
         if job is not None:
             follow_job(job, place, lambda: _show_verification(job, place))

@@ -87,8 +87,8 @@ class ControlButtons:
         Who takes it.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._instrument, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._gave_back = self._in_control = False
         self._take = ui.button(TAKE, on_click=self._take_control).props("flat dense no-caps")
         self._release = ui.button(RELEASE, on_click=self._release_control).props("flat dense no-caps")

@@ -31,8 +31,8 @@ class JobList:
         Who looks; whoever holds the camera may end jobs.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._instrument, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._rows: dict[str, _Row] = {}
         self._button = ui.button("Jobs").props('flat dense no-caps aria-haspopup="true"')
         with self._button, ui.menu().props('anchor="bottom right" self="top right"'):

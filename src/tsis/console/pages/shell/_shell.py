@@ -149,8 +149,8 @@ class Shell:
         What the pages show.
     """
 
-    def __init__(self, bench: Instrument) -> None:
-        self._instrument, self._summary, self._tabs = bench, StatePoller(bench), Tabs()
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument, self._summary, self._tabs = instrument, StatePoller(instrument), Tabs()
 
     def build(self) -> None:
         """Build the page of the tab that opens now."""

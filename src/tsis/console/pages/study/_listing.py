@@ -160,9 +160,9 @@ MEANT = (
 )
 
 
-def study_listing(bench: Instrument, viewer: Viewer) -> None:
+def study_listing(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    repository = StudyRepository(bench.terms.workspace)
+    repository = StudyRepository(instrument.terms.workspace)
     with ui.element("div").classes("split"):
         with ui.element("section").classes("panel stack"):
             panel_title("Studies")

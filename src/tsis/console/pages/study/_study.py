@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 EVERY_S = 0.5
 
 
-def show_study(bench: Instrument, viewer: Viewer, name: str) -> None:
+def show_study(instrument: Instrument, viewer: Viewer, name: str) -> None:
     """Build the page of the study whose name stands in the address."""
-    viewer.every(EVERY_S, StudyPage(bench, viewer, name).refresh)
+    viewer.every(EVERY_S, StudyPage(instrument, viewer, name).refresh)
 
 
 class StudyPage:
@@ -38,9 +38,9 @@ class StudyPage:
         As it stands in the address, whatever that is.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, name: str) -> None:
-        self.jobs, self.viewer, self.name = bench.jobs, viewer, name
-        self.repository = StudyRepository(bench.terms.workspace)
+    def __init__(self, instrument: Instrument, viewer: Viewer, name: str) -> None:
+        self.jobs, self.viewer, self.name = instrument.jobs, viewer, name
+        self.repository = StudyRepository(instrument.terms.workspace)
         self._shown: tuple[int, int] | None = None
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel stack"):
