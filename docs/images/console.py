@@ -26,7 +26,7 @@ def main() -> None:
             for force in FORCES:
                 press_with(page, force)
                 page.get_by_role("button", name="Snapshot").click()
-                page.get_by_text(f"Kept for target 1: {role}, {force} N").wait_for()
+                page.get_by_text(f"Saved for target 1: {role}, {force} N").wait_for()
         page.get_by_role("button", name="Estimate").click()
         page.get_by_text("Diameter d").wait_for()
         page.wait_for_function("!document.querySelector('.q-notification')")

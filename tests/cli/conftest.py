@@ -68,7 +68,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(
-            sys, "argv", ["tsis", "demo", "--keep", "--store", "records", "--phantom", "size-8", "--out", "demo"]
+            sys, "argv", ["tsis", "demo", "--save", "--store", "records", "--phantom", "size-8", "--out", "demo"]
         )
         with pytest.raises(SystemExit) as stop:
             main()

@@ -272,7 +272,7 @@ def test_a_folder_that_exists_is_left_as_it_is(run_tsis: RunTsis, tmp_path: Path
         (("--gauge-unit", "N"), "need --gauge"),
         (("--gauge", "nowhere", *UNTOUCHED), "no serial port is called 'nowhere'"),
         ((*UNTOUCHED, "--out", "blocked"), "must be written into 'blocked/Target1'"),
-        ((*UNTOUCHED, "--frames", "2", "--out", "blocked/in"), "must be a folder that can be made"),
+        ((*UNTOUCHED, "--frames", "2", "--out", "blocked/in"), "must be a folder that can be created"),
         ((*UNTOUCHED, "--frames", "2", "--out", ".."), "must name a new folder"),
     ],
 )

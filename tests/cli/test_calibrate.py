@@ -126,13 +126,13 @@ def test_an_interrupted_session_goes_on_with_the_step_that_was_not_finished(
         stopped = run_tsis("calibrate", *QUICK, "--session", "s")
     assert stopped.code == (130 if error is KeyboardInterrupt else 2)
     if error is KeyboardInterrupt:
-        assert "The steps before are kept in s; the same command goes on with board." in stopped.err
+        assert "The steps before are saved in s; the same command resumes with board." in stopped.err
     done = ("dark", "untouched", "flat-1", "flat-2", "flat-3", "board-untouched")
     assert {path.name for path in (tmp_path / "s").iterdir()} == {"session.json", *done}
     before = kept(tmp_path / "s")
     finished = run_tsis("calibrate", *QUICK, "--session", "s")
     assert finished.code == 0, finished.err
-    assert "Going on with the session in s; its terms hold." in finished.err
+    assert "Resuming the session in s with its settings." in finished.err
     assert finished.err.count("done before") == len(done)
     after = kept(tmp_path / "s")
     assert {name: after[name] for name in before} == before
@@ -143,7 +143,7 @@ def test_an_interrupted_session_goes_on_with_the_step_that_was_not_finished(
     [
         (("--pitch-mm", "2.4"), "--pitch-mm 1.5;", "--pitch-mm 2.4 ("),
         (("--pitch-sd-mm", "0.1"), "--pitch-sd-mm 0;", "--pitch-sd-mm 0.1 ("),
-        (("--gauge-share", "0.02"), "--gauge-share 0.001;", "--gauge-share 0.02 ("),
+        (("--gauge-uncertainty", "0.02"), "--gauge-uncertainty 0.001;", "--gauge-uncertainty 0.02 ("),
         (("--name", "b", "--repeats", "2"), "--name 'bench' --repeats 1;", "--name 'b' --repeats 2 ("),
         (("--tip-mm", "2"), "--tip-mm 10 --tip-mm 14;", "--tip-mm 10 --tip-mm 14 --tip-mm 2 ("),
     ],
@@ -166,8 +166,8 @@ def test_a_session_does_not_go_on_with_other_options(
     before = kept(tmp_path / "s")
     finished = run_tsis("calibrate", *QUICK, *changed, "--session", "s")
     assert finished.code == 2
-    assert f"the session in 's' was begun with {began}" in finished.err
-    assert f"this command says {now}" in finished.err
+    assert f"the session in 's' began with {began}" in finished.err
+    assert f"this command gives {now}" in finished.err
     assert "or choose another --session" in finished.err
     assert finished.err.count("\n") == 1
     assert kept(tmp_path / "s") == before
@@ -240,7 +240,7 @@ def test_sealed_values_are_a_calibration_that_examine_takes(run_tsis: RunTsis, t
     snapshot = json.loads(taken.out)
     assert snapshot["calibration"]["sha256"] == json.loads(finished.out)["sha256"]
     examine = ("examine", snapshot["files"]["raw"], "--calibration")
-    assert "needs --scale-mm and --force-n as well" in run_tsis(*examine, "calibration.json").err  # it was read before
+    assert "needs --scale-mm and --force-n" in run_tsis(*examine, "calibration.json").err  # it was read before
     text = (tmp_path / "calibration.json").read_text()
     (tmp_path / "changed.json").write_text(text.replace("60.0", "61.0"))
     assert "does not match its hash" in run_tsis(*examine, "changed.json").err
@@ -288,7 +288,7 @@ def test_values_that_are_none_are_not_sealed(run_tsis: RunTsis, tmp_path: Path, 
         (("--days", "nan"), "--days must lie in [1, 3650]"),
         (("--pitch-mm", "-1"), "pitch_mm must lie in"),
         (("--pitch-sd-mm", "nan"), "pitch_sd_mm must lie in"),
-        (("--gauge-share", "3"), "gauge_share must lie in"),
+        (("--gauge-uncertainty", "3"), "gauge_share must lie in"),
         (("--repeats", "0"), "--repeats"),
         (("--name", "two\nlines"), "name must be printable, on one line; got 'two\\nlines'"),
         (("--name", "n" * 201), "name must hold at most 200 characters; got 201"),
@@ -299,8 +299,8 @@ def test_values_that_are_none_are_not_sealed(run_tsis: RunTsis, tmp_path: Path, 
         (("--camera", "files:nowhere", "--patch-px", "9,9,3,3"), "patch_px must be left < right"),
         (("--camera", "files:nowhere", "--set", "gain"), "--set must be a name and a number"),
         (("--camera", "files:nowhere", "--gauge", "nowhere"), "no serial port is called 'nowhere'"),
-        (("--gauge", "nowhere"), "need --camera; the virtual bench has its own"),
-        (("--set", "gain=1"), "need --camera; the virtual bench has its own"),
+        (("--gauge", "nowhere"), "need --camera; the virtual rig has its own"),
+        (("--set", "gain=1"), "need --camera; the virtual rig has its own"),
         (("--session", "blocked"), "must be a folder that can be written"),
         (("make", "nowhere"), "session.json' does not exist"),
         (("make", "blocked"), "blocked"),
@@ -378,4 +378,4 @@ def test_answers_guide_a_session_and_forces_may_be_typed(
     answered(monkeypatch, "")
     other = run_tsis(*arguments)
     assert other.code == 2
-    assert "was begun at gain = 1; the camera is at 2 (--set gain=1, or choose another --session)" in other.err
+    assert "began at gain = 1; the camera is at 2 (--set gain=1, or choose another --session)" in other.err

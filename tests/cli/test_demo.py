@@ -44,7 +44,7 @@ def test_the_demo_writes_what_it_prints_and_finds_the_inclusion(run_tsis: RunTsi
 def test_the_frames_are_those_that_were_estimated(run_tsis: RunTsis, tmp_path: Path) -> None:
     run_tsis("demo", "--json", "--seed", "5", "--out", "press")
     target = np.asarray(Image.open(tmp_path / "press" / TARGETS[1]), dtype=float)
-    plain = [word for name in REFERENCES for word in ("--plain", f"press/{name}")]
+    plain = [word for name in REFERENCES for word in ("--reference-press", f"press/{name}")]
     examined = run_tsis(
         *("examine", *(f"press/{name}" for name in TARGETS), *plain, "--calibration", "press/calibration.json"),
         *("--force-n", "0.5", "--force-n", "1", "--scale-mm", "0.0336,0.0392", "--json"),

@@ -128,7 +128,7 @@ def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
         (["press.png", "--scale-mm", "wide"], "--scale-mm must be one number or x,y"),
         (["press.png", "--scale-mm", "nan"], "mm_per_pixel must be finite"),
         (["press.png", "--invert"], "invert needs a reference"),
-        (["press.png", "--plain", "untouched.png"], "--plain needs --calibration"),
+        (["press.png", "--reference-press", "untouched.png"], "--reference-press needs --calibration"),
         (["press.png", "--probe", "tsis2011"], "no probe is called 'tsis2011'; did you mean 'tsis-2011'?"),
         (["press.png", "--calibration", "absent.json", "--invert"], "are not used with --calibration"),
         (["press.png", "--out", "."], "must name a new folder"),
@@ -136,10 +136,10 @@ def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
         (["press.png", "--calibration", "absent.json"], "'absent.json' does not exist"),
         (["press.png", "--force-n", "1"], "--force-n needs --calibration"),
         (["press.png", "--match-light"], "--match-light needs --reference"),
-        (["press.png", "--plain-force-n", "1"], "--plain needs --calibration"),
+        (["press.png", "--reference-force-n", "1"], "--reference-press needs --calibration"),
         (
-            ["press.png", "--calibration", "absent.json", "--plain-force-n", "1"],
-            "--plain-force-n needs --plain, the presses whose force it tells",
+            ["press.png", "--calibration", "absent.json", "--reference-force-n", "1"],
+            "--reference-force-n needs --reference-press, the presses whose force it tells",
         ),
     ],
 )
@@ -195,18 +195,18 @@ def test_an_estimate_needs_scale_and_force(run_tsis: RunTsis, tmp_path: Path) ->
     (tmp_path / "calibration.json").write_bytes(_known())
     finished = run_tsis("examine", "press.png", "--calibration", "calibration.json")
     assert finished.code == 2
-    assert "needs --scale-mm and --force-n as well" in finished.err
+    assert "needs --scale-mm and --force-n" in finished.err
 
 
 MISCOUNTED = [
     (["--force-n", "1", "--force-n", "2", "--force-n", "3"], "--force-n must be given once, or once for each of 2"),
     (
-        ["--force-n", "1", "--force-n", "2", *("--plain", "untouched.png") * 3],
-        "--plain-force-n must tell the force of each --plain when there are more of them than images; got 3 for 2",
+        ["--force-n", "1", "--force-n", "2", *("--reference-press", "untouched.png") * 3],
+        "--reference-force-n must give the force of each --reference-press when they outnumber the images; got 3 for 2",
     ),
     (
-        ["--force-n", "1", *("--plain", "untouched.png") * 3, *("--plain-force-n", "1") * 2],
-        "--plain-force-n must be given once, or once for each of 3 presses on plain tissue; got it 2 times",
+        ["--force-n", "1", *("--reference-press", "untouched.png") * 3, *("--reference-force-n", "1") * 2],
+        "--reference-force-n must be given once, or once for each of 3 reference presses; got it 2 times",
     ),
 ]
 

@@ -134,8 +134,10 @@ def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
         dark_grey=noise.random((ROWS, COLUMNS)),
     )
     write_calibration(_known(reference=reference), tmp_path / "calibration.json")
-    keep = ("--keep", "--store", "records")
-    kept = run_tsis("examine", "a.png", "b.png", "--plain", "plain.png", "--calibration", "calibration.json", *keep)
+    keep = ("--save", "--store", "records")
+    kept = run_tsis(
+        "examine", "a.png", "b.png", "--reference-press", "plain.png", "--calibration", "calibration.json", *keep
+    )
     assert kept.code == 0, kept.err
     finished = run_tsis("records", "recompute", "1", "--store", "records", "--json")
     assert finished.code == 0, finished.err
@@ -153,7 +155,7 @@ def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
 @pytest.mark.parametrize(
     ("without", "said"),
     [
-        ({"force_line": None}, "needs --scale-mm and --force-n as well"),
+        ({"force_line": None}, "needs --scale-mm and --force-n"),
         ({"reference": None}, "a force without --force-n needs the part 'reference'"),
     ],
 )

@@ -79,7 +79,7 @@ def test_a_rigid_ball_is_taken_as_reference(run_tsis: RunTsis) -> None:
     [
         ((), "--demo"),
         (("a.png",), "--calibration"),
-        (("a.png", "--demo"), "press by themselves"),
+        (("a.png", "--demo"), "simulate the presses"),
         (("--virtual", "cl2004x"), "did you mean 'cl2003x'"),
         (("--demo", "--force", "-1"), "forces_n must lie in"),
         (("--demo", "--probe", "tsis-2012"), "no probe is called"),

@@ -1,4 +1,4 @@
-"""``--keep``: what is wrong is said before anything is computed, and what cannot be kept is not lost."""
+"""``--save``: what is wrong is said before anything is computed, and what cannot be kept is not lost."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_store_that_takes_nothing_loses_no_result(
 ) -> None:
     store, out = ("--store", tmp_path / "records"), tmp_path / "examined"
     full_disk(monkeypatch, after=after)
-    finished = run("examine", *FRAMES, *KNOWN, *FORCES, "--keep", *store, "--out", out, "--json")
+    finished = run("examine", *FRAMES, *KNOWN, *FORCES, "--save", *store, "--out", out, "--json")
     assert finished.code == 1
     assert f"Error: the results are in {out}, but they could not be kept: " in finished.err
     assert "No space left on device" in finished.err
@@ -64,7 +64,7 @@ def test_an_estimate_that_finds_no_room_leaves_its_presses_and_says_where(
 
     monkeypatch.setattr(Store, "add_estimate", refused)
     store = ("--store", tmp_path / "records")
-    finished = run("examine", *FRAMES, *KNOWN, *FORCES, "--keep", *store, "--out", tmp_path / "examined")
+    finished = run("examine", *FRAMES, *KNOWN, *FORCES, "--save", *store, "--out", tmp_path / "examined")
     assert finished.code == 1
     assert "no room for it; 2 of 2 presses are stored in target 1" in finished.err
     assert RESEARCH_USE_ONLY in " ".join(finished.out.split())
@@ -80,7 +80,7 @@ def test_a_snapshot_that_is_not_kept_stays_and_is_named(
     shutil.copy(raw, frames)
     full_disk(monkeypatch, after=0)
     snapshot = ("acquire", "--camera", f"files:{frames}", "--out", tmp_path, "--json")
-    finished = run(*snapshot, "--keep", "--store", tmp_path / "records")
+    finished = run(*snapshot, "--save", "--store", tmp_path / "records")
     assert finished.code == 1
     assert f"the results are in {tmp_path / 'Target1'}, but they could not be kept" in finished.err
     files = json.loads(finished.out)["files"]
@@ -92,7 +92,7 @@ def test_a_snapshot_that_is_not_kept_stays_and_is_named(
 def test_a_name_that_no_store_takes_is_refused_before_anything_is_computed(run: RunTsis, tmp_path: Path) -> None:
     longest = tmp_path / f"{'a' * 205}.png"
     shutil.copy(FRAMES[0], longest)
-    finished = run("examine", longest, *KNOWN, "--force-n", "1", "--keep", "--store", tmp_path / "records")
+    finished = run("examine", longest, *KNOWN, "--force-n", "1", "--save", "--store", tmp_path / "records")
     assert finished.code == 2
     assert "must have at most 200 characters, to be kept" in finished.err
     assert not (tmp_path / "records").exists()
@@ -103,7 +103,7 @@ def test_colours_are_refused_before_anything_is_computed(run: RunTsis, tmp_path:
     noise = np.random.default_rng(1).integers(0, 256, (492, 768, 3)).astype(np.uint8)
     cv2.imwrite(str(tmp_path / "colour.png"), noise)
     colour = tmp_path / "colour.png"
-    finished = run("examine", colour, *KNOWN, "--force-n", "1", "--keep", "--store", tmp_path / "records")
+    finished = run("examine", colour, *KNOWN, "--force-n", "1", "--save", "--store", tmp_path / "records")
     assert finished.code == 2
     assert "save it as a grey PNG file" in finished.err
     assert not (tmp_path / "records").exists()
@@ -112,16 +112,16 @@ def test_colours_are_refused_before_anything_is_computed(run: RunTsis, tmp_path:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("demo", "--store", "x"), "--store needs --keep"),
-        (("demo", "--target", "3"), "--target needs --keep"),
-        (("demo", "--keep", "--target", "0"), "--target"),
-        (("demo", "--keep", "--store", "demo/result.json/below"), "result.json"),
-        (("examine", FRAMES[0], "--keep"), "--keep needs --calibration"),
-        (("hardness", "--demo", "--kind", "subject"), "--kind needs --keep"),
-        (("hardness", "--demo", "--keep", "--kind", "person"), "no kind of store is called 'person'"),
-        (("acquire", "--keep", "--frames", "2"), "tsis records import"),
-        (("acquire", "--keep", "--role", "palin"), "did you mean 'plain'"),
-        (("acquire", "--store", "x"), "--store needs --keep"),
+        (("demo", "--store", "x"), "--store needs --save"),
+        (("demo", "--target", "3"), "--target needs --save"),
+        (("demo", "--save", "--target", "0"), "--target"),
+        (("demo", "--save", "--store", "demo/result.json/below"), "result.json"),
+        (("examine", FRAMES[0], "--save"), "--save needs --calibration"),
+        (("hardness", "--demo", "--kind", "subject"), "--kind needs --save"),
+        (("hardness", "--demo", "--save", "--kind", "person"), "no kind of store is called 'person'"),
+        (("acquire", "--save", "--frames", "2"), "tsis records import"),
+        (("acquire", "--save", "--role", "palin"), "did you mean 'plain'"),
+        (("acquire", "--store", "x"), "--store needs --save"),
     ],
 )
 def test_keeping_says_what_is_wrong_before_anything_is_pressed(

@@ -154,7 +154,7 @@ def test_an_interrupted_bench_says_how_to_go_on(
     monkeypatch.setattr("tsis.matching.trials._runs.evaluate_trial", interrupted)
     finished = run_tsis(*BENCH, "--out", "bench")
     assert finished.code == 130
-    assert "Go on with: tsis match bench" in finished.err
+    assert "Resume with: tsis match bench" in finished.err
     assert finished.err.endswith("--out bench --resume.\n")
 
 

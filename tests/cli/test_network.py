@@ -47,7 +47,7 @@ def applied(bench: Path) -> tuple[str | Path, ...]:
         "apply",
         bench / "networks.json",
         *frames,
-        "--plain",
+        "--reference-press",
         bench / "plain.png",
     )
     return (*start, "--calibration", bench / "calibration.json", "--scale-mm", "0.0336,0.0392")

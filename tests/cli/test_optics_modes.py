@@ -39,7 +39,7 @@ def test_real_indices_take_everything_in_and_say_so(run_tsis: RunTsis) -> None:
 
 def test_a_lamp_before_the_glass_never_senses(run_tsis: RunTsis) -> None:
     narrow = ("optics", "angles", "--height-mm", "11.5", "--half-angle-deg", "15", "--aim-deg")
-    assert "never reaches the face: aim or place it" in words(run_tsis(*narrow, "0").out)
+    assert "never reaches the face: change its aim" in words(run_tsis(*narrow, "0").out)
     assert "aim or place it" not in words(run_tsis(*narrow, "40").out)
     found = json.loads(run_tsis(*narrow, "0", "--json").out)
     assert found["leds"][0]["layer"] == 3
@@ -63,7 +63,7 @@ def test_modes_of_a_stack_of_ones_own(run_tsis: RunTsis) -> None:
     finished = run_tsis("optics", "modes", "--index", "1.41,1.515", "--thickness-um", "90,10")
     assert finished.code == 0
     assert "50 of them shown" in words(finished.out)
-    assert "never sense what presses on the face" in words(finished.out)
+    assert "do not sense the pressed face" in words(finished.out)
     assert "Research use only" in finished.out
 
 
@@ -95,5 +95,5 @@ def test_modes_behind_a_layer_of_low_index_are_not_said_to_reach_the_face(run_ts
     parted = " ".join(run_tsis("optics", "modes", "--index", "1.41,1.2,1.40", "--thickness-um", "10,10,10").out.split())
     modes = guided_modes([1.41, 1.2, 1.40], [10.0, 10.0, 10.0], wavelength_um=0.55)
     between = int(((modes.n_eff > 1.2) & (modes.n_eff < 1.40)).sum())
-    assert f"{between} of {len(modes)} modes fade away in a layer between" in parted
+    assert f"{between} of {len(modes)} modes decay in a layer between" in parted
     assert "Every mode reaches" not in parted

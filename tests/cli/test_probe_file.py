@@ -128,8 +128,8 @@ def test_commands_take_the_file(run_tsis: RunTsis, tmp_path: Path) -> None:
     ("given", "phrase"),
     [
         (("optics", "angles", "--probe", "mine.toml", "--aim-deg", "3"), "change leds in that file"),
-        (("demo", "--probe", "mine.toml", "--keep"), "--keep needs a probe of the catalog"),
-        (("hardness", "--demo", "--probe", "mine.toml", "--keep"), "--keep needs a probe of the catalog"),
+        (("demo", "--probe", "mine.toml", "--save"), "--save needs a probe of the catalog"),
+        (("hardness", "--demo", "--probe", "mine.toml", "--save"), "--save needs a probe of the catalog"),
         (("simulate", "--probe", "none.toml"), "none.toml"),
         (("design", "--probe", "none.toml"), "none.toml"),
     ],

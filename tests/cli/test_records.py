@@ -63,7 +63,7 @@ def test_a_target_is_shown_with_its_estimate_and_pages_of_presses(run_tsis: RunT
     assert [press["name"] for press in page["presses"]] == ["p3.png", "p4.png"]
     assert (page["presses_in_all"], page["estimate"]) == (5, None)
     people = run_tsis("records", "show", "1", *STORE).out
-    for words in ("Estimate in force: hardness", "Presses, 1 to 2 of 2", "Calibration bench", "Research use only"):
+    for words in ("Current estimate: hardness", "Presses, 1 to 2 of 2", "Calibration bench", "Research use only"):
         assert words in people
     assert "No estimate yet" in run_tsis("records", "show", "2", *STORE).out
 
@@ -78,8 +78,8 @@ def test_the_last_estimate_of_each_kind_is_shown(run_tsis: RunTsis, tmp_path: Pa
     shown = json.loads(run_tsis("records", "show", "3", *STORE, "--json").out)
     assert shown["in_force"] == ["estimate-c", "estimate-b"]
     people = run_tsis("records", "show", "3", *STORE).out
-    assert people.count("Estimate in force") == 2
-    assert people.index("in force: hardness") < people.index("in force: inclusion")  # the newest first
+    assert people.count("Current estimate") == 2
+    assert people.index("estimate: hardness") < people.index("estimate: inclusion")  # the newest first
 
 
 def test_an_estimate_with_numbers_that_json_has_not_is_shown(run_tsis: RunTsis, tmp_path: Path) -> None:
@@ -217,10 +217,10 @@ def test_of_all_targets_one_that_fails_stops_no_other(run_tsis: RunTsis, records
         (["recompute", "77", *STORE], "got 77"),
         (["edit", "1", *STORE], "give what to change: --name, --note or --truth"),
         (["edit", "1", "--press", "abcd", *STORE], "--note, --force-n, --role or --flag"),
-        (["edit", "1", "--press", "abcd", "--flag", "none", "--flag", "x", *STORE], "--flag must be none alone"),
-        (["edit", "1", "--truth", "none", "--truth", "a=1", *STORE], "--truth must be none alone"),
+        (["edit", "1", "--press", "abcd", "--flag", "none", "--flag", "x", *STORE], "--flag must be only none"),
+        (["edit", "1", "--truth", "none", "--truth", "a=1", *STORE], "--truth must be only none"),
         (["edit", "1", "--force-n", "0.5", *STORE], "need --press"),
-        (["edit", "1", "--name", "x", "--press", "abcd", *STORE], "are of the target"),
+        (["edit", "1", "--name", "x", "--press", "abcd", *STORE], "belong to the target"),
         (["edit", "1", "--press", "zzzz", "--note", "x", *STORE], "'zzzz' fits 0"),
         (["edit", "1", "--press", "", "--note", "x", *STORE], "4 or more letters"),
         (["edit", "1", "--name", "\x1b[2J", *STORE], "must be printable text"),
@@ -231,7 +231,7 @@ def test_of_all_targets_one_that_fails_stops_no_other(run_tsis: RunTsis, records
         (["export", "1", "--format", "pdf", "--out", "notes.txt", *STORE], "must be a new name; there is such a file"),
         (["export", "1", "--format", "pdf,csv", "--out", "no-store", *STORE], "must be a new name"),
         (["export", "1", "--format", "csv", "--out", "notes.txt/below", *STORE], "notes.txt"),
-        (["export", "1", "--format", "html", "--identified", *STORE], "--identified is of fhir and dicom"),
+        (["export", "1", "--format", "html", "--identified", *STORE], "--identified belongs to fhir and dicom"),
         (["export", "77", "--format", "html", *STORE], "got 77"),
         (["export", "1", *STORE], "--format"),
         (["send", "1", "--to", "archive", *STORE], "must be AETITLE@host:port"),

@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 def test_the_demo_says_where_it_was_kept_and_the_store_holds_what_it_found(run: RunTsis, kept: Path) -> None:
     result = json.loads((kept / "demo" / "result.json").read_text())
-    assert result["kept"]["target"] == 1
+    assert result["saved"]["target"] == 1
     (listed,) = told(run, "records", "list", "--store", "records")["targets"]
     assert (listed["number"], listed["name"], listed["presses"], listed["estimates"]) == (1, "size-8", 5, 1)
     shown = told(run, "records", "show", "1", "--store", "records")
-    assert shown["estimate"]["id"] == result["kept"]["estimate"]
+    assert shown["estimate"]["id"] == result["saved"]["estimate"]
     assert shown["estimate"]["parameters"] == result["estimate"]["parameters"]
     inclusion = load_phantom("size-8").inclusion
     assert inclusion is not None
@@ -108,11 +108,11 @@ def test_the_folder_of_the_demo_is_known_by_its_frames(run: RunTsis, tmp_path: P
 
 
 def test_what_examine_found_is_kept_and_made_again(run: RunTsis, tmp_path: Path) -> None:
-    plain = [word for name in FRAMES for word in ("--plain", name.replace("target", "reference"))]
+    plain = [word for name in FRAMES for word in ("--reference-press", name.replace("target", "reference"))]
     store = ("--store", tmp_path / "records")
-    keep = ("--keep", *store, "--target", "31", "--out", tmp_path / "examined")
+    keep = ("--save", *store, "--target", "31", "--out", tmp_path / "examined")
     found = told(run, "examine", *FRAMES, *plain, *KNOWN, *FORCES, *keep)
-    assert found["kept"]["target"] == 31
+    assert found["saved"]["target"] == 31
     shown = told(run, "records", "show", "31", *store)
     assert shown["estimate"]["parameters"] == found["estimate"]["parameters"]
     digests = {press["name"]: press["settings"]["sha256"] for press in shown["presses"]}
@@ -128,11 +128,11 @@ def test_a_hardness_is_kept_and_made_again(run: RunTsis, tmp_path: Path, monkeyp
 
     monkeypatch.setattr("tsis.cli._hardness.DirectContactRig", Quick)
     store = ("--store", tmp_path / "records")
-    told(run, "hardness", "--demo", "--keep", *store, "--out", tmp_path / "touch")
+    told(run, "hardness", "--demo", "--save", *store, "--out", tmp_path / "touch")
     frames = [tmp_path / "touch" / f"press-{force}N.png" for force in (0.7, 1.2)]
     known = ("--calibration", tmp_path / "touch" / "calibration.json", "--scale-mm", "0.0336,0.0392")
     radius = ("--force", "0.7", "--force", "1.2", "--radius", "3", "--radius-sd-mm", "0.02")
-    told(run, "hardness", *frames, *known, *radius, "--keep", *store, "--out", tmp_path / "again")
+    told(run, "hardness", *frames, *known, *radius, "--save", *store, "--out", tmp_path / "again")
     shown = [told(run, "records", "show", number, *store)["estimate"] for number in ("1", "2")]
     assert [each["kind"] for each in shown] == ["hardness", "hardness"]
     given = {name: value for name, value in shown[1]["options"].items() if name not in shown[0]["options"]}
@@ -151,7 +151,7 @@ def test_a_snapshot_is_kept_as_its_import_would_find_it(run: RunTsis, tmp_path: 
     store = ("--store", tmp_path / "records")
     pressed = ("--probe", "tsis-domed", "--force-n", "0")
     snapshot = ("acquire", *pressed, "--target", "12", "--role", "untouched", "--out", tmp_path)
-    kept = told(run, *snapshot, "--keep", *store)["kept"]
+    kept = told(run, *snapshot, "--save", *store)["saved"]
     said = ("--role", "untouched", "--probe", "tsis-domed")
     (imported,) = told(run, "records", "import", tmp_path / "Target12", *said, *store)["imported"]
     assert (imported["target"], imported["added"], imported["present"], imported["notes"]) == (12, 0, 1, [])

@@ -49,7 +49,7 @@ def image(folder: Path, name: str, force_n: float | None) -> TactileImage:
 
 def test_relative_readings_and_shape_are_those_of_python(run_tsis: RunTsis, pressed: Path, tmp_path: Path) -> None:
     finished = run_tsis(
-        *("examine", pressed / "t1.0.png", "--plain", pressed / "p1.0.png", "--force-n", "1"),
+        *("examine", pressed / "t1.0.png", "--reference-press", pressed / "p1.0.png", "--force-n", "1"),
         *("--scale-mm", SCALE_TEXT, "--relative", "--shape", "--json"),
     )
     assert finished.code == 0, finished.err
@@ -114,7 +114,7 @@ def test_relative_hardness_needs_a_calibration_and_two_forces(
     reading = json.loads(bare.out)["relative"]["readings"][-1]
     expected = relative_hardness(weak, strong, reference=untouched, against="untouched probe", calibration=known)
     assert (reading["quantity"], reading["value"]) == ("relative hardness", expected.value)
-    plain = ("--plain", pressed / "p0.5.png", "--plain", pressed / "p1.0.png")
+    plain = ("--reference-press", pressed / "p0.5.png", "--reference-press", pressed / "p1.0.png")
     on_plain = run_tsis("examine", *files, *forces, *options, *plain)
     assert on_plain.code == 0, on_plain.err
     reading = json.loads(on_plain.out)["relative"]["readings"][-1]
@@ -128,7 +128,7 @@ def test_relative_hardness_needs_a_calibration_and_two_forces(
     )
     assert reading["presses"] == "t0.5.png, t1.0.png"
     assert reading["value"] == expected.value
-    one = run_tsis("examine", files[1], "--force-n", "1", *options, "--plain", pressed / "p1.0.png")
+    one = run_tsis("examine", files[1], "--force-n", "1", *options, "--reference-press", pressed / "p1.0.png")
     assert "two presses on one target" in json.loads(one.out)["relative"]["missing"][0]
 
 
@@ -141,18 +141,28 @@ def stored_calibration(folder: Path) -> tsis.Calibration:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--relative"], "give the untouched probe as --reference, or presses on plain tissue"),
+        (["--relative"], "give the untouched probe as --reference, or reference presses"),
         (["--shape", "--reference", "untouched.png"], "need --scale-mm"),
         (["--relative", "--reference", "untouched.png", "--scale-mm", "0.05", "--invert"], "leave out --invert"),
         (
-            ["--relative", "--reference", "untouched.png", "--plain", "p1.0.png", "--scale-mm", "0.05"],
-            "give --reference or --plain",
+            ["--relative", "--reference", "untouched.png", "--reference-press", "p1.0.png", "--scale-mm", "0.05"],
+            "give --reference or --reference-press",
         ),
         (
-            ["--relative", "--plain", "p0.5.png", "--scale-mm", "0.05", "--force-n", "1", "--plain-force-n", "0.5"],
+            [
+                "--relative",
+                "--reference-press",
+                "p0.5.png",
+                "--scale-mm",
+                "0.05",
+                "--force-n",
+                "1",
+                "--reference-force-n",
+                "0.5",
+            ],
             "with a press on plain tissue at its force 1 N within 5 %; got 0.5 N",
         ),
-        (["--reference", "untouched.png", "--plain", "p1.0.png"], "--plain needs --calibration"),
+        (["--reference", "untouched.png", "--reference-press", "p1.0.png"], "--reference-press needs --calibration"),
     ],
 )
 def test_frames_that_do_not_suffice_are_named(

@@ -29,7 +29,7 @@ def the_app() -> typer.Typer:
 
 def test_a_plan_is_told_drawn_and_written(app: typer.Typer, tmp_path: Path) -> None:
     (tmp_path / "reach.csv").write_text(TABLE)
-    asked = [*AREA, "--diameter-mm", "10", "--depth-mm", "8", "--reach", str(tmp_path / "reach.csv")]
+    asked = [*AREA, "--diameter-mm", "10", "--depth-mm", "8", "--detection-range", str(tmp_path / "reach.csv")]
     made = CliRunner().invoke(app, [*asked, "--json", "--out", str(tmp_path / "made")])
     assert made.exit_code == 0, made.output
     document = json.loads(made.stdout)
@@ -58,7 +58,7 @@ def test_people_read_how_long_it_takes(app: typer.Typer) -> None:
     by_hand = ScanPlan(width_mm=60, height_mm=40, strips=5, presses_a_strip=4, radius_mm=12)
     assert f"{(20 * 6 + by_hand.travel_mm / 10) / 60:.1f} min" in text
     assert "Research use only" in text
-    assert "What is found between presses is not said" in text
+    assert "The detection between presses is unknown" in text
 
 
 def test_without_a_table_of_its_own_a_plan_takes_the_measured_one(app: typer.Typer) -> None:
@@ -72,7 +72,7 @@ def test_without_a_table_of_its_own_a_plan_takes_the_measured_one(app: typer.Typ
         if one["diameter_mm"] is not None:
             assert measured(one["diameter_mm"], one["depth_mm"]) >= document["worst_distance_mm"] - 1e-6
     told = CliRunner().invoke(app, [*AREA, "--spacing-mm", "5"])
-    assert "of this probe on the virtual bench" in " ".join(told.stdout.split())
+    assert "of this probe on the virtual rig" in " ".join(told.stdout.split())
 
 
 @pytest.mark.parametrize(
@@ -80,11 +80,14 @@ def test_without_a_table_of_its_own_a_plan_takes_the_measured_one(app: typer.Typ
     [
         ([], "exactly one of --spacing-mm"),
         (["--spacing-mm", "5", "--overlap", "0.5"], "exactly one of --spacing-mm"),
-        (["--diameter-mm", "5"], "together, and with --reach"),
-        (["--diameter-mm", "5", "--depth-mm", "6", "--probe", "tsis-2011"], "with --reach where nothing was measured"),
-        (["--diameter-mm", "3", "--depth-mm", "4", "--reach", "{table}"], "it finds it nowhere"),
+        (["--diameter-mm", "5"], "together, and with --detection-range"),
+        (
+            ["--diameter-mm", "5", "--depth-mm", "6", "--probe", "tsis-2011"],
+            "with --detection-range where none is known",
+        ),
+        (["--diameter-mm", "3", "--depth-mm", "4", "--detection-range", "{table}"], "got 0: choose a larger"),
         (["--spacing-mm", "-5"], "spacing_mm must lie"),
-        (["--reach-mm", "5", "--reach", "none.csv"], "does not exist"),
+        (["--detection-range-mm", "5", "--detection-range", "none.csv"], "does not exist"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(

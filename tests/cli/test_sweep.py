@@ -139,5 +139,5 @@ def test_an_interrupt_says_how_to_go_on(plan: Path) -> None:
     assert sweep.returncode == 130
     assert set(out.split("\n")) <= {f"{count} files are there" for count in range(8193)} | {""}
     assert err == (
-        "Interrupted; finished files are kept. Go on with: tsis sweep run plan.toml --out 'my data' --workers 1\n"
+        "Interrupted; finished files stay. Resume with: tsis sweep run plan.toml --out 'my data' --workers 1\n"
     )

@@ -92,7 +92,7 @@ def test_a_recorded_folder_has_its_own_times(run_tsis: RunTsis, sequence: list[s
     assert one["mobility"] == other["mobility"]
     assert one["settling"]["verdict"] == other["settling"]["verdict"]
     assert one["time_s"][0] == 7.0
-    assert "has the times of its frames" in run_tsis("track", ".", *OPTIONS, "--interval-s", "1").err
+    assert "contains the times of its frames" in run_tsis("track", ".", *OPTIONS, "--interval-s", "1").err
 
 
 def test_without_times_settling_is_not_judged(run_tsis: RunTsis, sequence: list[str]) -> None:

@@ -24,7 +24,7 @@ def first_report(page: Page, folder: Path) -> Path:
         for force in FORCES:
             press_with(page, force)
             page.get_by_role("button", name="Snapshot").click()
-            page.get_by_text(f"Kept for target 1: {role}, {force} N").wait_for()
+            page.get_by_text(f"Saved for target 1: {role}, {force} N").wait_for()
     page.get_by_role("button", name="Estimate").click()
     page.get_by_text("Diameter d").wait_for()
     page.get_by_role("link", name="Report", exact=True).click()

@@ -34,24 +34,24 @@ def apart() -> Iterator[WorkerProcess]:
 def test_work_is_done_elsewhere_and_its_errors_come_back(
     apart: WorkerProcess, caplog: pytest.LogCaptureFixture
 ) -> None:
-    there = apart.ask(os.getpid)
+    there = apart.call(os.getpid)
     assert there != os.getpid()
-    assert apart.ask(print, "what a library says") is None
+    assert apart.call(print, "what a library says") is None
     with pytest.raises(UnknownNameError, match="did you mean 'pdf'"):
-        apart.ask(require_one_of, "form", "pfd", ("html", "pdf"))
+        apart.call(require_one_of, "form", "pfd", ("html", "pdf"))
     with pytest.raises(RuntimeError, match="failed"):
-        apart.ask(int, "three")
+        apart.call(int, "three")
     assert "invalid literal" in caplog.text
-    assert apart.ask(pow, 2, exp=10) == 1024
-    assert apart.ask(os.getpid) == there  # the sixth and last
-    assert apart.ask(os.getpid) != there
+    assert apart.call(pow, 2, exp=10) == 1024
+    assert apart.call(os.getpid) == there  # the sixth and last
+    assert apart.call(os.getpid) != there
 
 
 def test_a_process_that_was_killed_is_replaced(apart: WorkerProcess) -> None:
-    there = apart.ask(os.getpid)
+    there = apart.call(os.getpid)
     with pytest.raises(RuntimeError, match="ended before its work was done"):
-        apart.ask(os.kill, there, signal.SIGTERM)
-    assert apart.ask(os.getpid) != there
+        apart.call(os.kill, there, signal.SIGTERM)
+    assert apart.call(os.getpid) != there
 
 
 def touch_and_sleep(path: Path) -> None:
@@ -61,12 +61,12 @@ def touch_and_sleep(path: Path) -> None:
 
 def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess, tmp_path: Path) -> None:
     begun = tmp_path / "begun"
-    assert apart.ask(require_integer, "port", 1, 0, 2) == 1
+    assert apart.call(require_integer, "port", 1, 0, 2) == 1
     told: list[BaseException] = []
 
     def wait() -> None:
         try:
-            apart.ask(touch_and_sleep, begun)
+            apart.call(touch_and_sleep, begun)
         except ControlError as error:
             told.append(error)
 
@@ -78,14 +78,14 @@ def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess, tmp_p
     waits.join(HANGS_S)
     assert len(told) == 1
     with pytest.raises(ControlError, match="being ended"):
-        apart.ask(os.getpid)
+        apart.call(os.getpid)
 
 
 def test_what_cannot_be_sent_is_said_at_once(apart: WorkerProcess) -> None:
     with pytest.raises((AttributeError, TypeError)):
-        apart.ask(lambda: 1)
+        apart.call(lambda: 1)
     with pytest.raises(InputError):
-        apart.ask(require_integer, "port", 3, 0, 2)
+        apart.call(require_integer, "port", 3, 0, 2)
 
 
 CONSOLE = """

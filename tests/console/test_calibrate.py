@@ -84,7 +84,7 @@ def test_terms_that_are_none_are_one_sentence_and_begin_nothing(console: Running
         ("Radii of the tips", "", "radii of the tips must be a number"),
         ("Loadings of each tip", "1.5", "loadings of each tip must be a whole number"),
         ("Relative uncertainty of the gauge", "3", "relative uncertainty of the gauge must lie in [0, 0.5]; got 3"),
-        ("Seed of the virtual bench", "-4", "seed must lie in"),
+        ("Seed of the virtual rig", "-4", "seed must lie in"),
     )
     with operating(browser, console, "/calibrate") as page:
         for label, value, sentence in wrong:
@@ -112,7 +112,7 @@ def test_a_session_is_begun_interrupted_by_the_server_and_goes_on(tmp_path: Path
         page.get_by_role("button", name="Leave it out").click()
         page.get_by_role("button", name="Step flat-2: left out").wait_for()
         step(page, "dark")
-        page.get_by_text("Done: 16 frames are kept.").wait_for()
+        page.get_by_text("Done: 16 frames are saved.").wait_for()
         page.get_by_role("img", name="Frame of step dark").wait_for()
         page.get_by_role("button", name="Repeat this step").click()
         page.get_by_role("button", name="Cancel").click()
@@ -157,7 +157,7 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
         page.get_by_role("alert").filter(has_text="days must lie in [1, 3650]; got 0").wait_for()
         days.fill("30")
         page.get_by_role("button", name="Make the calibration").click()
-        page.get_by_role("button", name="Put in force").wait_for()
+        page.get_by_role("button", name="Activate").wait_for()
         for words in ("Sums of grey levels", "Departures from the line", "Frame of the board"):
             page.get_by_role("img", name=words).wait_for()
         page.get_by_role("cell", name="force line, slope").wait_for()
@@ -166,7 +166,7 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
         with page.expect_download() as arriving:
             page.get_by_role("button", name="Download the file").click()
         made = Path(arriving.value.path()).read_bytes()
-        page.get_by_role("button", name="Put in force").click()
+        page.get_by_role("button", name="Activate").click()
         page.get_by_role("alert").filter(
             has_text="is of frames of 256 x 216 pixels; the camera's have 768 x 492"
         ).wait_for()
@@ -175,8 +175,8 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
         page.get_by_role("button", name="Start").wait_for()
         page.get_by_role("link", name="Calibrate").click()
         page.get_by_role("link", name="<b>here</b>").click()
-        page.get_by_role("button", name="Put in force").click()
-        page.get_by_text("It is in force.").wait_for()
+        page.get_by_role("button", name="Activate").click()
+        page.get_by_text("It is active.").wait_for()
         in_force = asked(console, "/state")
         page.locator(".calibrate-figures").scroll_into_view_if_needed()
         picture(page, "calibrate-residuals")
@@ -195,7 +195,7 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
         page.get_by_role("button", name=re.compile("^Step flat-1:")).click()
         page.get_by_role("button", name="Repeat this step").click()
         page.get_by_role("button", name="Remove and repeat").click()
-        page.get_by_role("button", name="Put in force").wait_for(state="hidden")
+        page.get_by_role("button", name="Activate").wait_for(state="hidden")
         assert (session.path / f"calibration-{told['sha256'][:12]}.json").read_bytes() == made
 
 

@@ -53,7 +53,7 @@ def test_another_phantom_with_another_inclusion(console: RunningConsole, browser
         assert (choice["phantom"], choice["depth_mm"], choice["seed"]) == ("size-8", 6.0, 11)
         page.get_by_role("navigation").get_by_role("link", name="Examine").click()
         page.get_by_role("button", name="Snapshot").click()
-        page.get_by_text("Kept for target 1").wait_for()
+        page.get_by_text("Saved for target 1").wait_for()
         truth = asked(console, "/targets/1")["target"]["truth"]
         lump = load_phantom("size-8").inclusion
         assert lump is not None
@@ -100,7 +100,7 @@ def test_a_search_says_what_answered_and_what_is_missing(console: RunningConsole
     with operating(browser, console, "/camera") as page:
         page.get_by_role("button", name="Search").click()
         page.get_by_text("answered.").wait_for()
-        page.get_by_text("sources could not look").click()
+        page.get_by_text("sources could not be searched").click()
         page.get_by_text("the camera source genicam needs").wait_for()
         picture(page, "camera-search")
 
@@ -113,7 +113,7 @@ def test_a_calibration_is_put_in_force_and_taken_back(
         page.get_by_role("button", name="Use it so").click()
         page.get_by_text("virtual probe on hardness-100").wait_for()
         page.locator("input[type=file]").set_input_files(calibration)
-        page.get_by_text("The calibration of a Monday is in force.").wait_for()
+        page.get_by_text("The calibration of a Monday is active.").wait_for()
         assert asked(console, "/state")["calibration"] == "of a Monday"
         page.get_by_role("button", name="Use the virtual probe's own").click()
         page.get_by_text("of a Monday", exact=True).wait_for(state="detached")

@@ -48,11 +48,11 @@ def test_keys_keep_snapshots_and_change_the_target(console: RunningConsole, brow
         page.keyboard.press("ArrowRight")
         _target(page, "21")
         page.keyboard.press("Space")
-        page.get_by_text("Kept for target 21").wait_for()
+        page.get_by_text("Saved for target 21").wait_for()
         page.keyboard.press("ArrowLeft")
         _target(page, "20")
         page.keyboard.press("Space")
-        page.get_by_text("Kept for target 20").wait_for()
+        page.get_by_text("Saved for target 20").wait_for()
     assert len(_kept(console, 20)) == len(_kept(console, 21)) == 1
     assert {each["target"]["number"] for each in asked(console, "/targets")["targets"]} >= {20, 21}
 
@@ -75,7 +75,7 @@ def test_keys_mean_nothing_in_a_field_or_on_a_button(console: RunningConsole, br
         page.get_by_role("button", name="Target before").click()
         _target(page, "31")
         page.keyboard.press("Space")  # the mouse has left no focus behind
-        page.get_by_text("Kept for target 31").wait_for()
+        page.get_by_text("Saved for target 31").wait_for()
     assert _kept(console, 32) == []
     assert len(_kept(console, 31)) == 1
 
@@ -91,7 +91,7 @@ def test_the_live_image_alone_and_back(console: RunningConsole, browser: Browser
         assert not page.get_by_role("button", name="Snapshot").is_visible() or _covered(page, "Snapshot")
         choose = asked(console, "/state")["target"]
         page.keyboard.press("Space")
-        page.get_by_text(f"Kept for target {choose}").wait_for()  # what was done is told over it
+        page.get_by_text(f"Saved for target {choose}").wait_for()  # what was done is told over it
         picture(page, "examine-alone")
         page.keyboard.press("f")
         expect(page.locator("body")).not_to_have_class(re.compile("showing-alone"))
@@ -115,7 +115,7 @@ def _covered(page: Page, name: str) -> bool:
 def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         page.get_by_role("button", name="Keys").click()
-        for word in ("keep a snapshot", "target before", "target after", "live image alone, and back"):
+        for word in ("save a snapshot", "target before", "target after", "live image alone, and back"):
             page.get_by_text(word).wait_for()
 
 
@@ -189,11 +189,11 @@ def test_what_is_pressed_and_flags_with_their_advice(console: RunningConsole, br
     with operating(browser, console) as page:
         run(page)
         page.get_by_role("button", name="without touch").click()
-        flags = page.get_by_role("list", name="What speaks against this press")
+        flags = page.get_by_role("list", name="Flags of this press")
         flags.get_by_text("no-contact", exact=True).wait_for()
         assert asked(console, "/state")["role"] == "untouched"
         page.get_by_role("button", name="on the target").click()
-        flags.get_by_text("Nothing speaks against this press.").wait_for()
+        flags.get_by_text("No flags.").wait_for()
         page.get_by_text("settled", exact=True).wait_for()
 
 
@@ -223,7 +223,7 @@ def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Brow
             for force in ("0.5", "1"):
                 press_with(page, force)
                 page.get_by_role("button", name="Snapshot").click()
-                page.get_by_text(f"Kept for target 50: {role}, {force} N").wait_for()
+                page.get_by_text(f"Saved for target 50: {role}, {force} N").wait_for()
         table = page.get_by_role("table")
         expect(table.get_by_role("row")).to_have_count(5)
         page.get_by_role("button", name="Estimate").click()
@@ -247,6 +247,6 @@ def test_on_a_tablet_in_the_dark(console: RunningConsole, browser: Browser) -> N
     with operating(browser, console, size=TABLET, color_scheme="dark", has_touch=True) as page:
         run(page)
         page.get_by_role("button", name="Snapshot").tap()
-        page.get_by_text("Kept for target").first.wait_for()
+        page.get_by_text("Saved for target").first.wait_for()
         assert page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
         picture(page, "examine-tablet-dark")

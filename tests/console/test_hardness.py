@@ -37,7 +37,7 @@ def test_it_says_what_to_begin_with(console: RunningConsole, browser: Browser) -
     with operating(browser, console, "/hardness") as page:
         page.get_by_text("Next: lay an object under the virtual probe.").wait_for()
         expect(page.get_by_role("button", name="Estimate", exact=True)).to_be_disabled()
-        expect(page.get_by_role("button", name="Press and keep")).to_be_hidden()
+        expect(page.get_by_role("button", name="Press and save")).to_be_hidden()
         picture(page, "hardness-first")
         page.emulate_media(color_scheme="dark")
         page.set_viewport_size({"width": TABLET[0], "height": TABLET[1]})
@@ -49,13 +49,13 @@ def test_it_says_what_to_begin_with(console: RunningConsole, browser: Browser) -
 def test_from_an_object_to_its_modulus(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/hardness") as page:
         page.get_by_role("button", name="Lay it under the probe").click()
-        page.get_by_text("Next: press the object, and keep the press.").wait_for(timeout=SOLVED_MS)
-        refused(page, "Force", "half", "Press and keep", "force must be a number, as 2 or 0.5; got 'half'")
-        refused(page, "Force", "-1", "Press and keep", "force must lie in [0, 5]; got -1")
-        page.get_by_role("button", name="Press and keep").click()
+        page.get_by_text("Next: press the object, and save the press.").wait_for(timeout=SOLVED_MS)
+        refused(page, "Force", "half", "Press and save", "force must be a number, as 2 or 0.5; got 'half'")
+        refused(page, "Force", "-1", "Press and save", "force must lie in [0, 5]; got -1")
+        page.get_by_role("button", name="Press and save").click()
         page.get_by_text("Next: press it again at another force").wait_for()
         expect(page.get_by_label("Force", exact=True)).to_have_value("1.2")
-        page.get_by_role("button", name="Press and keep").click()
+        page.get_by_role("button", name="Press and save").click()
         page.get_by_text("Next: estimate").wait_for(timeout=SOLVED_MS)
         for wrong, sentence in (
             ("0", "radius of the object must lie in [1, 50]; got 0"),

@@ -135,7 +135,7 @@ def test_one_may_save_over_what_another_has_changed(console: RunningConsole, bro
             store.edit_target(store.target(HARD), name="theirs")
         page.get_by_role("dialog").get_by_label("Name").fill("mine")
         save(page)
-        page.get_by_role("button", name="Save mine over it").click()
+        page.get_by_role("button", name="Overwrite with mine").click()
         page.get_by_text(f"Target {HARD}: mine").wait_for()
     assert target_of(console, HARD).name == "mine"
 
@@ -206,7 +206,7 @@ def test_an_estimate_is_made_from_the_presses_that_were_chosen(console: RunningC
         still(page)
         picture(page, "records-estimate")
         dialog.get_by_role("button", name="Estimate").click()
-        page.get_by_text("The estimate is stored and in force.").wait_for()
+        page.get_by_text("The estimate is stored and current.").wait_for()
     made = estimates_of(console, HARD)[before]
     assert made.presses == (presses[1].id,)
     with open_store(console.store) as store:

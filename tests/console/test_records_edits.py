@@ -83,7 +83,7 @@ def test_a_page_of_a_target_is_a_sheet_of_its_presses(store: Store) -> None:
     seen = read_target(store, "3", 10**9)
     assert (seen.total, seen.offset, len(seen.presses)) == (AT_ONCE + 4, AT_ONCE, 4)
     assert [press.id for press in seen.presses] == [press.id for press in store.presses(target)[AT_ONCE:]]
-    assert seen.dossier.estimates[0].id == "estimate-a"
+    assert seen.record.estimates[0].id == "estimate-a"
 
 
 def test_of_a_subject_pages_show_the_pseudonym_and_known_flags(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_of_a_subject_pages_show_the_pseudonym_and_known_flags(tmp_path: Path) -
         seen = read_target(store, "3", 0)
         flagged = store.press(seen.target, "press-1")
     assert seen.private
-    assert (seen.dossier.target.name, seen.dossier.target.note) == ("size-10", "")
+    assert (seen.record.target.name, seen.record.target.note) == ("size-10", "")
     assert flags_of(flagged, private=True) == ("moving", UNKNOWN_FLAG)
     assert flags_of(flagged, private=False) == ("moving", "Jane Doe")
-    assert [estimate.id for estimate in seen.dossier.estimates] == ["estimate 1"]
+    assert [estimate.id for estimate in seen.record.estimates] == ["estimate 1"]

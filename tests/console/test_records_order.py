@@ -59,7 +59,7 @@ def test_all_sheets_together_are_the_sorted_list(
 ) -> None:
     order = Order(column=column, descending=descending, kind=kind, rows=SHEETS[0])
     first = sheet_of(found, order)
-    sheets = -(-first.found // SHEETS[0])
+    sheets = -(-first.total // SHEETS[0])
     shown = [
         each
         for number in range(1, sheets + 1)
@@ -90,9 +90,9 @@ def test_a_search_finds_parts_of_names_and_beginnings_of_numbers(search: str, nu
 def test_a_sheet_behind_the_last_is_the_last() -> None:
     found = [summary(number, estimates=number % 2) for number in range(1, 61)]
     last = sheet_of(found, Order(sheet=9, rows=25))
-    assert ([each.target.number for each in last.targets], last.sheet, last.found) == (list(range(51, 61)), 3, 60)
+    assert ([each.target.number for each in last.targets], last.sheet, last.total) == (list(range(51, 61)), 3, 60)
     assert sheet_of([], Order(sheet=5)).sheet == 1
-    assert sheet_of(found, Order(kind=NOT_ESTIMATED)).found == 30
+    assert sheet_of(found, Order(kind=NOT_ESTIMATED)).total == 30
 
 
 @given(
@@ -103,7 +103,7 @@ def test_a_sheet_behind_the_last_is_the_last() -> None:
     st.text(),
 )
 def test_whatever_a_browser_sends_is_an_order(pagination: dict[str, Any], kind: str) -> None:
-    order = Order.asked(pagination, search="", kind=kind)
+    order = Order.requested(pagination, search="", kind=kind)
     assert order.column in COLUMNS
     assert order.rows in SHEETS
     assert order.kind in KINDS

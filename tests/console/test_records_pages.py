@@ -161,7 +161,7 @@ def test_a_target_is_exported_and_comes_back_into_a_store(
         page.get_by_role("combobox", name="Form").click()
         page.get_by_role("option", name=re.compile("^FHIR")).click()
         page.get_by_text("Masked: label, names and times").wait_for()
-        page.get_by_role("switch", name="tell label, names and true times").click()
+        page.get_by_role("switch", name="include label, names and true times").click()
         with page.expect_download() as loaded:
             page.get_by_role("dialog").get_by_role("button", name="Export").click()
         assert loaded.value.suggested_filename == "target-3.fhir.json"

@@ -41,7 +41,7 @@ def damage(file: Path) -> None:
 
 def test_an_empty_store_says_how_to_begin(browser: Browser, tmp_path: Path) -> None:
     with running_console(tmp_path) as console, tab(browser, console, "/records") as page:
-        page.get_by_text("Nothing is kept yet.").wait_for()
+        page.get_by_text("Nothing is saved yet.").wait_for()
         assert faults(page) == []
         picture(page, "records-empty")
         with open_store(console.store) as store:

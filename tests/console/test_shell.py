@@ -139,6 +139,6 @@ def test_a_lost_console_is_said_in_our_words(browser: Browser, tmp_path: Path) -
         page.goto(console.entrance)
         page.get_by_role("button", name=RELEASE).wait_for()
     page.get_by_text("The connection to the console is lost.").wait_for()
-    assert page.get_by_text("What was kept is safe").is_visible()
+    assert page.get_by_text("Saved data are safe").is_visible()
     picture(page, "lost")
     context.close()

@@ -110,7 +110,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
 
     page.get_by_role("button", name="Verify").click()
     page.get_by_text("The study is as it was written, all 5 lines of its log.").wait_for()
-    page.get_by_label("Head that was kept elsewhere").fill("0" * 12)
+    page.get_by_label("Head that was saved elsewhere").fill("0" * 12)
     page.get_by_role("button", name="Compare").click()
     page.get_by_text("The study is NOT as it was written").wait_for()
     with page.expect_download() as saved:

@@ -42,7 +42,7 @@ def pressed() -> tuple[tuple[TactileImage, ...], ProbeCalibration, Estimate]:
 def stored_object(
     store: Store, *, made: datetime | None = None, expires: datetime | None = None, **options: Any
 ) -> Target:
-    """Enter it as ``tsis hardness --keep`` would."""
+    """Enter it as ``tsis hardness --save`` would."""
     from dataclasses import replace
 
     frames, known, found = pressed()

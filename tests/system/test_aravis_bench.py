@@ -74,7 +74,7 @@ def test_the_served_probe_is_seen_and_its_press_kept(bench: Instrument) -> None:
         kept = bench.snapshot(by=ANN)
         assert kept.press.force_n == 1.0
         assert bench.store.levels(kept.press.frame).shape == (492, 768)
-        until(lambda: bench.sight is not None and bench.sight.contact is not None)
+        until(lambda: bench.frame_analysis is not None and bench.frame_analysis.contact is not None)
         dim = bench.store.levels(kept.press.frame).mean()
         bench.adjust("exposure_ms", 5.0, by=ANN)
         darker = bench.store.levels(bench.snapshot(by=ANN).press.frame).mean()

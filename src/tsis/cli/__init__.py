@@ -11,7 +11,7 @@ from tsis.cli._progress import progress_bar
 def main() -> None:
     """Run the program; an interruption while it loads shows no traceback either."""
     try:
-        from tsis.cli._app import run  # takes seconds, in which somebody may change their mind
+        from tsis.cli._app import run  # slow; Ctrl-C works meanwhile
 
         run()
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""The program ``tsis``: its commands, and errors as one sentence."""
+"""The program ``tsis``: its commands, and errors as one-line messages."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COMMANDS = {
     "console": CommandEntry(
         "tsis.cli._console",
         "console",
-        "Open the console: see through a camera or the virtual probe, keep presses, estimate, calibrate, report.",
+        "Open the console: show a camera or the virtual probe, save presses, estimate, calibrate, report.",
         "tsis console --phantom size-8",
     ),
     "acquire": CommandEntry(
@@ -46,7 +46,7 @@ COMMANDS = {
     "track": CommandEntry(
         "tsis.cli._track",
         "track",
-        "Follow the light of a press through a sequence of frames, and tell whether the press has settled.",
+        "Follow the light of a press through a sequence of frames, and report whether the press has settled.",
         "tsis track frame-*.png --reference untouched.png --scale-mm 0.051 --interval-s 0.1",
     ),
     "simulate": CommandEntry(
@@ -58,7 +58,7 @@ COMMANDS = {
     "design": CommandEntry(
         "tsis.cli._design",
         "design",
-        "Tell what a probe and its presses would say about inclusions, and how other designs compare.",
+        "Predict how well a probe and its presses estimate inclusions, and compare other designs.",
         "tsis design --probe tsis-domed --compare dome --compare forces --out design",
     ),
     "hardness": CommandEntry(
@@ -76,14 +76,14 @@ COMMANDS = {
     "calibrate": CommandEntry(
         "tsis.cli.calibrate",
         "app",
-        "Calibrate a probe, step by step; without --camera the virtual bench shows how. Its options: "
+        "Calibrate a probe, step by step; without --camera the virtual rig demonstrates it. Its options: "
         f"tsis calibrate guide --help. {RESEARCH_USE_ONLY}",
     ),
     "login": CommandEntry("tsis.cli._console", "login", "Names and passwords for a console that listens on a network."),
     "match": CommandEntry(
         "tsis.cli.match",
         "app",
-        "Match two point files: tsis match A B. A file that is called as a command below is given as ./bench. "
+        "Match two point files: tsis match A B. Write ./bench for a file with the name of a command below. "
         f"{RESEARCH_USE_ONLY}",
     ),
     "detect": CommandEntry(
@@ -94,25 +94,38 @@ COMMANDS = {
     "network": CommandEntry(
         "tsis.cli._network",
         "app",
-        "Estimate inclusions by networks that were trained on simulated presses, as the dissertation does. "
-        f"{RESEARCH_USE_ONLY}",
+        f"Estimate inclusions by networks trained on simulated presses, as the dissertation does. {RESEARCH_USE_ONLY}",
     ),
     "optics": CommandEntry("tsis.cli.optics", "app", f"Light in the probe. {RESEARCH_USE_ONLY}"),
     "records": CommandEntry(
         "tsis.cli.records",
         "app",
-        f"Targets with their presses and estimates: kept, verified, computed again, exported. {RESEARCH_USE_ONLY}",
+        f"Targets with their presses and estimates: list, verify, recompute, export. {RESEARCH_USE_ONLY}",
     ),
     "study": CommandEntry(
         "tsis.cli.study",
         "app",
-        "Blinded studies: targets under codes, readings, then the truth and what it says; plans of a search. "
-        f"{RESEARCH_USE_ONLY}",
+        f"Blinded studies: targets under codes, readings, unblinding and analysis; scan plans. {RESEARCH_USE_ONLY}",
     ),
     "sweep": CommandEntry(
-        "tsis.cli._sweep", "app", "Press many phantoms and keep the results as one data set of Parquet files."
+        "tsis.cli._sweep", "app", "Press many phantoms and write the results as one data set of Parquet files."
     ),
 }
+
+OLD_OPTIONS = {  # each still works, and no help shows it
+    "keep": "save",
+    "plain": "reference-press",
+    "plain-force-n": "reference-force-n",
+    "gauge-share": "gauge-uncertainty",
+    "reach": "detection-range",
+    "reach-mm": "detection-range-mm",
+}
+
+
+def current_name(option: str) -> str:
+    """The name of an option that was renamed, any other as it is."""
+    return OLD_OPTIONS.get(option, option)
+
 
 app = typer.Typer(
     name="tsis",
@@ -120,12 +133,12 @@ app = typer.Typer(
     help=f"Open software for optical tactile imaging. {RESEARCH_USE_ONLY}",
     epilog="Start with: tsis demo",
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": current_name},
 )
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
+def _show_version(requested: bool) -> None:
+    if requested:
         typer.echo(f"tsis {__version__}")
         raise typer.Exit
 
@@ -141,9 +154,9 @@ def root(
 
 
 def run() -> None:
-    """Run the program; wrong input ends with one sentence and the exit code 2, never with a traceback."""
+    """Run the program; wrong input gives one message and the exit code 2, never a traceback."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal of few letters shows the others by their number
+        if isinstance(stream, io.TextIOWrapper):  # characters outside the terminal's encoding are escaped
             stream.reconfigure(errors="backslashreplace")
     warnings.showwarning = _show_warning
     try:
@@ -151,13 +164,13 @@ def run() -> None:
     except TsisError as error:
         _stop(f"Error: {error}", BAD_INPUT)
     except BrokenPipeError:
-        # Whoever read the output has gone; Python would complain once more while it closes the stream.
+        # The reader closed the pipe. Without this, Python reports it again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except OSError as error:
         _stop(f"Error: the result could not be printed or read: {error.strerror or error}", BAD_INPUT)
     except Exception as error:
-        # What the parser says of a wrong option. Its class is private to typer in some versions and click's in others.
+        # An error of the parser. Its class is private to typer in some versions and click's in others.
         message = getattr(error, "format_message", None)
         if message is None:
             raise
@@ -181,13 +194,13 @@ def _show_warning(  # the signature of warnings.showwarning
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Print a warning of tsis as one sentence, any other as Python does."""
+    """Print a warning of tsis as one line, any other as Python does."""
     if issubclass(category, TsisWarning):
         typer.echo(f"Warning: {message}", err=True)
     else:
         _show_python_warning(message, category, filename, lineno, file, line)
 
 
-def _stop(sentence: str, code: int) -> NoReturn:
-    typer.echo(sentence, err=True)
+def _stop(message: str, code: int) -> NoReturn:
+    typer.echo(message, err=True)
     sys.exit(code)

@@ -1,6 +1,6 @@
-"""``tsis console`` and ``tsis login``: the instrument in a browser, and who may use it over a network.
+"""``tsis console`` and ``tsis login``: the instrument in a browser, and its logins over a network.
 
-The console is imported by its name when a command needs it: both are user interfaces, and neither rests on the other.
+The console is imported by name when a command runs: the two user interfaces do not depend on each other.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LONGEST_LINE = 4096
 login = typer.Typer(
     name="login", help="Names and passwords for a console that listens on a network.", no_args_is_help=True
 )
-Name = Annotated[str, typer.Argument(metavar="NAME", help="Shown to others while its owner holds the camera.")]
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Login name; others see who controls the camera.")]
 
 
 def console(
@@ -40,35 +40,33 @@ def console(
     phantom: PhantomName = "hardness-100",
     seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
     calibration: Annotated[
-        Path | None, typer.Option(help="Calibration file in force.", show_default="the virtual probe's own")
+        Path | None, typer.Option(help="Active calibration file.", show_default="the virtual probe's own")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder of snapshots and sequences; made when missing.")] = Path(
+    out: Annotated[Path, typer.Option(help="Folder of snapshots and sequences; created when missing.")] = Path(
         "tsis-console"
     ),
     store: StoreFolder = None,
     kind: StoreKind = PHANTOM,
     database: StoreDatabase = None,
     host: Annotated[
-        str, typer.Option(help="Address to listen on; one that others can reach needs a certificate and a login.")
+        str, typer.Option(help="Address to listen on; an address open to others needs a certificate and a login.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port to listen on; 0 is any free one.", min=0, max=65535)] = 8642,
-    certificate: Annotated[
-        Path | None, typer.Option(help="Certificate of this machine (PEM), with those that vouch for it.")
-    ] = None,
+    certificate: Annotated[Path | None, typer.Option(help="Certificate of this machine (PEM), with its chain.")] = None,
     key: Annotated[Path | None, typer.Option(help="Private key of the certificate (PEM).")] = None,
     allow_host: Annotated[
         list[str] | None,
-        typer.Option("--allow-host", metavar="NAME", help="Name by which it may be called; repeatable."),
+        typer.Option("--allow-host", metavar="NAME", help="Host name that is accepted; repeatable."),
     ] = None,
     new_token: Annotated[
-        bool, typer.Option("--new-token", help="Make another key: open pages and scripts need the new address.")
+        bool, typer.Option("--new-token", help="Create a new key: open pages and scripts need the new address.")
     ] = False,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Open the console: see through a camera or the virtual probe, keep presses, estimate, calibrate, report.
+    """Open the console: show a camera or the virtual probe, save presses, estimate, calibrate, report.
 
-    It listens on this machine alone, unless told otherwise. The address that it prints holds the key to the page.
+    It listens on this machine only, unless --host is given. The printed address contains the access key.
     Ctrl-C ends it.
     """
     if (certificate is None) != (key is None):
@@ -77,7 +75,7 @@ def console(
     preparing.enter_context(waiting("preparing the console"))
     package = import_module("tsis.console")
     terms = package.ConsoleSettings(
-        bench=package.InstrumentSettings(
+        instrument=package.InstrumentSettings(
             workspace=out,
             store=store,
             kind=kind,
@@ -102,7 +100,7 @@ def console(
         else:
             reported = people()
             reported.print(f"Open {address}", markup=False, soft_wrap=True)
-            reported.print("Ctrl-C ends it; what was kept stays.", markup=False)
+            reported.print("Ctrl-C ends it; saved data stay.", markup=False)
             print_notice(reported)
         if browser and not as_json:
             ending.enter_context(package.opened_in_browser(address))
@@ -110,23 +108,23 @@ def console(
     with preparing, ExitStack() as ending:
         package.serve_console(terms, ready=ready)
     if not as_json:
-        people().print("Ended; what was kept is in the store.")
-    gc.freeze()  # the process ends now; to look through all that it holds first would take a second
+        people().print("Ended; saved data are in the store.")
+    gc.freeze()  # the process ends now; a last collection would take a second
 
 
 @login.command(epilog="Example: tsis login add anna")
 def add(*, name: Name) -> None:
-    """Add a login, or give a known one another password.
+    """Add a login, or change the password of an existing one.
 
-    The password is asked for, or read as one line from standard input where that is no terminal. Another password
-    ends the sessions that were opened with the old one.
+    The password comes from a prompt, or from one line of standard input where that is no terminal. A new password
+    ends the sessions opened with the old one.
     """
     logins = _console().Logins()
     given = name in logins.names()
     logins.require_name(name)
     logins.add(name, _password())
     reported = people()
-    reported.print(f"{name} has another password." if given else f"{name} may log in.", markup=False)
+    reported.print(f"{name} has a new password." if given else f"{name} may log in.", markup=False)
     print_notice(reported)
 
 
@@ -151,7 +149,7 @@ def list_logins(*, as_json: AsJson = False) -> None:
     table = Table("name", "password of", title="Logins of this user's console")
     for name, when in given.items():
         table.add_row(name, when)
-    reported.print(table if given else "Nobody may log in yet; tsis login add NAME adds a login.")
+    reported.print(table if given else "No logins yet; tsis login add NAME adds one.")
     print_notice(reported)
 
 
@@ -160,7 +158,7 @@ def _password() -> str:
         line = sys.stdin.readline(LONGEST_LINE)
         return line.rstrip("\r\n")
     password = typer.prompt("Password", hide_input=True)
-    if typer.prompt("The same again", hide_input=True) != password:
+    if typer.prompt("Repeat it", hide_input=True) != password:
         raise InputError("password must be the same both times; got two different ones")
     return str(password)
 

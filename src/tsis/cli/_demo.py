@@ -1,4 +1,4 @@
-"""``tsis demo``: press a virtual phantom, see the images, read the inclusion with its uncertainty."""
+"""``tsis demo``: press a virtual phantom, show the images, estimate the inclusion."""
 
 from __future__ import annotations
 
@@ -51,23 +51,23 @@ def demo(
     prior: PriorFile = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
-    keep: SaveOption = False,
+    save: SaveOption = False,
     store: StoreOption = None,
     number: TargetOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Press a phantom with the virtual probe, estimate the inclusion, and write a page that shows it.
 
-    Each force is pressed twice, on plain tissue and on the phantom. The estimator knows neither the true forces, the
-    true gain, the probe's true stiffness nor the mesh of the virtual probe.
+    Each force is pressed twice, on tissue without inclusion and on the phantom. The estimator does not know the true
+    forces, gain and stiffness of the probe, nor the mesh of the virtual probe.
     """
     target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     truth, forces = _truth(target), _named(force_n)
-    if keep:
-        require_no_file("--keep", probe)
+    if save:
+        require_no_file("--save", probe)
     chosen = chosen_probe(probe)
     assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
-    destination = chosen_destination(keep, store, number=number)
+    destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = irradiance(chosen, progress=advance)
     virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)
@@ -82,7 +82,7 @@ def demo(
     page = inclusion_report(
         result,
         title=f"Virtual press on {target.name}",
-        subtitle=f"{pressed}, each with a reference press on plain tissue; simulated frames",
+        subtitle=f"{pressed}, each with a reference press on tissue without inclusion; simulated frames",
         targets=images,
         references=references,
         prior=assumed,
@@ -93,7 +93,7 @@ def demo(
     from tsis.records import SavableResult  # loads the libraries of records
 
     calibration = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
-    keepable = SavableResult(
+    savable = SavableResult(
         kind="inclusion",
         estimate=result,
         probe=chosen.name,
@@ -114,11 +114,11 @@ def demo(
             CALIBRATION_FILE: calibration_bytes(calibration),
         },
     )
-    publish_and_save(outcome, out, destination, keepable, as_json=as_json)
+    publish_and_save(outcome, out, destination, savable, as_json=as_json)
 
 
 def _named(force_n: list[float]) -> dict[str, float]:
-    """Forces by the names that their files carry."""
+    """Forces by the names of their files."""
     forces = {f"{force:g} N": force for force in force_n}
     if len(forces) < len(force_n):
         raise InputError(f"--force-n must name different forces; got {', '.join(f'{force:g}' for force in force_n)}")
@@ -126,7 +126,7 @@ def _named(force_n: list[float]) -> dict[str, float]:
 
 
 def _presses(virtual: VirtualProbe, phantom: Phantom, forces: dict[str, float], what: str) -> list[TactileImage]:
-    """One frame a force, named like the file it becomes."""
+    """One frame per force, named like its file."""
     return [
         replace(virtual.press(phantom, force_n=force), name=f"{what}-{name.replace(' ', '')}.png")
         for name, force in forces.items()
@@ -140,11 +140,11 @@ def _truth(phantom: Phantom) -> dict[str, float] | None:
 
 
 def _outside_the_prior(truth: dict[str, float], prior: InclusionPrior) -> tuple[str, ...]:
-    """One sentence for each true value that no interval can hold, because the prior excludes it."""
+    """A message for each true value outside the prior."""
     ranges = {name: getattr(prior, name) for name in truth}
     return tuple(
         f"The true {name} {value:g} lies outside the prior's {ranges[name][0]:g} to {ranges[name][1]:g}: "
-        "no interval can hold it."
+        "no interval can contain it."
         for name, value in truth.items()
         if not ranges[name][0] <= value <= ranges[name][1]
     )

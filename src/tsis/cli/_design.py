@@ -1,4 +1,4 @@
-"""``tsis design``: what a probe and its presses would tell, before they are built."""
+"""``tsis design``: expected estimation errors of a probe and its presses, before they are built."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 class Compared(StrEnum):
-    """What is changed."""
+    """The design variable."""
 
     SOFTNESS = "softness"
     LAYERS = "layers"
@@ -51,7 +51,7 @@ class Compared(StrEnum):
 
 
 class Criterion(StrEnum):
-    """What a good design makes small."""
+    """What a search minimises."""
 
     ALL = "all"
     DIAMETER = "diameter_mm"
@@ -65,7 +65,7 @@ def design(
     force_n: Annotated[
         list[float] | None, typer.Option(help="Force of a press, N; may be repeated. 0.5 and 1 on a dome, else 1.")
     ] = None,
-    no_reference: Annotated[bool, typer.Option("--no-reference", help="No presses on plain tissue.")] = False,
+    no_reference: Annotated[bool, typer.Option("--no-reference", help="No reference presses.")] = False,
     frames: Annotated[int, typer.Option(help="How often each press is made.")] = 1,
     compared: Annotated[
         list[Compared] | None,
@@ -88,13 +88,13 @@ def design(
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell what a probe and its presses would say about inclusions, and how other designs compare.
+    """Predict how well a probe and its presses estimate inclusions, and compare other designs.
 
-    Expected errors are means over the prior's ranges of inclusions. Nothing is pressed: the numbers come from the
-    model behind the estimates, with every error that a calibration states.
+    Expected errors are means over the prior's ranges. Nothing is pressed: the numbers come from the
+    model of the estimates, with all errors of a calibration.
     """
     if evaluations is not None and not search:
-        raise InputError("--evaluations needs --optimise: nothing is searched without it")
+        raise InputError("--evaluations needs --optimise, the search that it limits")
     question = DesignQuestion(
         probe=chosen_probe(probe),
         forces_n=tuple(force_n or ()),
@@ -106,7 +106,7 @@ def design(
         prior=InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior),
         evaluations=None if not search else MOST_EVALUATIONS if evaluations is None else evaluations,
     )
-    with progress_bar("solving presses (kept for next time)") as progress:
+    with progress_bar("solving presses (cached for next time)") as progress:
         result = compared_designs(question, progress=progress)
     best = None
     if search:
@@ -125,10 +125,10 @@ def design(
     )
 
 
-def _table(answer: DesignAnalysis) -> Table:
+def _table(analysis: DesignAnalysis) -> Table:
     table = Table(
-        title=answer.question.planned.described,
-        caption=design_caption(answer.designs),
+        title=analysis.question.planned.described,
+        caption=design_caption(analysis.designs),
         caption_justify="left",
         box=SIMPLE_HEAD,
         show_edge=False,
@@ -138,7 +138,7 @@ def _table(answer: DesignAnalysis) -> Table:
     for heading in HEADINGS[1:-1]:
         table.add_column(heading, justify="right")
     table.add_column(HEADINGS[-1], min_width=10)
-    for row in design_rows(answer.designs):
+    for row in design_rows(analysis.designs):
         table.add_row(*row)
     return table
 

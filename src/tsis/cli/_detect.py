@@ -1,4 +1,4 @@
-"""``tsis detect``: train a classifier on targets of a store whose truth is known, and classify other targets."""
+"""``tsis detect``: train a classifier on targets with a known truth, and classify other targets."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ app = typer.Typer(
     no_args_is_help=True,
     help=f"Classify targets of a store by measured properties: none, and two kinds of inclusions. {RESEARCH_USE_ONLY}",
 )
-MOST_LISTED = 5000  # targets of one call, as of a classifier
+MOST_LISTED = 5000  # targets per call
 
 
 @app.command(epilog="Example: tsis detect train classifier.json --young-kpa 60 --none 4,9-20 --store records")
@@ -58,9 +58,7 @@ def train(
     ] = None,
     diameter_mm: Annotated[float | None, typer.Option(help="And larger than this, in millimetres.")] = None,
     depth_mm: Annotated[float | None, typer.Option(help="And shallower than this, in millimetres.")] = None,
-    none: Annotated[
-        str, typer.Option(help="Numbers of the targets without an inclusion, as 4,9-20; the store cannot tell them.")
-    ] = "",
+    none: Annotated[str, typer.Option(help="Numbers of the targets without an inclusion, as 4,9-20.")] = "",
     penalty: Annotated[float, typer.Option(help="Penalty of targets on the wrong side.")] = 1.0,
     folds: Annotated[int, typer.Option(help="Parts by which the probabilities are calibrated.")] = 5,
     validate: Annotated[int, typer.Option(help="Parts of a cross-validation; 0 leaves it out.", min=0, max=20)] = 5,
@@ -127,7 +125,7 @@ def apply(
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell the probability of each class for targets of a store, by their estimates in force."""
+    """Print the probability of each class for targets of a store, by their current estimates."""
     import_extra("sklearn", feature="tsis detect", extra="classify")
     classifier = read_classifier(file)
     with opened(store, kind, database) as records:
@@ -159,9 +157,9 @@ def _evidence_of(records: Store, number: int) -> TargetEvidence:
         raise InputError(f"target {number}: {error}") from error
 
 
-def _evidence(dossier: TargetRecord) -> TargetEvidence:
-    """What the estimate in force says; `InputError` where there is none that may be used."""
-    results = [stored.estimate for stored in dossier.in_force if stored.kind == "inclusion"]
+def _evidence(record: TargetRecord) -> TargetEvidence:
+    """The current estimate; `InputError` where none may be used."""
+    results = [stored.estimate for stored in record.in_force if stored.kind == "inclusion"]
     if not results:
         raise InputError("it has no estimate of an inclusion")
     try:

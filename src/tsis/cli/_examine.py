@@ -1,4 +1,4 @@
-"""``tsis examine``: what image files from any camera say, and what they cannot."""
+"""``tsis examine``: contacts and inclusions in image files of any camera."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from tsis.report import PressComparison
 
 
-UNNAMED = "tsis-2011"  # the probe of calibrations that name none of the catalog
+UNNAMED = "tsis-2011"  # for calibrations that name no probe
 REFUSED = (
     (
         "inclusion: diameter, depth, modulus",
@@ -84,13 +84,13 @@ def examine(
     force_n: Annotated[
         list[float] | None, typer.Option(help="Force in newtons: one for all images, or one for each, in their order.")
     ] = None,
-    plain: Annotated[
+    reference_presses: Annotated[
         list[Path] | None,
-        typer.Option(help="Press on plain tissue with the same probe, for the estimate; one for each force is best."),
+        typer.Option("--reference-press", help="Press on tissue without inclusion, same probe; best one per force."),
     ] = None,
-    plain_force_n: Annotated[
+    reference_force_n: Annotated[
         list[float] | None,
-        typer.Option(help="Force of the presses on plain tissue, in their order; by default that of the images."),
+        typer.Option(help="Force of the reference presses, in their order; by default that of the images."),
     ] = None,
     probe: Annotated[
         str | None,
@@ -103,55 +103,55 @@ def examine(
         bool,
         typer.Option(
             "--relative",
-            help="Read relative size and depth, and with two forces and a calibration relative hardness, against "
-            "--reference, else against --plain.",
+            help="Estimate relative size and depth, and with two forces and a calibration relative hardness, against "
+            "--reference, else against --reference-press.",
         ),
     ] = False,
     shape: Annotated[
-        bool, typer.Option("--shape", help="Read ellipse, roundness and outline of what lights, against the same.")
+        bool, typer.Option("--shape", help="Measure ellipse, roundness and outline of the lit area, against the same.")
     ] = False,
     prior: PriorFile = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-examine"
     ),
-    keep: SaveOption = False,
+    save: SaveOption = False,
     store: StoreOption = None,
     kind: KindOption = None,
     number: TargetOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated."""
-    if keep:
-        require_no_file("--keep", probe)
+    if save:
+        require_no_file("--save", probe)
     chosen = None if probe is None else chosen_probe(probe)
     compared = relative or shape
     if compared:
-        _require_comparable(reference, plain, scale_mm, calibration, invert=invert)
-    if calibration is None and not compared and (plain or plain_force_n):
-        raise InputError("--plain needs --calibration: without it no inclusion is estimated")
-    if plain_force_n and not plain:
-        raise InputError("--plain-force-n needs --plain, the presses whose force it tells")
+        _require_comparable(reference, reference_presses, scale_mm, calibration, invert=invert)
+    if calibration is None and not compared and (reference_presses or reference_force_n):
+        raise InputError("--reference-press needs --calibration: without it no inclusion is estimated")
+    if reference_force_n and not reference_presses:
+        raise InputError("--reference-force-n needs --reference-press, the presses whose force it tells")
     if calibration is not None and ((reference is not None and not compared) or invert or match_lamps):
         raise InputError(
             "--reference, --invert and --match-light are not used with --calibration: its background level is "
-            "subtracted instead (for a press on plain tissue use --plain)"
+            "subtracted instead (a press on tissue without inclusion is a --reference-press)"
         )
     if match_lamps and reference is None:
         raise InputError("--match-light needs --reference, the frame that it scales")
     if calibration is None and force_n and not compared:
-        raise InputError("--force-n needs --calibration: without it a force tells nothing")
-    if keep and calibration is None:
-        raise InputError("--keep needs --calibration: without it there is no estimate to keep")
+        raise InputError("--force-n needs --calibration: without it a force is not used")
+    if save and calibration is None:
+        raise InputError("--save needs --calibration: without it there is no estimate to save")
     if prior is not None and calibration is None:
         raise InputError("--prior needs --calibration: without it no inclusion is estimated")
     assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
-    given = None if calibration is None else read_usable_calibration(calibration)
-    scale = chosen_scale(given, scale_mm)
-    by_line = given is not None and not force_n and given.calibration.force_line is not None
-    if given is not None and (scale is None or not (force_n or by_line)):
+    usable = None if calibration is None else read_usable_calibration(calibration)
+    scale = chosen_scale(usable, scale_mm)
+    by_line = usable is not None and not force_n and usable.calibration.force_line is not None
+    if usable is not None and (scale is None or not (force_n or by_line)):
         raise InputError(
-            "an estimate with --calibration needs --scale-mm and --force-n as well, where it holds neither scale nor "
+            "an estimate with --calibration needs --scale-mm and --force-n, where it contains neither scale nor "
             "force line"
         )
     forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
@@ -165,90 +165,100 @@ def examine(
         "mm_per_pixel": None if scale is None else list(scale),
         "invert": invert,
         "match_light": match_lamps,
-        "calibration": None if given is None else given.citation(),
+        "calibration": None if usable is None else usable.citation(),
     }
-    if given is None:
+    if usable is None:
         comparison = None
         if compared:
-            on_tissue = read_frames(plain or [], _plain_forces(plain_force_n, force_n, len(plain or [])), scale)
+            on_tissue = read_frames(
+                reference_presses or [],
+                _forces_if_given(reference_force_n, force_n, len(reference_presses or [])),
+                scale,
+            )
             comparison = _compared(frames, untouched, on_tissue, None, relative=relative, shape=shape)
         outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps, comparison=comparison)
         publish(outcome, out, as_json=as_json)
     else:
         from tsis.records import SavableResult, require_savable  # loads the libraries of records
 
-        plain = plain or []
+        reference_presses = reference_presses or []
         reference_force = (
-            [None] * len(plain) if by_line else reference_forces(plain_force_n or (), force_n or (), len(plain))
+            [None] * len(reference_presses)
+            if by_line
+            else reference_forces(reference_force_n or (), force_n or (), len(reference_presses))
         )
-        reference_frames = read_frames(plain, reference_force, scale)
-        if keep:
+        reference_frames = read_frames(reference_presses, reference_force, scale)
+        if save:
             require_savable([*frames, *reference_frames])
-        destination = chosen_destination(keep, store, kind, number)
-        pressed, response = given.pressed(frames)
-        on_plain, reference_response = given.pressed(reference_frames)
+        destination = chosen_destination(save, store, kind, number)
+        pressed, response = usable.pressed(frames)
+        on_reference, reference_response = usable.pressed(reference_frames)
         response = max(response, reference_response, key=lambda item: item.force_sd)
         if by_line:
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
         by = chosen or calibrated_probe(response.probe, unnamed=UNNAMED)
-        result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_plain, prior=assumed)
+        result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_reference, prior=assumed)
         comparison = None
         if compared:
-            bare = None if untouched is None else given.pressed([replace(untouched, force_n=0.0)])[0][0]
-            comparison = _compared(pressed, bare, on_plain, response, relative=relative, shape=shape)
-        outcome = _inclusion(result, pressed, on_plain, by, assumed, provenance, comparison)
-        keepable = SavableResult(
+            bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
+            comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
+        outcome = _inclusion(result, pressed, on_reference, by, assumed, provenance, comparison)
+        savable = SavableResult(
             kind="inclusion",
             estimate=result,
             probe=by.name,
-            calibration=given.calibration,
+            calibration=usable.calibration,
             frames={"target": frames, "plain": reference_frames},
             options={"prior": asdict(assumed)},
         )
-        publish_and_save(outcome, out, destination, keepable, as_json=as_json)
+        publish_and_save(outcome, out, destination, savable, as_json=as_json)
 
 
-def _plain_forces(
-    plain_force_n: Sequence[float] | None, force_n: Sequence[float] | None, presses: int
+def _forces_if_given(
+    reference_force_n: Sequence[float] | None, force_n: Sequence[float] | None, presses: int
 ) -> Sequence[float | None]:
-    """Force of each press on plain tissue, None where nobody gave any."""
+    """Force of each reference press, None where none is given."""
     return (
-        reference_forces(plain_force_n or (), force_n or (), presses) if plain_force_n or force_n else [None] * presses
+        reference_forces(reference_force_n or (), force_n or (), presses)
+        if reference_force_n or force_n
+        else [None] * presses
     )
 
 
 def _require_comparable(
     reference: Path | None,
-    plain: list[Path] | None,
+    reference_presses: list[Path] | None,
     scale_mm: str | None,
     calibration: Path | None,
     *,
     invert: bool,
 ) -> None:
-    """Refuse frames from which nothing can be compared."""
-    if reference is None and not plain:
+    """Refuse frames that cannot be compared."""
+    if reference is None and not reference_presses:
         raise InputError(
-            "--relative and --shape compare each image: give the untouched probe as --reference, or presses on plain "
-            "tissue as hard as the images as --plain"
+            "--relative and --shape compare each image: give the untouched probe as --reference, or reference presses "
+            "at the forces of the images as --reference-press"
         )
-    if calibration is None and reference is not None and plain:
-        raise InputError("--relative and --shape compare with one kind of reference: give --reference or --plain")
+    if calibration is None and reference is not None and reference_presses:
+        raise InputError(
+            "--relative and --shape compare with one kind of reference: give --reference or --reference-press"
+        )
     if calibration is None and scale_mm is None:
         raise InputError("--relative and --shape need --scale-mm: they are lengths and areas in millimetres")
     if invert:
-        raise InputError("--relative and --shape read light that grows where the probe is pressed; leave out --invert")
+        raise InputError("--relative and --shape need light that grows where the probe is pressed; leave out --invert")
 
 
 def _compared(
     frames: Sequence[TactileImage],
     untouched: TactileImage | None,
-    on_plain: Sequence[TactileImage],
+    on_reference: Sequence[TactileImage],
     calibration: Calibration | None,
     *,
     relative: bool,
     shape: bool,
 ) -> PressComparison:
-    references, against = (on_plain, "plain tissue") if untouched is None else ([untouched], "untouched probe")
+    references, against = (on_reference, "plain tissue") if untouched is None else ([untouched], "untouched probe")
     return compare_presses(frames, references, against=against, calibration=calibration, relative=relative, shape=shape)
 
 
@@ -308,7 +318,7 @@ def _contacts(
 def _inclusion(
     result: Estimate,
     frames: Sequence[TactileImage],
-    on_plain: Sequence[TactileImage],
+    on_reference: Sequence[TactileImage],
     probe: Probe,
     prior: InclusionPrior,
     provenance: dict[str, Any],
@@ -320,7 +330,7 @@ def _inclusion(
         title=f"Inclusion under {probe.name}",
         subtitle=names,
         targets=frames,
-        references=on_plain,
+        references=on_reference,
         prior=prior,
         ring_edges_mm=ring_edges(probe),
         provenance=provenance,

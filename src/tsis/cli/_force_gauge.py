@@ -1,4 +1,4 @@
-"""The force gauge that the command line names, read beside the camera."""
+"""The force gauge of the command line, read beside the camera."""
 
 from __future__ import annotations
 
@@ -22,20 +22,18 @@ GaugePort = Annotated[
 ]
 GaugeUnit = Annotated[
     str | None,
-    typer.Option("--gauge-unit", help="Unit that its display shows, when it sends none.", rich_help_panel="Gauge"),
+    typer.Option("--gauge-unit", help="Unit of its display, when it sends none.", rich_help_panel="Gauge"),
 ]
 GaugeBaud = Annotated[
-    int, typer.Option("--gauge-baud", help="Speed that it is set to, bits per second.", rich_help_panel="Gauge")
+    int, typer.Option("--gauge-baud", help="Its baud rate, bits per second.", rich_help_panel="Gauge")
 ]
 GaugeSends = Annotated[
     bool,
-    typer.Option("--gauge-sends", help="It sends on its own and is not to be asked.", rich_help_panel="Gauge"),
+    typer.Option("--gauge-sends", help="It sends by itself, without requests.", rich_help_panel="Gauge"),
 ]
 GaugeLatency = Annotated[
     float,
-    typer.Option(
-        "--gauge-latency-ms", help="How much later than a frame it shows the force at it.", rich_help_panel="Gauge"
-    ),
+    typer.Option("--gauge-latency-ms", help="Delay of its reading after the frame.", rich_help_panel="Gauge"),
 ]
 
 
@@ -43,10 +41,10 @@ GaugeLatency = Annotated[
 def gauge_log(
     port: str | None, *, unit: str | None, baud: int, sends: bool, latency_ms: float
 ) -> Iterator[ForceLog | None]:
-    """Readings of the gauge at a serial port, once the first have come; None without a port."""
+    """Readings of the gauge at a serial port, after the first have arrived; None without a port."""
     if port is None:
         if unit is not None or sends:
-            raise InputError("--gauge-unit and --gauge-sends need --gauge, the port that they belong to")
+            raise InputError("--gauge-unit and --gauge-sends need --gauge, the port of the gauge")
         yield None
         return
     log = connected_gauge(port, unit=unit, baud=baud, sends=sends, latency_s=latency_ms / 1000)
@@ -57,6 +55,6 @@ def gauge_log(
 
 
 def force_then(log: ForceLog, time_s: float) -> ForceAtTime:
-    """The force at a time, once the reading after it has come; `GaugeError` when none comes."""
+    """The force at a time, after the next reading has arrived; `GaugeError` when none arrives."""
     log.wait_until(time_s, timeout_s=1.0)
     return log.at(time_s)

@@ -1,4 +1,4 @@
-"""A group of commands of which one may be left out."""
+"""A group of commands with a default command."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 
 class DefaultCommand(TyperGroup):
-    """Commands of which the default one may be left out, so that ``tsis match A B`` matches two files."""
+    """Commands with a default: ``tsis match A B`` runs ``tsis match points A B``."""
 
     default = ""
-    is_default = True  # whether nothing at all calls the default command too, and not for help
+    is_default = True  # whether an empty command line runs it, instead of showing help
 
     @classmethod
-    def named(cls, default: str, *, alone: bool = True) -> type[DefaultCommand]:
+    def named(cls, default: str, *, is_default: bool = True) -> type[DefaultCommand]:
         """The group with that default."""
-        return type("DefaultCommand", (cls,), {"default": default, "alone": alone})
+        return type("DefaultCommand", (cls,), {"default": default, "is_default": is_default})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put the default command before what is neither a command nor a call for help."""
+        """Insert the default command before arguments that begin with no command."""
         if not args and not self.is_default:
             args = ["--help"]
         if not args or args[0] not in (*self.commands, "-h", "--help"):
@@ -36,7 +36,7 @@ class DefaultCommand(TyperGroup):
 
 @contextmanager
 def ended_by(*numbers: signal.Signals) -> Iterator[threading.Event]:
-    """An event that these signals set inside the block, in place of what they did before."""
+    """An event that these signals set inside the block; the old handlers return after it."""
     ended = threading.Event()
 
     def end(_number: int, _frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""``tsis hardness``: how stiff an object is that the bare probe touches."""
+"""``tsis hardness``: Young's modulus of an object touched by the probe."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 DEMO, DEMO_FORCES = "cl2000x", [0.7, 1.2]
-UNNAMED = "tsis-direct"  # the probe of calibrations that name none of the catalog
+UNNAMED = "tsis-direct"  # for calibrations that name no probe
 
 
 def hardness(
@@ -80,7 +80,7 @@ def hardness(
         ),
     ] = None,
     virtual: Annotated[
-        str | None, typer.Option(help="Press a sphere of the catalog virtually instead: cl2000x or cl2003x.")
+        str | None, typer.Option(help="Press a virtual sphere of the catalog instead: cl2000x or cl2003x.")
     ] = None,
     demo: Annotated[bool, typer.Option("--demo", help=f"The same as --virtual {DEMO}.")] = False,
     prior: PriorFile = None,
@@ -89,7 +89,7 @@ def hardness(
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-hardness"
     ),
-    keep: SaveOption = False,
+    save: SaveOption = False,
     store: StoreOption = None,
     kind: KindOption = None,
     number: TargetOption = None,
@@ -97,15 +97,15 @@ def hardness(
 ) -> None:
     """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness."""
     paths = images or []
-    if keep:
-        require_no_file("--keep", probe)
+    if save:
+        require_no_file("--save", probe)
     assumed = HardnessPrior() if prior is None else read_prior_file(prior, HardnessPrior)
     if demo or virtual is not None:
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
         if any(value is not None for value in given):
-            raise InputError("--virtual and --demo press by themselves: give no images, scale, radius or calibration")
+            raise InputError("--virtual and --demo simulate the presses: give no images, scale, radius or calibration")
         chosen, name = chosen_probe(probe or UNNAMED), virtual or DEMO
-        destination = chosen_destination(keep, store, kind, number)
+        destination = chosen_destination(save, store, kind, number)
         _virtual(
             name, chosen, force_n or DEMO_FORCES, seed, out, prior=assumed, destination=destination, as_json=as_json
         )
@@ -116,8 +116,8 @@ def hardness(
     scale = chosen_scale(known, scale_mm)
     if known is None or scale is None or not (force_n or known.calibration.force_line):
         raise InputError(
-            "a hardness needs --calibration, --scale-mm and --force-n for each image, the last two where the "
-            "calibration holds neither scale nor force line"
+            "a hardness estimate needs --calibration, --scale-mm and --force-n for each image, the last two where the "
+            "calibration contains neither scale nor force line"
         )
     forces = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
     raw = read_frames(paths, forces, scale)
@@ -129,9 +129,9 @@ def hardness(
     raw_balls = read_frames(balls, ball_force_n or (), scale)
     from tsis.records import SavableResult, require_savable  # loads the libraries of records
 
-    if keep:
+    if save:
         require_savable([*raw, *raw_balls])
-    destination = chosen_destination(keep, store, kind, number)
+    destination = chosen_destination(save, store, kind, number)
     options = {
         "radius_mm": radius_mm,
         "radius_sd_mm": radius_sd_mm,
@@ -140,7 +140,7 @@ def hardness(
         **_options(assumed),
     }
     outcome, result = _outcome(frames, chosen, response, options, cites=known.citation())
-    keepable = SavableResult(
+    savable = SavableResult(
         kind="hardness",
         estimate=result,
         probe=chosen.name,
@@ -148,16 +148,16 @@ def hardness(
         frames={"target": raw, "ball": raw_balls},
         options=_written_down(options),
     )
-    publish_and_save(outcome, out, destination, keepable, as_json=as_json)
+    publish_and_save(outcome, out, destination, savable, as_json=as_json)
 
 
 def _options(prior: HardnessPrior) -> dict[str, Any]:
-    """Options of every estimate here, which are written down, so that another release can take the same."""
+    """Options of every estimate here, recorded so that another release can repeat it."""
     return {"prior": prior, "blur_mm": BLUR_MM, "drift_sd": DRIFT_SD}
 
 
 def _written_down(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options as a store keeps them: without the reference, which are presses of their own, and what nobody gave."""
+    """Options as stored: without the reference, which is stored as presses, and without those not given."""
     entries = {name: value for name, value in options.items() if name != "reference" and value is not None}
     return entries | {"prior": asdict(entries["prior"])}
 
@@ -175,7 +175,7 @@ def _virtual(
 ) -> None:
     sphere = load_sphere(name)
     rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
-    with waiting(f"squeezing {name} with the virtual rig"):
+    with waiting(f"pressing {name} with the virtual rig"):
         frames = rig.press_path(sphere, forces_n=forces)
     from tsis.records import SavableResult  # loads the libraries of records
 
@@ -187,7 +187,7 @@ def _virtual(
     outcome, result = _outcome(
         frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
     )
-    keepable = SavableResult(
+    savable = SavableResult(
         kind="hardness",
         estimate=result,
         probe=probe.name,
@@ -197,7 +197,7 @@ def _virtual(
         name=name,
         truth={"young_kpa": sphere.young_kpa},
     )
-    publish_and_save(outcome, out, destination, keepable, as_json=as_json)
+    publish_and_save(outcome, out, destination, savable, as_json=as_json)
 
 
 def _outcome(
@@ -211,7 +211,7 @@ def _outcome(
     files: dict[str, bytes] | None = None,
     cites: dict[str, Any] | None = None,
 ) -> tuple[CommandOutcome, Estimate]:
-    with progress_bar("solving the contact of this probe (kept for next time)") as progress:
+    with progress_bar("solving the contact of this probe (cached for next time)") as progress:
         result = estimate(frames, probe=probe, calibration=calibration, progress=progress, **options)
     title = f"Hardness by direct contact with {probe.name}"
     shown = Table("quantity", "value", title=escape(title))

@@ -14,14 +14,14 @@ from typer.main import get_command, get_group
 
 @dataclass(frozen=True, slots=True)
 class CommandEntry:
-    """A command, or a group of commands, before it is imported.
+    """A command or group of commands that is not yet imported.
 
     Attributes
     ----------
     module, attribute
-        Where the function of the command is, or the `typer.Typer` of the group.
+        Location of the command's function, or of the group's `typer.Typer`.
     summary
-        What ``tsis --help`` shows of it: the first paragraph of its own help.
+        Its line in ``tsis --help``: the first paragraph of its own help.
     example
         Command line at the end of a command's help; a group has its own.
     """
@@ -61,13 +61,13 @@ def _parser(name: str, entry: CommandEntry) -> Any:
 
 
 class LazyCommands(TyperGroup):
-    """A group whose ``commands`` are imported one by one; its help shows their summaries alone."""
+    """A group whose ``commands`` are imported one by one; its help shows only their summaries."""
 
     entries: Mapping[str, CommandEntry] = {}
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands = LoadedCommands(self.entries)  # type: ignore[assignment] # nobody adds a command to it
+        self.commands = LoadedCommands(self.entries)  # type: ignore[assignment] # read-only
 
     @classmethod
     def of(cls, entries: Mapping[str, CommandEntry]) -> type[LazyCommands]:
@@ -79,7 +79,7 @@ class LazyCommands(TyperGroup):
         return list(self.entries)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """A command as help and completion list it: its name and its summary."""
+        """A command for help and completion: its name and summary."""
         entry = self.entries.get(cmd_name)
         return None if entry is None else TyperCommand(name=cmd_name, help=entry.summary)
 

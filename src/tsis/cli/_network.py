@@ -1,4 +1,4 @@
-"""``tsis network``: train networks on simulated presses, and estimate inclusions from frames by them."""
+"""``tsis network``: train networks on simulated presses, and apply them to frames."""
 
 from __future__ import annotations
 
@@ -40,14 +40,13 @@ app = typer.Typer(
     name="network",
     no_args_is_help=True,
     help=(
-        "Estimate inclusions by networks that were trained on simulated presses, as the dissertation does. "
-        f"{RESEARCH_USE_ONLY}"
+        f"Estimate inclusions by networks trained on simulated presses, as the dissertation does. {RESEARCH_USE_ONLY}"
     ),
 )
-UNNAMED = "tsis-2011"  # the probe of calibrations that name none of the catalog
+UNNAMED = "tsis-2011"  # for calibrations that name no probe
 SPREAD = (
     "sd is the spread of the networks and no uncertainty of the estimate: tsis examine gives one with its interval.",
-    "The modulus is hardly better than the middle of its range: three numbers of one press do not hold it.",
+    "The modulus is hardly better than the middle of its range: three numbers of one press do not determine it.",
 )
 
 
@@ -68,7 +67,7 @@ def train(
     show_prior: ShowPrior = False,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate presses on inclusions of the prior, and train networks on three outputs of each."""
+    """Simulate presses on inclusions of the prior, and train networks on three outputs of each press."""
     require_absent(file)
     chosen = chosen_probe(probe)
     assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
@@ -101,7 +100,7 @@ def train(
 
 @app.command(
     epilog=(
-        "Example: tsis network apply networks.json press.png --plain plain.png --calibration probe.json "
+        "Example: tsis network apply networks.json press.png --reference-press plain.png --calibration probe.json "
         "--scale-mm 0.0336,0.0392 --force-n 1"
     )
 )
@@ -109,13 +108,14 @@ def apply(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File that tsis network train wrote.")],
     images: Annotated[list[Path], typer.Argument(help="Frames of presses over inclusions, at the training's force.")],
     *,
-    plain: Annotated[Path, typer.Option(help="The same press on plain tissue.")],
+    reference_press: Annotated[Path, typer.Option(help="The same press on tissue without inclusion.")],
     calibration: Annotated[Path, typer.Option(help="Calibration file of the probe.")],
     force_n: Annotated[
         float | None, typer.Option(help="Force of all presses in newtons; left out with a force line.")
     ] = None,
     scale_mm: Annotated[
-        str | None, typer.Option(help="Millimetres per pixel on the face; left out with a calibration that holds it.")
+        str | None,
+        typer.Option(help="Millimetres per pixel on the face; left out with a calibration that contains it."),
     ] = None,
     probe: Annotated[
         str | None,
@@ -128,14 +128,14 @@ def apply(
     as_json: AsJson = False,
 ) -> None:
     """Estimate diameter, depth and modulus of inclusions from frames by trained networks."""
-    trained, given = read_networks(file), read_usable_calibration(calibration)
-    scale = chosen_scale(given, scale_mm)
-    if scale is None or (force_n is None and given.calibration.force_line is None):
+    trained, usable = read_networks(file), read_usable_calibration(calibration)
+    scale = chosen_scale(usable, scale_mm)
+    if scale is None or (force_n is None and usable.calibration.force_line is None):
         raise InputError(
-            "networks need --scale-mm and --force-n, where the calibration holds neither scale nor force line"
+            "networks need --scale-mm and --force-n, where the calibration contains neither scale nor force line"
         )
-    frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in (*images, plain)]
-    pressed, response = given.pressed(frames)
+    frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in (*images, reference_press)]
+    pressed, response = usable.pressed(frames)
     chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
     outputs = trained.outputs(pressed[:-1], pressed[-1], probe=chosen, calibration=response)
     result = trained(outputs)
@@ -151,7 +151,7 @@ def apply(
         table.add_row(path.name, *(f"{item:.3g} ± {other:.2g}" for item, other in zip(mean, sd, strict=True)))
         presses.append({"press": path.name, "outputs": outputs[number].tolist(), **_parameters(mean, sd)})
     document = envelope(
-        "network apply", presses=presses, outside=list(outside), networks=_about(trained), calibration=given.citation()
+        "network apply", presses=presses, outside=list(outside), networks=_about(trained), calibration=usable.citation()
     )
     show_result(CommandResult(document=document, tables=(table,), notes=notes), out, as_json=as_json)
 

@@ -107,14 +107,14 @@ def target_forces(given: Sequence[float], images: int) -> list[float]:
 
 
 def reference_forces(given: Sequence[float], force_n: Sequence[float], presses: int) -> list[float]:
-    """Force of each press on plain tissue: as given; else the force of all images, or of the image in its place."""
+    """Force of each reference press: as given, else that of all images, or of the image with its index."""
     if given:
-        return _one_per_press("--plain-force-n", given, presses, "presses on plain tissue")
+        return _one_per_press("--reference-force-n", given, presses, "reference presses")
     if len(set(force_n)) == 1:
         return [force_n[0]] * presses
     if presses > len(force_n):
         raise InputError(
-            "--plain-force-n must tell the force of each --plain when there are more of them than images; "
+            "--reference-force-n must give the force of each --reference-press when they outnumber the images; "
             f"got {presses} for {len(force_n)} images"
         )
     return list(force_n[:presses])

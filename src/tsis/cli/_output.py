@@ -113,18 +113,18 @@ class CommandResult:
     figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
 
 
-def show_result(answer: CommandResult, out: Path | None, *, as_json: bool) -> None:
+def show_result(result: CommandResult, out: Path | None, *, as_json: bool) -> None:
     """Write the folder when one is named, and print the answer; its document carries the notes too."""
-    document = {**answer.document, "notes": list(answer.notes)}
+    document = {**result.document, "notes": list(result.notes)}
     folder = None
     if out is not None:
         requested = free_folder(out)  # refused before anything is drawn
-        files = {f"{name}.png": _png(draw()) for name, draw in answer.figures.items()}
+        files = {f"{name}.png": _png(draw()) for name, draw in result.figures.items()}
         folder = write_folder(requested, {**files, RESULT: result_bytes(document)})
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
         return
-    print_tables(answer.tables, answer.notes, where="" if folder is None else f"Figures: {folder}")
+    print_tables(result.tables, result.notes, where="" if folder is None else f"Figures: {folder}")
 
 
 def _png(figure: Figure) -> bytes:
@@ -142,7 +142,7 @@ def estimate_with_progress(
     prior: InclusionPrior,
 ) -> Estimate:
     """Estimate an inclusion; a bar shows how the surrogate of a new probe or prior is built."""
-    with progress_bar("solving the press for this probe (kept for next time)") as progress:
+    with progress_bar("solving the press for this probe (cached for next time)") as progress:
         return estimate(
             images, probe=probe, calibration=calibration, reference=reference, prior=prior, progress=progress
         )

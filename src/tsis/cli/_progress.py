@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_bar(description: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error, given (done, total); it appears with the first call, and on terminals alone."""
+    """A bar on standard error, called with (done, total); it appears with the first call, on terminals only."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
@@ -28,7 +28,7 @@ def progress_bar(description: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def waiting(description: str) -> Iterator[None]:
-    """A turning wheel on standard error for what has no steps to count, on terminals alone."""
+    """A spinner on standard error, on terminals only."""
     from rich.console import Console
 
     console = Console(stderr=True)

@@ -1,4 +1,4 @@
-"""``--keep``: what other commands took and estimated goes into the store of records, once it is in its folder."""
+"""``--save``: what other commands took and estimated goes into the store of records, once it is in its folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 NOT_SAVED = 1  # exit code of a command whose results are in their folder and not in the store
 
 SaveOption = Annotated[
-    bool, typer.Option("--keep", help="Keep frames, calibration and estimate in the store: tsis records list.")
+    bool, typer.Option("--save", help="Save frames, calibration and estimate in the store: tsis records list.")
 ]
 StoreOption = Annotated[
     Path | None,
@@ -58,7 +58,7 @@ class Destination:
 
 
 def chosen_destination(
-    keep: bool, folder: Path | None, kind: str | None = None, number: int | None = None
+    save: bool, folder: Path | None, kind: str | None = None, number: int | None = None
 ) -> Destination | None:
     """Where to keep, found ready before anything is computed; None where nothing is to be kept.
 
@@ -69,11 +69,11 @@ def chosen_destination(
     RecordsError
         When the store cannot be opened.
     """
-    if not keep:
+    if not save:
         given = {"--store": folder, "--kind": kind, "--target": number}
         for option, value in given.items():
             if value is not None:
-                raise InputError(f"{option} needs --keep, without which nothing goes into a store")
+                raise InputError(f"{option} needs --save, without which nothing goes into a store")
         return None
     destination = Destination(folder=folder, kind=kind or PHANTOM, number=number)
     destination.opened().close()
@@ -81,7 +81,7 @@ def chosen_destination(
 
 
 def publish_and_save(
-    outcome: CommandOutcome, out: Path, destination: Destination | None, keepable: SavableResult, *, as_json: bool
+    outcome: CommandOutcome, out: Path, destination: Destination | None, savable: SavableResult, *, as_json: bool
 ) -> None:
     """Write the folder of results, then keep what they rest on, and print both.
 
@@ -96,9 +96,9 @@ def publish_and_save(
     folder = write_outcome(outcome, out)
     try:
         with destination.opened() as store:
-            saved = save_results(store, keepable, number=destination.number)
+            saved = save_results(store, savable, number=destination.number)
         outcome = replace(
-            outcome, document={**outcome.document, "kept": saved}, notes=(*outcome.notes, *saved_notes(saved))
+            outcome, document={**outcome.document, "saved": saved}, notes=(*outcome.notes, *saved_notes(saved))
         )
         write_durably(folder / RESULT, result_bytes(outcome.document))
     except TsisError as error:
@@ -109,7 +109,7 @@ def publish_and_save(
     print_outcome(outcome, folder, as_json=as_json)
 
 
-def stop_not_saved(error: TsisError, place: str) -> NoReturn:
+def stop_not_saved(error: TsisError, location: str) -> NoReturn:
     """End a command whose results are all there but for the store."""
-    typer.echo(f"Error: the results are in {place}, but they could not be kept: {error}", err=True)
+    typer.echo(f"Error: the results are in {location}, but they could not be kept: {error}", err=True)
     raise typer.Exit(NOT_SAVED)

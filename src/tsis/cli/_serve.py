@@ -17,7 +17,7 @@ from tsis.errors import CameraError
 from tsis.model import LARGEST_SEED
 from tsis.virtual import GigEServer, VirtualCamera, VirtualProbe
 
-SLOWEST = 0.1  # frames/s: lets the virtual camera expose for as long as the simulated one can be asked to
+SLOWEST = 0.1  # frames/s: allows the longest exposure of the simulated camera
 POLL_S = 0.5
 
 
@@ -36,7 +36,7 @@ def serve(
 ) -> None:
     """Serve the virtual probe's frames as a GigE Vision camera, until Ctrl-C.
 
-    Any program that reads such cameras sees it, and the exposure and gain that it sets change the image.
+    Any GigE Vision program can read it; its exposure and gain change the image.
     """
     rng = np.random.default_rng(seed)
     target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
@@ -48,7 +48,7 @@ def serve(
     with ended_by(signal.SIGINT, signal.SIGTERM) as ended, server:
         serving = f"Serving {camera.name} at {force_n:g} N as {server.identity} on {interface}; Ctrl-C ends it."
         console.print(serving, markup=False, soft_wrap=True)
-        console.print("See it with: tsis acquire --list", markup=False)
+        console.print("List it with: tsis acquire --list", markup=False)
         console.print(f"Read it with: tsis acquire --camera aravis:{server.identity}", markup=False, soft_wrap=True)
         print_notice(console)
         console.file.flush()

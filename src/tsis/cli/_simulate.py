@@ -1,4 +1,4 @@
-"""``tsis simulate``: what a press does to the probe's face."""
+"""``tsis simulate``: pressure and displacement of a press."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHOWN_RADII = 13
 
 
 class Strain(StrEnum):
-    """Which model presses."""
+    """The strain model."""
 
     SMALL = "small"
     FINITE = "finite"

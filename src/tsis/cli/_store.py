@@ -1,4 +1,4 @@
-"""Which store a command works on, and how it is opened."""
+"""The store of a command."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ StoreFolder = Annotated[
     Path | None,
     typer.Option("--store", help="Folder of the store.", show_default="this user's own of that kind"),
 ]
-StoreKind = Annotated[str, typer.Option("--kind", help="Kind of the store: phantom or subject; they are kept apart.")]
+StoreKind = Annotated[
+    str, typer.Option("--kind", help="Kind of the store: phantom or subject, each a store of its own.")
+]
 StoreDatabase = Annotated[
     str | None,
     typer.Option(
@@ -37,14 +39,14 @@ TargetNumber = Annotated[int, typer.Argument(metavar="N", help="Number of the ta
 
 
 def opened(folder: Path | None, kind: str, database: str | None, *, create: bool = False) -> Store:
-    """The store that was chosen, to be closed by a ``with``."""
+    """The chosen store, to be closed by a ``with``."""
     from tsis.records.store import open_store
 
     return open_store(folder, kind=kind, database=database or None, create=create)
 
 
 def is_there(folder: Path | None, kind: str, database: str | None) -> bool:
-    """Whether there is such a store, sound or not, and not just a place for one."""
+    """Whether the store exists, intact or not."""
     from tsis.records.store import DATABASE_FILE, Database, default_folder
 
     position = default_folder(kind) if folder is None else folder
@@ -60,7 +62,7 @@ def is_there(folder: Path | None, kind: str, database: str | None) -> bool:
 
 
 def target_number(text: str) -> int:
-    """The number of a target as a person wrote it."""
+    """A target's number from text."""
     if not text.isascii() or not text.isdigit():
         raise InputError(f"--target must be a number from 1 to {LARGEST_TARGET}, or new; got {text!r:.40}")
     return require_integer("--target", int(text[:20]), 1, LARGEST_TARGET)

@@ -31,7 +31,7 @@ DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that tsi
 
 @app.callback()
 def sweep(context: typer.Context) -> None:
-    """Press many phantoms and keep the results as one data set of Parquet files."""
+    """Press many phantoms and write the results as one data set of Parquet files."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -40,18 +40,22 @@ def sweep(context: typer.Context) -> None:
 def run(
     *,
     plan: PlanFile,
-    out: Annotated[Path, typer.Option(help="Folder of the data set: new, or one to resume.")] = Path("tsis-sweep"),
-    workers: Annotated[int | None, typer.Option(help="Processes on this machine; one a processor by default.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the data set: new, or of a sweep to resume.")] = Path(
+        "tsis-sweep"
+    ),
+    workers: Annotated[
+        int | None, typer.Option(help="Processes on this machine; one per processor by default.")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead, tcp://host:port.")
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say how much work it is, and stop.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the amount of work, and stop.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compute a data set, or go on with one that was interrupted.
+    """Compute a data set, or resume an interrupted one.
 
-    Workers and this program may be killed at any time: start the same command again. Files that are whole are kept, and
-    the finished data set has the same bytes as one that was never interrupted.
+    Workers and this program may be killed at any time: repeat the command. Complete files stay, and
+    the data set has the same bytes as without an interruption.
     """
     chosen = load_plan(plan)
     count = worker_count(workers)
@@ -63,20 +67,24 @@ def run(
             done = run_sweep(chosen, out, workers=workers, scheduler=scheduler, progress=advance)
     except KeyboardInterrupt:
         again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:])])
-        typer.echo(f"Interrupted; finished files are kept. Go on with: {again}", err=True)
+        typer.echo(f"Interrupted; finished files stay. Resume with: {again}", err=True)
         sys.exit(INTERRUPTED)
     if as_json:
         print_json(envelope("sweep run", **asdict(done)))
         return
     console = people()
-    console.print(f"{done.presses} presses in {done.shards} files, {done.computed} computed now, {done.kept} kept.")
+    console.print(
+        f"{done.presses} presses in {done.shards} files, {done.computed} computed now, {done.kept} already present."
+    )
     if done.refused:
-        console.print(f"- {done.refused} presses were refused: their rows hold NaN, and the column error says why.")
+        console.print(
+            f"- {done.refused} presses were refused: their rows contain NaN, and the column error gives the reason."
+        )
     if done.repaired:
         names = first_few(done.repaired)
         console.print(f"- {len(done.repaired)} damaged or foreign, computed again: {names}", markup=False)
     if done.lost:
-        console.print(f"- {done.lost} batches lost their worker and were given to another.")
+        console.print(f"- {done.lost} batches lost their worker and went to another one.")
     console.print(f"Data set: {done.folder}", soft_wrap=True, markup=False)
     print_notice(console)
 

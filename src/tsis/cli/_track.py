@@ -1,4 +1,4 @@
-"""``tsis track``: how far the light of a press moves over a sequence of frames, and whether the press has settled."""
+"""``tsis track``: movement of a press's light over a sequence of frames, and whether the press has settled."""
 
 from __future__ import annotations
 
@@ -37,9 +37,12 @@ def track(
     ],
     *,
     reference: Annotated[Path | None, typer.Option(help="Frame of the untouched probe to compare with.")] = None,
-    plain: Annotated[
+    reference_presses: Annotated[
         list[Path] | None,
-        typer.Option(help="Press on plain tissue as hard as the frames, to compare with instead; repeat it for more."),
+        typer.Option(
+            "--reference-press",
+            help="Press on tissue without inclusion at the force of the frames, to compare with instead; repeatable.",
+        ),
     ] = None,
     scale_mm: Annotated[
         str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
@@ -55,38 +58,40 @@ def track(
         float | None, typer.Option(help="Grey level above which a pixel counts as lit.", show_default="5 of 255")
     ] = None,
     tolerance: Annotated[
-        float, typer.Option(help="Remaining change below which a press has settled, of its settled value.")
+        float, typer.Option(help="Remaining change of a settled press, relative to its settled value.")
     ] = 0.01,
     longest_s: Annotated[
-        float, typer.Option(help="Longest time constant of the tissue to be reckoned with, seconds.")
+        float, typer.Option(help="Longest time constant of the tissue to consider, seconds.")
     ] = LONGEST_HOLD_S,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-track"),
     as_json: AsJson = False,
 ) -> None:
-    """Follow the light of a press through a sequence of frames, and tell whether the press has settled."""
-    if (reference is None) == (not plain):
+    """Follow the light of a press through a sequence of frames, and report whether the press has settled."""
+    if (reference is None) == (not reference_presses):
         raise InputError(
             "a sequence is compared with one kind of reference: give the untouched probe as --reference, or presses on "
-            "plain tissue as --plain"
+            "tissue without inclusion as --reference-press"
         )
-    given = None if calibration is None else read_usable_calibration(calibration)
-    scale = chosen_scale(given, scale_mm)
+    usable = None if calibration is None else read_usable_calibration(calibration)
+    scale = chosen_scale(usable, scale_mm)
     if scale is None:
-        raise InputError("a movement needs --scale-mm, or a --calibration that holds the scale")
+        raise InputError("a movement needs --scale-mm, or a --calibration that contains the scale")
     paths, times = _sequence(frames, interval_s)
     with progress_bar("reading frames") as advance:
         images = []
         for number, path in enumerate(paths):
-            images.append(_read(path, scale, given))
+            images.append(_read(path, scale, usable))
             advance(number + 1, len(paths))
-    others = [_read(path, scale, given) for path in (plain or []) + ([] if reference is None else [reference])]
+    others = [
+        _read(path, scale, usable) for path in (reference_presses or []) + ([] if reference is None else [reference])
+    ]
     with progress_bar("following the light") as advance:
         result = track_press(
             images,
             others,
             against="untouched probe" if reference is not None else "plain tissue",
             time_s=times,
-            calibration=None if given is None else given.response,
+            calibration=None if usable is None else usable.response,
             threshold_grey=threshold_grey,
             tolerance=tolerance,
             longest_s=longest_s,
@@ -98,9 +103,9 @@ def track(
         "images": [{"name": image.name, **image.settings} for image in images],
         "reference": [{"name": image.name, **image.settings} for image in others],
         "mm_per_pixel": list(scale),
-        "calibration": None if given is None else given.citation(),
+        "calibration": None if usable is None else usable.citation(),
     }
-    table = Table("quantity", "value", title="What the sequence says")
+    table = Table("quantity", "value", title="Results of the sequence")
     for row in track_rows(result):
         table.add_row(*row)
     subtitle = f"{len(images)} frames, {images[0].name} to {images[-1].name}"
@@ -114,7 +119,7 @@ def track(
 
 
 def _sequence(frames: Sequence[Path], interval_s: float | None) -> tuple[list[Path], list[float] | None]:
-    """Files of the frames, and their times where they are known."""
+    """Files of the frames, and their times where recorded."""
     if interval_s is not None:
         require_number("--interval-s", interval_s, 1e-4, 1e4, hint="seconds")
     times = None
@@ -122,7 +127,7 @@ def _sequence(frames: Sequence[Path], interval_s: float | None) -> tuple[list[Pa
         index = read_recording_index(frames[0])
         frames, times = [path for path, _ in index], [arrived_s for _, arrived_s in index]
         if interval_s is not None:
-            raise InputError("--interval-s is not used with a recorded folder, which has the times of its frames")
+            raise InputError("--interval-s is not used with a recorded folder, which contains the times of its frames")
     elif interval_s is not None:
         times = [interval_s * number for number in range(len(frames))]
     if len(frames) > MOST_FRAMES:
@@ -130,9 +135,11 @@ def _sequence(frames: Sequence[Path], interval_s: float | None) -> tuple[list[Pa
     return list(frames), times
 
 
-def _read(path: Path, scale: tuple[float, float], known: UsableCalibration | None) -> TactileImage:
-    """A frame, less the light of the untouched probe where the calibration holds it."""
+def _read(path: Path, scale: tuple[float, float], calibration: UsableCalibration | None) -> TactileImage:
+    """A frame, less the background level of the calibration if it has one."""
     image = read_image(path, mm_per_pixel=scale)
     return (
-        image if known is None or known.calibration.reference is None else known.calibration.reference.corrected(image)
+        image
+        if calibration is None or calibration.calibration.reference is None
+        else calibration.calibration.reference.corrected(image)
     )

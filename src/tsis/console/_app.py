@@ -1,4 +1,4 @@
-"""Open the console in this user's browser. Its key stands on no command line: those can be read by every user."""
+"""Open the console in this user's browser. Its key is on no command line, which every user can read."""
 
 from __future__ import annotations
 
@@ -51,18 +51,18 @@ _log = logging.getLogger(__name__)
 
 @contextmanager
 def opened_in_browser(address: str, *, folder: Path | None = None) -> Iterator[None]:
-    """Have a browser open an address that holds the key; it may begin to listen and to serve only later.
+    """Open an address with the key in a browser; the server may start later.
 
-    The browser is told to open a file that this user alone may read, and that leads on to the address. The file is
+    The browser opens a file that only this user may read and that redirects to the address. The file is
     removed when the block ends. Where there is no browser, or it cannot be started, nothing happens: the address was
     printed.
 
     Parameters
     ----------
     address
-        The one that `serve_console` tells.
+        The one that `serve_console` reports.
     folder
-        Where the file lies; by default `console_folder`.
+        Folder of the file; by default `console_folder`.
     """
     page = (folder or console_folder()) / f"open-{urlsplit(address).port}.html"
     link = _PAGE.substitute(
@@ -94,7 +94,7 @@ STATIC = Path(__file__).parent / "static"
 
 
 def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str]) -> ASGIApp:
-    """The console of a bench, behind its gate; one a process, for the pages' library keeps them process-wide.
+    """The console of an instrument, behind the authentication; one per process, since NiceGUI's pages are process-wide.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
     hosts
         Names by which it may be called.
     """
-    hub = LiveHub(lambda: instrument.desk.acquisition)
+    hub = LiveHub(lambda: instrument.camera_controller.acquisition)
     reports = Reports(instrument.store, database=instrument.terms.database)
 
     @asynccontextmanager

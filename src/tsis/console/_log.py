@@ -1,4 +1,4 @@
-"""What went wrong in a running console: one sentence on the terminal, everything in a file."""
+"""Log of a running console: one line per error on the terminal, everything in a file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NOT_TOLD = (
 
 
 class OneLineFormatter(logging.Formatter):
-    """The message and the error, without where it was raised."""
+    """The message and the error, without traceback."""
 
     def format(self, record: logging.LogRecord) -> str:
         """One line."""
@@ -37,15 +37,15 @@ class OneLineFormatter(logging.Formatter):
 
 
 class FullLogHandler(RotatingFileHandler):
-    """The file; where it cannot be written, what was told on the terminal must do."""
+    """The log file; write errors are ignored."""
 
     def handleError(self, _: logging.LogRecord) -> None:  # noqa: N802 - the library's name
-        """Do nothing: the disk is full, and saying so here would say it for each line."""
+        """Do nothing: on a full disk a message would repeat for each line."""
 
 
 @contextmanager
 def logging_to(folder: Path) -> Iterator[None]:
-    """Log what the console and its libraries say, inside the block: in `FILE` of the folder, and on the terminal."""
+    """Log the console and its libraries inside the block: to `FILE` of the folder, and to the terminal."""
     whole = FullLogHandler(folder / FILE, maxBytes=LARGEST_BYTES, backupCount=2, encoding="utf-8", delay=True)
     whole.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     short = logging.StreamHandler()

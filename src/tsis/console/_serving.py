@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate:
-    """A certificate, with those that vouch for it, and its private key.
+    """A certificate with its chain, and its private key.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Certificate:
     key: Path
 
     def context(self) -> ssl.SSLContext:
-        """What a server speaks TLS with, from version 1.2 on.
+        """TLS context of a server, from version 1.2 on.
 
         Raises
         ------
@@ -80,7 +80,7 @@ _OPTION: int = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 
 
 def resolve_host(host: str) -> str:
-    """The address of this machine that is meant by ``host``.
+    """The address of this machine for ``host``.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def listen(address: str, port: int) -> socket.socket:
 
 
 def public_host(address: str, names: tuple[str, ...]) -> str:
-    """The name under which people open it: the first that was given, else the address itself."""
+    """The public name: the first given one, else the address."""
     if names:
         return names[0]
     if ipaddress.ip_address(address.partition("%")[0]).is_unspecified:
@@ -141,24 +141,24 @@ CONNECTIONS = 256
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsoleSettings:
-    """How a console is served.
+    """Settings of a console's server.
 
     Parameters
     ----------
-    bench
-        What it begins with.
+    instrument
+        Initial settings.
     host, port
-        Where it listens; port 0 is any free one. An address that other machines can reach needs a certificate and a
+        Address and port; port 0 is any free one. An address open to other machines needs a certificate and a
         login.
     certificate
-        With which it speaks TLS; then people may come in by a login too.
+        Certificate for TLS; it enables logins.
     names
-        Names, beside its own addresses, by which it may be called.
+        Accepted host names, beside its own addresses.
     new_token
-        Make another key, which shuts out everybody who had the old one.
+        Create a new key; the old one is no longer valid.
     """
 
-    bench: InstrumentSettings = field(default_factory=InstrumentSettings)
+    instrument: InstrumentSettings = field(default_factory=InstrumentSettings)
     host: str = LOOPBACK
     port: int = 8642
     certificate: Certificate | None = None
@@ -180,12 +180,12 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
     terms
         How.
     ready
-        Told the address to open once it listens.
+        Called with the address when it listens.
 
     Raises
     ------
     InputError
-        When the address cannot be listened on, or may not be.
+        When the address cannot or may not be used.
     TsisError
         As `Instrument`, and when the console's key, logins or certificate cannot be used.
     """
@@ -202,7 +202,7 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
                 secure=tls is not None,
             )
             share_memory_among_threads()
-            with logging_to(folder), Instrument(terms.bench) as instrument:
+            with logging_to(folder), Instrument(terms.instrument) as instrument:
                 application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
                 ready(_entrance(listener, address, terms, token))
                 with (
@@ -213,13 +213,13 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
 
 
 def _entrance(listener: socket.socket, address: str, terms: ConsoleSettings, token: str) -> str:
-    """The address that people open."""
+    """The address to open."""
     scheme = "http" if terms.certificate is None else "https"
     return f"{scheme}://{public_host(address, terms.names)}:{listener.getsockname()[1]}/?token={token}"
 
 
 def _permitted(terms: ConsoleSettings) -> tuple[str, ssl.SSLContext | None, Logins | None]:
-    """The address to listen on, TLS and logins; refused is a network without either."""
+    """The address to listen on, TLS and logins; a network needs both."""
     address = resolve_host(terms.host)
     tls = None if terms.certificate is None else terms.certificate.context()
     logins = None if tls is None else Logins()
@@ -252,7 +252,7 @@ def _config(application: ASGIApp, tls: ssl.SSLContext | None) -> uvicorn.Config:
 
 @contextmanager
 def _terminated_as_interrupted() -> Iterator[None]:
-    """A process that is terminated ends as one that is interrupted: what was begun is finished."""
+    """Treat termination as an interruption, so that running work is finished."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

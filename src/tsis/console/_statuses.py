@@ -1,4 +1,4 @@
-"""The status of HTTP with which an error is answered, to pages and scripts alike: it tells whose error it is.
+"""HTTP statuses of errors, for pages and scripts.
 
 The classes of `tsis.errors` become statuses here and nowhere else.
 """
@@ -20,11 +20,11 @@ NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 
 class AbsentError(errors.UnknownNameError):
-    """What the address names is not there."""
+    """The address names nothing."""
 
 
 class NoControlError(errors.ControlError):
-    """An act without the header that says who acts."""
+    """A command without the caller's header."""
 
 
 STATUSES: tuple[tuple[type[errors.TsisError], HTTPStatus], ...] = (  # the first that fits

@@ -1,4 +1,4 @@
-"""Connections that are opened and say nothing: closed after a while, so that they keep nobody else out."""
+"""Timeouts of connections that send no request."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ NOT_OPENED = "A WebSocket is asked for by GET, without a body, and with few and 
 
 
 class TimeoutProtocol(H11Protocol):
-    """HTTP as uvicorn speaks it, on connections that may be without a request for so long and no longer."""
+    """uvicorn's HTTP protocol with a timeout for connections without a request."""
 
     silence_s = SILENCE_S
 
     def __init__(self, *given: Any, **named: Any) -> None:
         super().__init__(*given, **named)
-        self._seen: object = None
+        self._last_cycle: object = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to watch a connection."""
         super().connection_made(transport)
-        self.loop.call_later(self.silence_s, self._look)
+        self.loop.call_later(self.silence_s, self._check)
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """Answer as well what cannot become a WebSocket: uvicorn says nothing, and nobody watches any more."""
@@ -37,12 +37,12 @@ class TimeoutProtocol(H11Protocol):
         if not understood and not self.transport.is_closing():
             self.send_400_response(NOT_OPENED)
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         if self not in self.connections:  # it was closed, or has become a WebSocket
             return
         waits = self.cycle is None or self.cycle.response_complete
-        if waits and self.cycle is self._seen:  # no whole request since the last look
+        if waits and self.cycle is self._last_cycle:  # no whole request since the last look
             self.transport.close()
             return
-        self._seen = self.cycle
-        self.loop.call_later(self.silence_s, self._look)
+        self._last_cycle = self.cycle
+        self.loop.call_later(self.silence_s, self._check)

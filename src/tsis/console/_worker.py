@@ -1,4 +1,4 @@
-"""Heavy work in a process of its own: in that of the console it would make every live view stand still meanwhile."""
+"""Heavy work in a worker process, so that it does not block the live views."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ _log = logging.getLogger(__name__)
 
 
 class WorkerProcess:
-    """A process that does one piece of work after the other; safe for several threads.
+    """A worker process that runs one call after the other; safe for several threads.
 
-    It starts with the first piece of work.
+    It starts with the first call.
 
     Parameters
     ----------
     most
-        Pieces of work that one process does.
+        Calls after which the process is replaced.
     """
 
     def __init__(self, *, most: int = MOST) -> None:
         self._most, self._closed = most, False
         self._pool: ProcessPoolExecutor | None = None
-        self._one_at_a_time = threading.Lock()
+        self._lock = threading.Lock()
 
-    def ask(self, work: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs) -> Result:
-        """Have work done there; it is a function of a module, and what it takes and returns can be pickled.
+    def call(self, work: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs) -> Result:
+        """Call a module's function there; its arguments and result can be pickled.
 
         Raises
         ------
@@ -53,10 +53,10 @@ class WorkerProcess:
         ControlError
             When the console is being ended.
         RuntimeError
-            When it failed for another reason, which the log tells.
+            When it failed for another reason, which is logged.
         """
         requested = pickle.dumps((work, given, named))
-        with self._one_at_a_time:
+        with self._lock:
             try:
                 return self._ready().submit(_answer, requested).result()  # type: ignore[no-any-return]
             except TsisError:
@@ -71,7 +71,7 @@ class WorkerProcess:
                 raise RuntimeError("work in a process of its own failed") from error
 
     def close(self) -> None:
-        """End the process, whatever it does, and start none any more."""
+        """End the process, and start no other one."""
         self._closed = True
         self._end()
 
@@ -97,7 +97,7 @@ class WorkerProcess:
 
 
 def _answer(requested: bytes) -> Any:
-    """What comes of a piece of work."""
+    """Result of a call."""
     work, given, named = pickle.loads(requested)
     return work(*given, **named)
 

@@ -36,12 +36,16 @@ RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
         "tsis-console": 1,
         "tsis-demo": 1,
         "tsis-design": 1,
+        "tsis-detect-apply": 1,
+        "tsis-detect-train": 1,
         "tsis-examine": 1,
         "tsis-examine-contacts": 1,
         "tsis-hardness": 1,
         "tsis-logins": 1,
         "tsis-match": 1,
         "tsis-match-bench": 1,
+        "tsis-network-apply": 1,
+        "tsis-network-train": 1,
         "tsis-optics-angles": 1,
         "tsis-optics-modes": 1,
         "tsis-optics-propagate": 1,
@@ -67,6 +71,7 @@ RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
         "tsis-sweep-run": 1,
         "tsis-sweep-run-plan": 1,
         "tsis-sweep-verify": 1,
+        "tsis-track": 1,
     }
 )  # version by name; a version counts up when a name in the document goes or changes its meaning
 

@@ -61,7 +61,7 @@ def test_no_step_of_many_at_once_is_lost(tmp_path: Path) -> None:
 def test_before_anything_was_done(tmp_path: Path) -> None:
     with lit_bench(tmp_path) as bench:
         state = bench.state()
-        assert (state.target, state.role, state.force_n, state.calibration, state.sight) == (
+        assert (state.target, state.role, state.force_n, state.calibration, state.frame_analysis) == (
             1,
             "target",
             None,
@@ -70,8 +70,8 @@ def test_before_anything_was_done(tmp_path: Path) -> None:
         )
         assert (state.camera.running, state.camera.name, state.camera.rows, state.camera.settings) == (False, "", 0, ())
         assert (state.sequence, state.jobs, state.trouble, state.busy) == (None, (), (), "")
-        assert state.holder is not None
-        assert state.holder.name == "Ann"
+        assert state.owner is not None
+        assert state.owner.name == "Ann"
 
 
 def test_one_that_cannot_be_begun_leaves_no_thread_and_no_lock(tmp_path: Path) -> None:

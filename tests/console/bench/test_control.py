@@ -37,7 +37,7 @@ def test_a_holder_who_is_heard_of_keeps_the_camera(control: ControlLock, clock: 
         clock.now_s += 9.0
         control.heard_of("a")
         control.heard_of("b")  # who is nobody
-    assert control.holder() == Owner(identity="a", name="Ann")
+    assert control.owner() == Owner(identity="a", name="Ann")
 
 
 def test_every_act_is_a_sign_of_life(control: ControlLock, clock: Clock) -> None:
@@ -53,9 +53,9 @@ def test_a_silent_holder_has_gone_whether_anybody_looked_or_not(
 ) -> None:
     clock.now_s += 10.5
     if looked_at:
-        assert control.holder() is None
+        assert control.owner() is None
     control.heard_of("a")  # too late
-    assert control.holder() is None
+    assert control.owner() is None
     with pytest.raises(ControlError, match="nobody holds the camera; take it first"):
         control.require("a")
     control.take("b", "Bob")
@@ -74,7 +74,7 @@ def test_a_script_may_be_silent_for_as_long_as_it_said(control: ControlLock, clo
     control.require("a")
     control.take("a", "Ann")  # again as pages do
     clock.now_s += 11.0
-    assert control.holder() is None
+    assert control.owner() is None
 
 
 def test_taking_over_tells_the_former(control: ControlLock) -> None:
@@ -95,13 +95,13 @@ def test_only_the_holder_gives_it_back(control: ControlLock) -> None:
     control.release("b")
     control.require("a")
     control.release("a")
-    assert control.holder() is None
+    assert control.owner() is None
 
 
 def test_whoever_acts_is_not_silent(control: ControlLock, clock: Clock) -> None:
     with control.acting("a"):
         clock.now_s += 60.0
-        assert control.holder() is not None
+        assert control.owner() is not None
     clock.now_s += 9.0
     control.require("a")
 
@@ -110,7 +110,7 @@ def test_the_camera_can_be_taken_from_who_acts(control: ControlLock, clock: Cloc
     with control.acting("a"):
         control.take("b", "Bob", over=True)
         clock.now_s += 11.0
-    assert control.holder() is None  # Bob was silent, and Ann holds nothing
+    assert control.owner() is None  # Bob was silent, and Ann holds nothing
 
 
 @pytest.mark.parametrize(
@@ -149,6 +149,6 @@ def test_of_many_who_take_it_one_gets_it() -> None:
         thread.start()
     for thread in threads:
         thread.join(HANGS_S)
-    holder = control.holder()
+    holder = control.owner()
     assert holder is not None
     assert got == [holder.identity]

@@ -202,5 +202,5 @@ def test_a_force_that_nobody_presses_with_is_refused(desk: CameraController, for
     assert (desk.role, desk.force_n) == ("ball", 2.0)
     with pytest.raises(UnknownNameError, match="no role is called 'tissue'"):
         desk.hold("tissue", 1.0)
-    desk.hold(*desk.wanted(None, None, forget=True))
+    desk.hold(*desk.completed(None, None, forget=True))
     assert desk.force_n is None

@@ -157,7 +157,7 @@ def test_an_estimate_is_that_of_the_frames_and_holds_the_truth(probe: Instrument
     assert job.wait(HANGS_S)
     assert job.state().status == "done", job.state().sentence
     stored = job.result
-    stage = probe.desk.stage
+    stage = probe.camera_controller.subject
     assert stage is not None
     directly = tsis.inclusion.estimate(
         [raw_image(each) for each in kept[:3]],
@@ -180,7 +180,7 @@ def test_hardness_of_a_sphere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     with virtual_bench(tmp_path, probe="tsis-direct", phantom="cl2003x") as bench:
         bench.start(by=ANN)
         kept = pressed(bench, [("target", 0.5), ("target", 0.9), ("ball", 0.7)])
-        stage = bench.desk.stage
+        stage = bench.camera_controller.subject
         assert stage is not None
         radii: dict[str, Any] = {
             "radius_mm": stage.written_radius_mm,

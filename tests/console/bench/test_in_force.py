@@ -112,8 +112,8 @@ def test_one_that_was_given_before_the_start_and_does_not_fit_is_told_and_nothin
     until(lambda: bench.state().camera.rows > 0)
     assert "The calibration is not in force" in bench.state().trouble[0]
     assert bench.snapshot(by=ANN).press.calibration is None
-    until(lambda: bench.sight is not None)  # the live view goes on
-    assert np.sum(bench.sight.histogram if bench.sight else 0) == ROWS * COLUMNS
+    until(lambda: bench.frame_analysis is not None)  # the live view goes on
+    assert np.sum(bench.frame_analysis.histogram if bench.frame_analysis else 0) == ROWS * COLUMNS
 
 
 def test_of_a_file_at_the_start(tmp_path: Path) -> None:
@@ -136,9 +136,12 @@ def test_the_parts_of_one_judgement_belong_together_though_the_camera_is_set_ane
     fits = known(scale=scale((ROWS, COLUMNS)))
     bench.start(by=ANN)
     bench.use_calibration(fits, by=ANN)
-    usual, other = bench.desk.settings(), tuple(replace(each, value=9.0) for each in bench.desk.settings())
+    usual, other = (
+        bench.camera_controller.settings(),
+        tuple(replace(each, value=9.0) for each in bench.camera_controller.settings()),
+    )
     looks = cycle((usual, other, other))
-    monkeypatch.setattr(bench.desk, "settings", lambda: next(looks))
+    monkeypatch.setattr(bench.camera_controller, "settings", lambda: next(looks))
     found = []
     for _ in range(6):
         press = bench.snapshot(by=ANN).press

@@ -41,13 +41,13 @@ def test_the_result_and_what_was_told_on_the_way(jobs: Jobs) -> None:
     assert done(job) == "done"
     state = job.state()
     assert (state.title, state.done, state.total, state.sentence, job.result) == ("count", 3, 4, "three of four", 7)
-    assert (state.running, state.share) == (False, 0.75)
+    assert (state.running, state.fraction) == (False, 0.75)
     assert jobs.get(job.identity) is job
 
 
 def test_nobody_can_tell_the_share_of_steps_that_nobody_counted() -> None:
     uncounted = Job("look").state()
-    assert (uncounted.running, uncounted.share) == (True, 0.0)
+    assert (uncounted.running, uncounted.fraction) == (True, 0.0)
 
 
 def test_few_at_once_and_all_of_many_in_order(jobs: Jobs) -> None:
@@ -195,7 +195,7 @@ def test_of_many_results_the_last_ones_are_kept(jobs: Jobs) -> None:
 
 def test_what_an_old_job_returned_is_with_those_who_hold_it_alone(jobs: Jobs) -> None:
     def work(job: Job) -> str:
-        job.tell(3, 4)
+        job.report(3, 4)
         job.say("three of four")
         return "what it found"
 

@@ -107,7 +107,7 @@ def test_what_would_end_the_stream_waits_and_the_rest_goes_on(running: Instrumen
     job = running.begin_sequence(frames=100_000, by=ANN)
     forbidden = (
         lambda: running.stop(by=ANN),
-        lambda: running.choose(running.desk.choice, by=ANN),
+        lambda: running.choose(running.camera_controller.choice, by=ANN),
         lambda: running.use_calibration(None, by=ANN),
         lambda: running.use_gauge(None, by=ANN),
         lambda: running.begin_sequence(frames=1, by=ANN),
@@ -165,7 +165,7 @@ def test_a_disk_that_fills_ends_it_with_what_was_kept(
             raise OSError(errno.ENOSPC, "No space left on device")
         return keep(self, frame, number)
 
-    monkeypatch.setattr(FrameFolder, "keep", kept)
+    monkeypatch.setattr(FrameFolder, "save", kept)
     job = running.begin_sequence(frames=100, by=ANN)
     assert job.wait(HANGS_S)
     state = job.state()
@@ -191,7 +191,7 @@ def test_the_gauge_is_read_at_every_frame(running: Instrument, tmp_path: Path) -
 
 
 def test_a_gauge_that_ends_holds_up_no_frame(running: Instrument, tmp_path: Path) -> None:
-    log, acquisition = gauge(0.8), running.desk.acquisition
+    log, acquisition = gauge(0.8), running.camera_controller.acquisition
     assert acquisition is not None
     running.use_gauge(log, by=ANN)
     job = running.begin_sequence(frames=100_000, by=ANN)

@@ -65,7 +65,7 @@ def test_the_press_is_the_frame_that_is_seen(bench: Instrument, world: World) ->
     kept = bench.snapshot(by=ANN)
     ended = datetime.now(UTC)
     wanted = sha256(seen(77, 2.0))
-    acquisition = bench.desk.acquisition
+    acquisition = bench.camera_controller.acquisition
     assert acquisition is not None
     ring, _, _ = acquisition.ring.read(0)
     shown = {each.frame.name: sha256(each.frame.pixels) for each in ring}
@@ -90,8 +90,8 @@ def test_it_is_kept_when_the_frame_came_and_not_when_it_was_written(
     bench: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench.start(by=ANN)
-    arrival = bench.desk.fresh()
-    monkeypatch.setattr(bench.desk, "fresh", lambda: arrival)
+    arrival = bench.camera_controller.fresh()
+    monkeypatch.setattr(bench.camera_controller, "fresh", lambda: arrival)
     until(lambda: time.monotonic() - arrival.arrived_s > 0.3)
     before = datetime.now(UTC)
     assert bench.snapshot(by=ANN).press.taken < before - timedelta(seconds=0.25)
@@ -345,4 +345,4 @@ def test_two_who_press_the_key_at_once_keep_two_presses(bench: Instrument) -> No
     assert sorted(presses(bench)) == sorted(kept)
     assert len(files(bench)) == 3 * len(kept)
     assert len(kept) + len(said) == 4
-    assert bench.desk.name == LIT
+    assert bench.camera_controller.name == LIT

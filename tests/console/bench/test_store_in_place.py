@@ -45,7 +45,7 @@ def test_the_disk_is_looked_at_once_a_second(bench: Instrument, monkeypatch: pyt
         looks.append(now[0])
         return now[0] > 2.0
 
-    monkeypatch.setattr(bench.store.database, "moved", moved)
+    monkeypatch.setattr(bench.store.database, "replaced", moved)
     place = StoreCheck(bench.store, clock=lambda: now[0])
     said = []
     for now[0] in (0.1, STORE_LOOKED_AT_S, 1.5, 2.5, 2.6):

@@ -27,7 +27,7 @@ def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Instrument]:
 
 
 def brightness(bench: Instrument) -> float:
-    return float(bench.desk.fresh().frame.pixels.mean())
+    return float(bench.camera_controller.fresh().frame.pixels.mean())
 
 
 def test_role_and_force_are_those_of_the_frames(probe: Instrument) -> None:
@@ -51,7 +51,7 @@ def test_role_and_force_are_those_of_the_frames(probe: Instrument) -> None:
 def test_what_is_kept_of_it(probe: Instrument) -> None:
     probe.hold(role="target", force_n=1.0, by=ANN)
     kept = probe.snapshot(by=ANN)
-    stage = probe.desk.stage
+    stage = probe.camera_controller.subject
     assert stage is not None
     assert (kept.target.name, dict(kept.target.truth)) == (
         "hardness-100",
@@ -90,7 +90,7 @@ def test_its_own_calibration_holds_at_its_usual_settings_only(probe: Instrument)
 def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
     probe.hold(role="target", force_n=1.0, by=ANN)
     before = brightness(probe)
-    stage = probe.desk.stage
+    stage = probe.camera_controller.subject
     assert stage is not None
 
     def too_hard(*_: object, **__: object) -> None:
@@ -125,10 +125,14 @@ def test_too_hard_a_press_names_the_largest_force_which_can_be_pressed(probe: In
 
 def test_the_guard_sees_what_is_held(probe: Instrument) -> None:
     probe.hold(role="untouched", by=ANN)
-    until(lambda: probe.sight is not None and any(flag.name == "no-contact" for flag in probe.sight.flags))
+    until(
+        lambda: (
+            probe.frame_analysis is not None and any(flag.name == "no-contact" for flag in probe.frame_analysis.flags)
+        )
+    )
     probe.hold(role="target", by=ANN)
-    until(lambda: probe.sight is not None and probe.sight.contact is not None)
-    sight = probe.sight
+    until(lambda: probe.frame_analysis is not None and probe.frame_analysis.contact is not None)
+    sight = probe.frame_analysis
     assert sight is not None
     assert sight.contact is not None
     assert np.hypot(sight.contact.centroid_px[0] - 383.5, sight.contact.centroid_px[1] - 245.5) < 40

@@ -49,7 +49,7 @@ class Watched:
         return self.feed.ring.end
 
     def seen(self, number: int) -> bool:
-        return self.watcher.sight is not None and self.watcher.sight.number == number
+        return self.watcher.frame_analysis is not None and self.watcher.frame_analysis.number == number
 
     def _reference(self) -> tuple[GuardReference, tuple[float, float] | None]:
         self.asked += 1
@@ -81,15 +81,15 @@ def test_it_tells_of_the_newest_frame(watched: Watched) -> None:
     for x in (40, 90):
         number = watched.look(pressed(x))
         until(lambda number=number: watched.seen(number))  # type: ignore[misc]
-        sight = watched.watcher.sight
+        sight = watched.watcher.frame_analysis
         assert sight is not None
         assert sight.contact is not None
         assert sight.contact.centroid_px == pytest.approx((x - 0.5, 59.5), abs=1.0)
         assert sight.force == PressForce(value_n=1.5, source="typed")
     number = watched.look(DARK)
     until(lambda: watched.seen(number))
-    assert watched.watcher.sight is not None
-    assert watched.watcher.sight.contact is None
+    assert watched.watcher.frame_analysis is not None
+    assert watched.watcher.frame_analysis.contact is None
     assert watched.asked == 1  # the reference is made ready once
 
 
@@ -97,7 +97,7 @@ def test_without_a_camera_nothing_is_seen(watched: Watched) -> None:
     number = watched.look(pressed(40))
     until(lambda: watched.seen(number))
     watched.feed = None
-    until(lambda: watched.watcher.sight is None)
+    until(lambda: watched.watcher.frame_analysis is None)
     assert watched.watcher.failure == ""
 
 
@@ -107,7 +107,7 @@ def test_nothing_is_told_of_a_press_before_the_camera_went_away(watched: Watched
     number = watched.look(pressed(40))
     until(lambda: watched.seen(number))
     feed.lost = True
-    until(lambda: watched.watcher.sight is None)
+    until(lambda: watched.watcher.frame_analysis is None)
     feed.lost = False
     number = watched.look(pressed(90))
     until(lambda: watched.seen(number))
@@ -133,7 +133,7 @@ def test_to_begin_anew_asks_for_the_reference_again(watched: Watched) -> None:
 def test_a_reference_of_another_size_is_said_in_a_sentence(watched: Watched) -> None:
     watched.look(np.tile(pressed(40), (2, 2)))
     until(lambda: watched.watcher.failure != "")
-    assert watched.watcher.sight is None
+    assert watched.watcher.frame_analysis is None
     assert "(120, 160)" in watched.watcher.failure or "160" in watched.watcher.failure
     watched.reference = GuardReference()
     watched.watcher.begin_anew()

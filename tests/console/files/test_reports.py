@@ -36,7 +36,7 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
             file = write_export(store, target, form, reports=reports)
             assert file.path.read_bytes() == content
             file.remove()
-        assert reports._apart.ask(os.getpid) != os.getpid()
+        assert reports._worker.call(os.getpid) != os.getpid()
         with pytest.raises(InputError, match="got 9"):
             reports.content(replace(target, number=9), "html")
         target = store.edit_target(target, name="what was just written")

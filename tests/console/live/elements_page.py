@@ -46,7 +46,7 @@ def page(bench: Instrument, viewer: Viewer) -> None:
 
     def show(state: InstrumentState) -> None:
         for element in (view, histogram, surface):
-            element.tell(state)
+            element.update_state(state)
 
     viewer.follow(show)
 
@@ -67,7 +67,7 @@ def main() -> None:
     directory.PAGES.clear()
     directory.PAGES["/"] = ("Elements", page)
     terms = InstrumentSettings(workspace=folder / "workspace", store=folder / "records", probe="tsis-2011")
-    serve_console(ConsoleSettings(bench=terms, port=0), ready=lambda address: print(address, flush=True))  # noqa: T201
+    serve_console(ConsoleSettings(instrument=terms, port=0), ready=lambda address: print(address, flush=True))  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ class Served:
 
     def __init__(self, patience_s: float) -> None:
         self.feed: Feed | None = Feed()
-        self.bench = SimpleNamespace(sight=None)
+        self.bench = SimpleNamespace(frame_analysis=None)
         self.hub = LiveHub(lambda: self.feed)  # type: ignore[arg-type, return-value]
         made = FastAPI()
 
@@ -77,7 +77,7 @@ class Served:
         pixels = RNG.integers(0, int(full_scale), shape).astype(kind)
         assert self.feed is not None
         arrival = self.feed.bring(pixels, full_scale=full_scale)
-        until(lambda: self.hub.latest is not None and self.hub.latest.arrival is arrival)
+        until(lambda: self.hub.latest is not None and self.hub.latest.received is arrival)
         return pixels
 
     def viewer(self, asks: str = "") -> ClientConnection:
@@ -209,14 +209,14 @@ def test_raw_pixels_on_this_machine_whatever_else_is_asked(served: Served, asks:
 @pytest.mark.system
 def test_what_is_seen_comes_before_the_frame_once(served: Served) -> None:
     with served.viewer() as viewer:
-        served.bench.sight = SIGHT
+        served.bench.frame_analysis = SIGHT
         served.bring()
         assert json.loads(viewer.recv(HANGS_S)) == json.loads(json.dumps(asdict(SIGHT)))
         assert isinstance(viewer.recv(HANGS_S), bytes)
         viewer.send("ok")
         served.bring()
         assert isinstance(viewer.recv(HANGS_S), bytes)
-        served.bench.sight = None
+        served.bench.frame_analysis = None
         viewer.send("ok")
         served.bring()
         assert viewer.recv(HANGS_S) == "null"
@@ -300,7 +300,7 @@ def test_words_of_a_frame_are_made_once_for_all(served: Served, monkeypatch: pyt
     monkeypatch.setattr("tsis.console.live._hub.analysis_json", text)
     with served.viewer() as one, served.viewer() as other:
         for sight in (SIGHT, replace(SIGHT, number=2)):
-            served.bench.sight = sight
+            served.bench.frame_analysis = sight
             served.bring()
             for viewer in (one, other):
                 assert json.loads(viewer.recv(HANGS_S))["number"] == sight.number

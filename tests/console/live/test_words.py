@@ -19,7 +19,7 @@ SIGHT = FrameAnalysis(
 
 
 def state(sight: FrameAnalysis | None, *, running: bool = True, lost: bool = False) -> Any:
-    return SimpleNamespace(sight=sight, camera=SimpleNamespace(running=running, lost=lost))
+    return SimpleNamespace(frame_analysis=sight, camera=SimpleNamespace(running=running, lost=lost))
 
 
 def sight_of(levels: np.ndarray, contact: ContactView | None = None) -> FrameAnalysis:

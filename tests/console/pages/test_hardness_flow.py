@@ -78,7 +78,7 @@ def test_the_next_step_follows_from_what_is_kept(store: Store) -> None:
     )
     assert next_step_text(saved_presses(store, 2), (), estimating=False).startswith("Next: estimate")
     assert next_step_text(saved_presses(store, 2), ("lay it there.",), estimating=False).startswith("Next: estimate")
-    assert next_step_text(saved_presses(store, 2), (), estimating=True) == "The estimate is being made."
+    assert next_step_text(saved_presses(store, 2), (), estimating=True) == "The estimate is running."
 
 
 def test_a_new_object_gets_a_number_of_its_own(store: Store) -> None:

@@ -25,13 +25,13 @@ def test_a_target_that_was_not_read_is_said_to_be_read(tmp_path: Path) -> None:
             page = _Measurement(bench, viewer)
             page._show(bench.state())
             assert "Target 1 is being read." in texts(viewer)
-            await page._look()
+            await page._refresh()
             assert START in texts(viewer)
             bench.set_target(7, by=ANN)
             page._show(bench.state())
             assert "Target 7 is being read." in texts(viewer)
             assert START not in texts(viewer)
-            await page._look()
+            await page._refresh()
             assert START in texts(viewer)
 
         on_a_page(bench, changed)
@@ -48,10 +48,10 @@ def test_why_the_store_was_not_read_stays_until_it_is(tmp_path: Path, monkeypatc
             page._show(bench.state())
             with monkeypatch.context() as patched:
                 patched.setattr(bench.store, "entries", broken)
-                await page._look()
+                await page._refresh()
                 page._show(bench.state())  # which comes much more often
                 assert "the store must be there; it is not" in texts(viewer)
-            await page._look()
+            await page._refresh()
             assert "the store must be there; it is not" not in texts(viewer)
             assert START in texts(viewer)
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 class Faster(ControlLock):
     """Bob takes the camera just after somebody saw that nobody holds it."""
 
-    def holder(self) -> Owner | None:
-        found = super().holder()
+    def owner(self) -> Owner | None:
+        found = super().owner()
         if found is None:
             self.take("tab 2", "Bob")
         return found
@@ -36,7 +36,7 @@ def after(act: Callable[[ControlButtons], Any]) -> tuple[str, list[str]]:
         complaints.extend(viewer.complaints)
 
     on_a_page(bench, done)
-    holder = ControlLock.holder(bench.control)
+    holder = ControlLock.owner(bench.control)
     return "" if holder is None else holder.name, complaints
 
 
@@ -45,13 +45,13 @@ def test_a_page_that_is_open_takes_it_from_nobody() -> None:
 
 
 def test_a_click_on_a_free_camera_takes_it_from_nobody() -> None:
-    assert after(ControlButtons._asked_for) == ("Bob", ["the camera is held by Bob; watch, or take it over"])
+    assert after(ControlButtons._take_control) == ("Bob", ["the camera is held by Bob; watch, or take it over"])
 
 
 def test_who_answers_the_question_takes_it_over() -> None:
     async def asked(holding: ControlButtons) -> None:
-        await holding._asked_for()
-        await holding._asked_for()
+        await holding._take_control()
+        await holding._take_control()
         assert holding._dialog.value
         assert holding._question.text.startswith("Bob holds the camera")
         await holding._take_over()

@@ -33,7 +33,7 @@ class Hurried(TimeoutProtocol):
     looked: asyncio.Event
 
     def _look(self) -> None:
-        super()._look()
+        super()._check()
         if self.cycle is not None and not self.cycle.response_complete:
             Hurried.looks += 1
             if Hurried.looks == LOOKS:

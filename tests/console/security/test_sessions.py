@@ -135,12 +135,12 @@ def test_a_login_that_is_gone_or_has_another_password_ends_its_sessions(tmp_path
     login = logins.check("anna", "a long enough password")
     assert login is not None
     headers = {"cookie": access.cookie(login).partition(";")[0]}
-    found = access.visitor(headers)
+    found = access.client_identity(headers)
     assert found is not None
     assert found.name == "anna"
     others.add("anna", "another long password")
-    assert access.visitor(headers) is None
-    assert Access(TOKEN, port=1).visitor(headers) is None  # a console without logins
+    assert access.client_identity(headers) is None
+    assert Access(TOKEN, port=1).client_identity(headers) is None  # a console without logins
 
 
 def test_the_cookie_goes_nowhere_else() -> None:

@@ -92,13 +92,13 @@ def test_a_session_that_ends_takes_its_sockets_with_it_and_no_others() -> None:
             for headers, peer in zip((first, second, first), peers, strict=True)
         ]
         await settled()
-        gate._sockets.look()
+        gate._sockets.check()
         await settled()
         assert [peer.kinds for peer in peers] == [["websocket.accept"]] * 3
         session = access.session(first)
         assert session is not None
         access.sessions.end(session)
-        gate._sockets.look()
+        gate._sockets.check()
         await settled()
         assert [task.done() for task in tasks] == [True, False, True]
         assert peers[0].sent[-1] == {"type": "websocket.close", "code": 1008}

@@ -65,7 +65,7 @@ def test_a_study_is_unblinded_whole_or_although(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["..", "../up", "/etc", "a/b", "a\\b", "", ".", "é", "a" * 61, "a\n", "a\0"])
 def test_a_name_is_no_path(tmp_path: Path, name: str) -> None:
     shelf = StudyRepository(tmp_path)
-    for call in (shelf.place, lambda each: shelf.make(each, printed_targets(1, 1))):
+    for call in (shelf.path, lambda each: shelf.make(each, printed_targets(1, 1))):
         with pytest.raises(InputError, match="letters, digits, dashes and underscores"):
             call(name)
     assert list(tmp_path.iterdir()) == []

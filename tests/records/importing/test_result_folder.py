@@ -75,7 +75,7 @@ def test_virtual_presses_stay_out_of_a_store_of_subjects(demo: Path, tmp_path: P
 
 def test_the_folder_of_another_command_says_what_to_do(demo: Path) -> None:
     changed(demo, "command", to="examine")
-    with pytest.raises(FileInputError, match="repeat the command with --keep"):
+    with pytest.raises(FileInputError, match="repeat the command with --save"):
         find_import_batches([demo], ImportOptions())
 
 

@@ -1,4 +1,4 @@
-"""The camera that the command line names: one that is connected, stored frames, or the virtual probe."""
+"""The camera of the command line: a connected camera, stored frames, or the virtual probe."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ VIRTUAL = "virtual"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualPress:
-    """What the virtual camera looks at."""
+    """The subject of the virtual camera."""
 
     probe: str
     phantom: str
@@ -49,7 +49,7 @@ class VirtualPress:
 
 
 def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
-    """A call that makes a new handle of the camera, not yet opened."""
+    """A function that returns a new handle of the camera, not yet open."""
     if spec != VIRTUAL:
         return live_connector(spec)
     rng = np.random.default_rng(press.seed)
@@ -59,20 +59,20 @@ def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
 
 
 def live_connector(spec: str) -> Callable[[], Camera]:
-    """The same of a camera that is not virtual; `UnknownNameError` when no source is called so."""
+    """The same for a camera that is not virtual; `UnknownNameError` for an unknown source."""
     require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
     return partial(connect, spec)
 
 
 def is_stored(spec: str) -> bool:
-    """Whether the frames are on a disk already, so that they can wait and tell nothing of a camera."""
+    """Whether the frames come from a disk and not from a camera."""
     return spec.partition(":")[0] in STORED_SOURCES
 
 
 def requested_settings(
     connect_camera: Callable[[], Camera], name: str | None, pairs: Sequence[str]
 ) -> dict[str, float]:
-    """Settings of a preset, and over them those given as ``name=value``."""
+    """Settings of a preset, overridden by those given as ``name=value``."""
     chosen: dict[str, float] = {}
     if name is not None:
         camera = connect_camera()
@@ -102,7 +102,9 @@ LONGEST_S = 7 * 86400.0
 
 def acquire(
     *,
-    list_found: Annotated[bool, typer.Option("--list", help="List cameras, and what is missing to find more.")] = False,
+    list_found: Annotated[
+        bool, typer.Option("--list", help="List cameras, and what other camera drivers lack.")
+    ] = False,
     modes: Annotated[bool, typer.Option("--modes", help="Show the camera's modes and settings.")] = False,
     camera: Annotated[
         str, typer.Option(help="virtual, or SOURCE:ID as --list shows it, or files:FOLDER, or video:FILE.")
@@ -117,10 +119,10 @@ def acquire(
         str, typer.Option("--format", help=f"Colour picture of a snapshot: {', '.join(FORMATS)}; raw stays lossless.")
     ] = FORMATS[0],
     map_name: Annotated[str, typer.Option("--map", help=f"Colours: {', '.join(COLOUR_MAPS)}.")] = "viridis",
-    frames: Annotated[int | None, typer.Option(help="Record a sequence of so many frames instead.", min=1)] = None,
-    seconds: Annotated[float | None, typer.Option(help="Record a sequence for so long instead.")] = None,
+    frames: Annotated[int | None, typer.Option(help="Record a sequence of this many frames instead.", min=1)] = None,
+    seconds: Annotated[float | None, typer.Option(help="Record a sequence of this many seconds instead.")] = None,
     watch: Annotated[
-        bool, typer.Option("--watch", help="Save nothing; say what speaks against the press, until Ctrl-C.")
+        bool, typer.Option("--watch", help="Save nothing; show the press guard's flags, until Ctrl-C.")
     ] = False,
     video: Annotated[bool, typer.Option("--video", help="One lossless video file for a sequence.")] = False,
     gauge: GaugePort = None,
@@ -128,27 +130,27 @@ def acquire(
     gauge_baud: GaugeBaud = BAUD,
     gauge_sends: GaugeSends = False,
     gauge_latency_ms: GaugeLatency = 0.0,
-    calibration: Annotated[Path | None, typer.Option(help="Calibration file that the frames belong to.")] = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file of the frames.")] = None,
     probe: ProbeName = "tsis-2011",
     phantom: PhantomName = "hardness-100",
     force_n: ForceN = 1.0,
     seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
-    keep: Annotated[
-        bool, typer.Option("--keep", help="Keep the snapshot in the store of records too: tsis records list.")
+    save: Annotated[
+        bool, typer.Option("--save", help="Save the snapshot in the store of records too: tsis records list.")
     ] = False,
-    role: Annotated[str, typer.Option(help=f"What is pressed, for the store: {', '.join(ROLES)}.")] = ROLES[0],
+    role: Annotated[str, typer.Option(help=f"What is pressed (role in the store): {', '.join(ROLES)}.")] = ROLES[0],
     store: StoreOption = None,
     kind: KindOption = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Where the targets' folders lie, or folder of a sequence.", show_default="., tsis-sequence"),
+        typer.Option(help="Folder of the targets' folders, or of a sequence.", show_default="., tsis-sequence"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Save a snapshot of a target, or record a sequence, from a camera or the virtual probe.
 
-    A snapshot is TargetN/TargetN-MMDDYY-HHMMSS in colour, the raw frame beside it and a JSON file that says how it was
-    taken. A sequence is a folder of PNG files (or one lossless video) with an index that accounts for every frame.
+    A snapshot is TargetN/TargetN-MMDDYY-HHMMSS in colour, the raw frame and a JSON file of its settings.
+    A sequence is a folder of PNG files (or one lossless video) with an index of every frame.
     """
     if list_found:
         list_cameras(as_json=as_json)
@@ -160,13 +162,13 @@ def acquire(
         raise InputError("--watch saves nothing: leave out --frames and --out (--seconds ends it)")
     if seconds is not None:
         require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
-    if keep and (sequence or watch):
-        raise InputError("--keep is of snapshots; a sequence goes into a store by tsis records import")
+    if save and (sequence or watch):
+        raise InputError("--save works for snapshots; import a sequence into a store by tsis records import")
     require_one_of("role", role, ROLES)
     require_one_of("picture format", picture, FORMATS)
     require_one_of("colour map", map_name, COLOUR_MAPS)
     given = None if calibration is None else read_usable_calibration(calibration)
-    destination = chosen_destination(keep, store, kind)
+    destination = chosen_destination(save, store, kind)
     where = None
     if destination is not None:
         where = SnapshotDestination(destination=destination, role=role, probe=probe if camera == VIRTUAL else "")

@@ -24,8 +24,8 @@ VIRTUAL_NOTE = "no hardware: the virtual probe"
 
 
 def list_cameras(*, as_json: bool) -> None:
-    """Print every camera that answers, and what is missing for the sources that cannot look."""
-    with waiting("looking for cameras"):
+    """Print every camera that responds, and what the other drivers lack."""
+    with waiting("searching for cameras"):
         findings = find_cameras()
     if as_json:
         print_json(

@@ -1,4 +1,4 @@
-"""A sequence onto the disk, with a progress bar and an honest account."""
+"""Record a sequence to the disk."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from tsis.instrument.gauge import ForceLog
 
 
-ENDED_EARLY = 1  # exit code of a recording that is shorter than was asked for
+ENDED_EARLY = 1  # exit code of a recording shorter than requested
 
 
 def take_sequence(
     acquisition: Acquisition,
-    wanted: Path,
+    requested: Path,
     *,
     frames: int | None,
     seconds: float | None,
@@ -39,13 +39,13 @@ def take_sequence(
     log: ForceLog | None,
     as_json: bool,
 ) -> None:
-    """Record into a new folder until so many frames or seconds have passed, the source ends, or Ctrl-C."""
-    folder = free_folder(wanted)
+    """Record into a new folder until the given frames or seconds, the end of the source, or Ctrl-C."""
+    folder = free_folder(requested)
     try:
         folder.mkdir(parents=True)
     except OSError as error:
         reason = error.strerror or error
-        raise FileInputError(f"{str(folder)!r:.120} must be a folder that can be made; got: {reason}") from error
+        raise FileInputError(f"{str(folder)!r:.120} must be a folder that can be created; got: {reason}") from error
     rate = None if acquisition.mode is None else acquisition.mode.frames_per_s
     sink = LosslessVideo(folder, frames_per_s=rate) if video else FrameFolder(folder)
     gauge = None if log is None else GaugeColumns(log)
@@ -70,7 +70,7 @@ def take_sequence(
         )
     _print(report, folder, acquisition, about(), as_json=as_json)
     if report.kept == 0:
-        raise CameraError(f"nothing was recorded: {report.ended_by or 'no frame came'}")
+        raise CameraError(f"nothing was recorded: {report.ended_by or 'no frame arrived'}")
     if report.ended_by:
         raise typer.Exit(ENDED_EARLY)
 
@@ -87,24 +87,24 @@ def _advance(
 
 
 class GaugeColumns:
-    """Force and its error at each frame, newtons; empty, and counted, where the gauge had none."""
+    """Force and its error at each frame, newtons; empty where the gauge had none."""
 
     NAMES = ("force_n", "force_error_n")
 
     def __init__(self, log: ForceLog) -> None:
         self._log, self._without = log, 0
 
-    def of(self, arrival: ReceivedFrame) -> tuple[str, str]:
+    def of(self, received: ReceivedFrame) -> tuple[str, str]:
         """The columns of a frame."""
         try:
-            result = force_then(self._log, arrival.arrived_s)
+            result = force_then(self._log, received.arrived_s)
         except GaugeError:
             self._without += 1
             return "", ""
         return f"{result.force_n:.6f}", f"{result.error_n:.6f}"
 
     def account(self) -> dict[str, Any]:
-        """What became of the gauge."""
+        """State of the gauge."""
         return {"frames_without_force": self._without, **asdict(self._log.state())}
 
 
@@ -118,7 +118,7 @@ def _print(
     console = people()
     console.print(
         f"{report.kept} frames in {report.seconds:.1f} s, {report.frames_per_s:.2f} a second; "
-        f"{report.missed} lost on the way, {report.overrun} that the disk did not take, "
+        f"{report.missed} lost on the way, {report.overrun} not written in time, "
         f"{report.interruptions} interruptions"
     )
     gauge = about["gauge"]

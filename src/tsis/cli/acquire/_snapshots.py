@@ -1,4 +1,4 @@
-"""Where ``tsis acquire --keep`` keeps a snapshot, beside its files."""
+"""Snapshots, and where ``tsis acquire --save`` stores them."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from tsis.instrument.gauge import ForceLog
 
 
-ROLES = ("target", "plain", "untouched", "ball")  # those of tsis.records, whose libraries load when one is kept
+ROLES = ("target", "plain", "untouched", "ball")  # as in tsis.records, which is imported only for --save
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnapshotDestination:
-    """Where a snapshot shall be kept, and as what.
+    """Store and role of a snapshot.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class SnapshotDestination:
     role
         What is pressed.
     probe
-        Name of the probe, where no calibration tells it.
+        Name of the probe, where no calibration gives it.
     """
 
     destination: Destination
@@ -52,14 +52,14 @@ class SnapshotDestination:
     probe: str = ""
 
     def save(self, sidecar: Path, calibration: UsableCalibration | None) -> dict[str, Any]:
-        """Store the snapshot of a sidecar; what a result says of it; `TsisError` when it could not be stored."""
+        """Store the snapshot of a sidecar and return the entry for the result; `TsisError` when it fails."""
         from tsis.records.importing import save_snapshot_to_store  # loads the libraries of records
 
         with self.destination.opened() as store:
             return save_snapshot_to_store(store, sidecar, role=self.role, probe=self.probe, calibration=calibration)
 
 
-FRAME_S = 10.0  # for which a frame is waited
+FRAME_S = 10.0  # longest wait for a frame
 
 
 def take_snapshot(
@@ -103,8 +103,8 @@ def take_snapshot(
     failure = None
     if where is not None:
         try:
-            about["kept"] = where.save(saved.sidecar, calibration)
-        except TsisError as error:  # the files are there and stay
+            about["saved"] = where.save(saved.sidecar, calibration)
+        except TsisError as error:  # the files stay
             failure = error
     _print(saved, received, flags, about, as_json=as_json)
     if failure is not None:
@@ -112,11 +112,11 @@ def take_snapshot(
 
 
 def _print(
-    saved: Snapshot, arrival: ReceivedFrame, flags: Sequence[GuardFlag], about: dict[str, Any], *, as_json: bool
+    saved: Snapshot, received: ReceivedFrame, flags: Sequence[GuardFlag], about: dict[str, Any], *, as_json: bool
 ) -> None:
     files = {name: str(path.resolve()) for name, path in asdict(saved).items()}
     if as_json:
-        print_json(envelope("acquire", "snapshot", files=files, sequence=arrival.frame.sequence, **about))
+        print_json(envelope("acquire", "snapshot", files=files, sequence=received.frame.sequence, **about))
         return
     console = people()
     for name, file in files.items():
@@ -125,18 +125,18 @@ def _print(
         console.print(f"force: {about['force']['force_n']:.3f} N within {about['force']['error_n']:.3f} N")
     for flag in flags:
         console.print(f"- {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
-    if "kept" in about:
-        from tsis.records import saved_notes  # loads the libraries of records, as keeping did
+    if "saved" in about:
+        from tsis.records import saved_notes  # loads the libraries of records
 
-        for note in saved_notes(about["kept"]):
+        for note in saved_notes(about["saved"]):
             console.print(note, markup=False, soft_wrap=True)
     print_notice(console)
 
 
 def _next(acquisition: Acquisition) -> ReceivedFrame:
-    """The newest frame of a camera, the first of stored ones."""
+    """The newest frame of a camera, or the first stored frame."""
     if not acquisition.ring.wait(0, FRAME_S):
         why = f": {acquisition.failure}" if acquisition.failure is not None else ""
-        raise CameraError(f"{acquisition.name} must bring a frame within {FRAME_S:g} s; got none{why}")
+        raise CameraError(f"{acquisition.name} must deliver a frame within {FRAME_S:g} s; got none{why}")
     waiting, _, _ = acquisition.ring.read(0)
     return waiting[0] if acquisition.ring.patient else waiting[-1]

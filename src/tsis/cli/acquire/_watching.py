@@ -1,4 +1,4 @@
-"""The press guard, live: what speaks against the press that the camera sees now."""
+"""The press guard, live: flags of the press in the newest frame."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 
 WAIT_S = 0.2
-FORCE_HOLDS_S = 1.0  # a reading older than this tells nothing of the press now
+FORCE_HOLDS_S = 1.0  # an older reading is not used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Observation:
-    """What one frame showed."""
+    """Flags and force of one frame."""
 
     flags: tuple[GuardFlag, ...]
     force_n: float | None
@@ -47,7 +47,7 @@ def watch_presses(
     log: ForceLog | None,
     as_json: bool,
 ) -> None:
-    """Print flags as they go up and come down, until Ctrl-C or so many seconds have passed."""
+    """Print flags as they appear and disappear, until Ctrl-C or the given seconds have passed."""
     console = Console(stderr=as_json, highlight=False)
     frames: Counter[str] = Counter()
     watch: PressWatch | None = None
@@ -74,15 +74,15 @@ def watch_presses(
     print_notice(console)
 
 
-def _newest(acquisition: Acquisition, place: int) -> tuple[tuple[ReceivedFrame, ...], int]:
-    """The newest frame, for a guard must not lag; of stored ones all. And where to look next."""
-    acquisition.ring.wait(place, WAIT_S)
-    arrivals, place, _ = acquisition.ring.read(place)
-    return arrivals if acquisition.ring.patient else arrivals[-1:], place
+def _newest(acquisition: Acquisition, index: int) -> tuple[tuple[ReceivedFrame, ...], int]:
+    """The newest frame of a camera, or every stored frame; and the next index."""
+    acquisition.ring.wait(index, WAIT_S)
+    arrivals, index, _ = acquisition.ring.read(index)
+    return arrivals if acquisition.ring.patient else arrivals[-1:], index
 
 
 class _Troubles:
-    """What is wrong with an instrument, told once when it begins and once when it ends."""
+    """Trouble of an instrument, printed once when it begins and once when it ends."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -94,11 +94,11 @@ class _Troubles:
             self._console.print(f"! {what}: {trouble or 'is back'}", markup=False, soft_wrap=True)
 
 
-def _observe(watch: PressWatch, state: WatchState, arrival: ReceivedFrame, log: ForceLog | None) -> _Observation:
-    # The newest reading and not that of the frame's time, for which a guard would wait for the next one.
-    readings = () if log is None else log.readings(since_s=arrival.arrived_s - FORCE_HOLDS_S)
+def _observe(watch: PressWatch, state: WatchState, received: ReceivedFrame, log: ForceLog | None) -> _Observation:
+    # The newest reading: the reading at the frame's time would have to wait for the next one.
+    readings = () if log is None else log.readings(since_s=received.arrived_s - FORCE_HOLDS_S)
     force = max(0.0, readings[-1].force_n) if readings else None
-    flags, after = watch.step(state, arrival.frame, force)
+    flags, after = watch.step(state, received.frame, force)
     return _Observation(flags=flags, force_n=force, state=after)
 
 
@@ -110,9 +110,9 @@ def _report(say: Callable[..., None], before: frozenset[str], flags: tuple[Guard
         say(f"- {name}", markup=False)
 
 
-def _line(acquisition: Acquisition, seen: _Observation) -> str:
+def _line(acquisition: Acquisition, observation: _Observation) -> str:
     account = acquisition.account()
-    force = "" if seen.force_n is None else f", {seen.force_n:.2f} N"
-    still = "" if seen.state.settling is None else f", {seen.state.settling.text}"
-    names = ", ".join(flag.name for flag in seen.flags) or "nothing speaks against this press"
+    force = "" if observation.force_n is None else f", {observation.force_n:.2f} N"
+    still = "" if observation.state.settling is None else f", {observation.state.settling.text}"
+    names = ", ".join(flag.name for flag in observation.flags) or "no flags"
     return escape(f"{account.frames_per_s:.1f} frames/s, {account.missed} lost{force}{still}: {names}")

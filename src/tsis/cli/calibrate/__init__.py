@@ -1,4 +1,4 @@
-"""``tsis calibrate``: make, show and seal the calibration of a probe."""
+"""``tsis calibrate``: create, show and seal the calibration of a probe."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ app = typer.Typer(
     name="calibrate",
     cls=DefaultCommand.named("guide"),
     help=(
-        "Calibrate a probe, step by step; without --camera the virtual bench shows how. "
+        "Calibrate a probe, step by step; without --camera the virtual rig demonstrates it. "
         f"Its options: tsis calibrate guide --help. {RESEARCH_USE_ONLY}"
     ),
     epilog="Example: tsis calibrate --camera aravis: --gauge /dev/ttyUSB0 --probe tsis-2011 --name bench-2",

@@ -1,4 +1,4 @@
-"""The person at the bench: asked for each step, and told what happens."""
+"""The operator's dialogue: a prompt and messages for each calibration step."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ if TYPE_CHECKING:
 
 
 class Operator:
-    """Takes a step's frames when the person says that all is ready.
+    """Takes a step's frames when the operator is ready.
 
     Parameters
     ----------
     bench
         Camera, and gauge where there is one.
     console
-        Where to ask; answers come from standard input.
+        Where to print; responses come from standard input.
     has_gauge
-        Whether forces are read by a gauge; else the person types them.
+        Whether a gauge reads the forces; else the operator types them.
     """
 
     def __init__(self, bench: LiveCalibration, console: Console, *, has_gauge: bool) -> None:
         self._rig, self._console, self._has_gauge = bench, console, has_gauge
 
     def take(self, step: CalibrationStep) -> Iterator[CalibrationFrame] | None:
-        """The step's frames; None when the person leaves it out."""
+        """The step's frames; None when the operator skips it."""
         hint = "Enter when ready" + (", s to leave it out: " if step.optional else ": ")
         response = self._ask(f"   {hint}").strip().lower()
         if step.optional and response == "s":
@@ -85,9 +85,9 @@ class Operator:
         return self._rig.loading(over)
 
     def _by_hand(self) -> Iterator[CalibrationFrame]:
-        """A frame for each force that the person types."""
+        """A frame for each typed force."""
         while True:
-            text = self._ask("   force in N that the gauge shows (begin with 0, untouched; Enter alone ends): ").strip()
+            text = self._ask("   force in N on the gauge (begin with 0, untouched; an empty line ends): ").strip()
             if not text:
                 return
             try:
@@ -101,20 +101,20 @@ class Operator:
         self._console.print(question, end="", markup=False, soft_wrap=True)
         line = _line()
         if not line:
-            raise InputError("the guide needs answers on standard input, which has ended; run it in a terminal")
+            raise InputError("the guide needs responses on standard input, which has ended; run it in a terminal")
         return line
 
 
 def _line() -> str:
     """The next line of standard input; empty when there are no more.
 
-    Read past Python's buffer: while a thread waits in it for Enter, the program could not end after an error.
+    Read past Python's buffer: a thread that waits in it for Enter would block the exit after an error.
     """
-    if sys.stdin is None:  # closed by who started the program
+    if sys.stdin is None:  # closed by the parent process
         return ""
     try:
         source = sys.stdin.fileno()
-    except OSError:  # no file, but text that stands in for one
+    except OSError:  # a text stream without a file
         return sys.stdin.readline()
     line = bytearray()
     while not line.endswith(b"\n") and (byte := os.read(source, 1)):
@@ -122,11 +122,11 @@ def _line() -> str:
     return line.decode(errors="replace")
 
 
-OPTIONS = {  # by the term that each one states
+OPTIONS = {  # by the setting
     "name": "--name",
     "pitch_mm": "--pitch-mm",
     "pitch_sd_mm": "--pitch-sd-mm",
-    "gauge_share": "--gauge-share",
+    "gauge_share": "--gauge-uncertainty",
     "patch_px": "--patch-px",
     "tips_mm": "--tip-mm",
     "repeats": "--repeats",
@@ -134,12 +134,12 @@ OPTIONS = {  # by the term that each one states
 
 
 def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
-    """Begin a session, or go on with the one in the folder.
+    """Begin a session, or resume the session in the folder.
 
     Raises
     ------
     CalibrationError
-        When it was begun on other terms: what is calculated would be those, whatever the command says now.
+        When the session began with other settings.
     """
     if not folder.begun:
         folder.begin(terms)
@@ -153,22 +153,22 @@ def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
         )
     if other := stored.differing(terms):
         raise CalibrationError(
-            f"the session in {printable_path(folder.path)} was begun with {_settings_text(stored, other)}; "
-            f"this command says "
-            f"{_settings_text(terms, other)} (give the options that it was begun with, or choose another --session)"
+            f"the session in {printable_path(folder.path)} began with {_settings_text(stored, other)}; "
+            f"this command gives "
+            f"{_settings_text(terms, other)} (give the options of its begin, or choose another --session)"
         )
     if changed := stored.changed_setting(terms.settings):
         setting, value, now = changed
         raise CalibrationError(
-            f"the session in {printable_path(folder.path)} was begun at {setting} = {value:g}; the camera "
+            f"the session in {printable_path(folder.path)} began at {setting} = {value:g}; the camera "
             f"is at {now:g} "
             f"(--set {setting}={value:g}, or choose another --session)"
         )
-    console.print(f"Going on with the session in {folder.path}; its terms hold.", markup=False, soft_wrap=True)
+    console.print(f"Resuming the session in {folder.path} with its settings.", markup=False, soft_wrap=True)
 
 
 def _settings_text(terms: SessionSetup, names: Iterable[str]) -> str:
-    """Terms as one types them."""
+    """Settings as options of the command line."""
     return " ".join(_typed(OPTIONS[name], getattr(terms, name)) for name in names)
 
 
@@ -193,13 +193,13 @@ def guide(
     gauge_baud: GaugeBaud = BAUD,
     gauge_sends: GaugeSends = False,
     gauge_latency_ms: GaugeLatency = 0.0,
-    gauge_share: Annotated[
+    gauge_uncertainty: Annotated[
         float, typer.Option(help="Relative uncertainty of the gauge, from its certificate.")
     ] = 0.001,
     probe: Annotated[
         str, typer.Option(help="Design of the probe, as the catalog names it; estimates need it.")
     ] = "tsis-direct",
-    name: Annotated[str, typer.Option(help="What the calibration will be called.")] = "bench",
+    name: Annotated[str, typer.Option(help="Name of the calibration.")] = "bench",
     pitch_mm: Annotated[float, typer.Option(help="Pitch of the dot board, millimetres.")] = 2.5,
     pitch_sd_mm: Annotated[float, typer.Option(help="Its standard uncertainty.")] = 0.0,
     tip_mm: Annotated[
@@ -208,20 +208,21 @@ def guide(
     ] = None,
     repeats: Annotated[int, typer.Option(help="Loadings of each tip.", min=1, max=20)] = 1,
     patch_px: Annotated[
-        str | None, typer.Option(help="Where the lamps are seen past the probe: left,top,right,bottom in pixels.")
+        str | None,
+        typer.Option(help="Region where the camera sees the lamps past the probe: left,top,right,bottom in pixels."),
     ] = None,
     session: Annotated[
-        Path, typer.Option(help="Folder for the frames; with the same options a session in it goes on.")
+        Path, typer.Option(help="Folder for the frames; the same options resume a session in it.")
     ] = Path("tsis-calibration-frames"),
-    seed: Annotated[int, typer.Option(help="Seed of the virtual bench.", min=0, max=LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual rig.", min=0, max=LARGEST_SEED)] = 4,
     days: Days = DAYS,
     out: Out = OUT,
     as_json: AsJson = False,
 ) -> None:
-    """Take the frames of every step, and make the calibration file.
+    """Take the frames of every step, and write the calibration file.
 
-    Frames are kept as they come, a folder a step: whatever interrupts the session, it goes on with the step that was
-    not finished. Without --camera the virtual bench does every step by itself.
+    Frames are saved as they arrive, one folder per step: an interrupted session resumes with its first
+    unfinished step. Without --camera the virtual rig does every step.
     """
     require_number("--days", days, 1, 3650)
     folder, console = SessionFolder(session), Console(stderr=True, highlight=False)
@@ -231,17 +232,17 @@ def guide(
         camera=camera,
         pitch_mm=pitch_mm,
         pitch_sd_mm=pitch_sd_mm,
-        gauge_share=gauge_share,
+        gauge_share=gauge_uncertainty,
         patch_px=None if patch_px is None else _box(patch_px),
         tips_mm=tuple(tip_mm or TIPS_MM),
         repeats=repeats,
     )
     if camera == VIRTUAL:
         if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:
-            raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual bench has its own")
+            raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual rig has its own")
         rig = VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
         begin(folder, replace(terms, camera=bench_name(seed), patch_px=rig.patch_px), console)
-        console.print("The virtual bench does every step by itself; a person would be told:")
+        console.print("The virtual rig does every step; the instructions for an operator are:")
         _take_steps(folder, rig.shots, console)
     else:
         make = live_connector(camera)
@@ -262,7 +263,7 @@ def guide(
 def _take_steps(
     folder: SessionFolder, take: Callable[[CalibrationStep], Iterable[CalibrationFrame] | None], console: Console
 ) -> None:
-    """Take the frames of every step that is not done."""
+    """Take the frames of every unfinished step."""
     steps = folder.plan()
     for number, step in enumerate(steps, start=1):
         console.print(f"{number} of {len(steps)}, {step.name}: {step.instruction}", markup=False, soft_wrap=True)
@@ -276,7 +277,7 @@ def _take_steps(
         try:
             saved = folder.save(step, shots)
         except KeyboardInterrupt:
-            reported = f"The steps before are kept in {folder.path}; the same command goes on with {step.name}."
+            reported = f"The steps before are saved in {folder.path}; the same command resumes with {step.name}."
             console.print(reported, markup=False, soft_wrap=True)
             raise
         console.print(f"   {saved} frames")

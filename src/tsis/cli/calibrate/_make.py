@@ -1,4 +1,4 @@
-"""What every way to a calibration ends in: the file, a page, and the numbers on the terminal."""
+"""A calibration from the frames of a session: file, page, and numbers on the terminal."""
 
 from __future__ import annotations
 
@@ -31,24 +31,28 @@ from tsis.report import (
 
 
 def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
-    """Make the calibration of a session."""
+    """Compute the calibration of a session."""
     with progress_bar("reading the frames") as advance:
-        given, findings = calibrate(session, days=days, progress=advance)
-    rows = calibration_rows(given, findings)
-    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {given.name} of {given.probe}"))
+        stored, findings = calibrate(session, days=days, progress=advance)
+    rows = calibration_rows(stored, findings)
+    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {stored.name} of {stored.probe}"))
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    provenance = {"session": str(session.path), "terms": to_plain(session.terms()), "sha256": calibration_sha256(given)}
+    provenance = {
+        "session": str(session.path),
+        "terms": to_plain(session.terms()),
+        "sha256": calibration_sha256(stored),
+    }
     return CommandOutcome(
-        document=calibration_document(given, findings, provenance=provenance),
-        page=calibration_report(given, findings, provenance=provenance),
+        document=calibration_document(stored, findings, provenance=provenance),
+        page=calibration_report(stored, findings, provenance=provenance),
         tables=(table,),
-        notes=calibration_notes(given, findings),
-        files={CALIBRATION_FILE: calibration_bytes(given)},
+        notes=calibration_notes(stored, findings),
+        files={CALIBRATION_FILE: calibration_bytes(stored)},
     )
 
 
-Days = Annotated[float, typer.Option(help="For how many days it will be good.")]
+Days = Annotated[float, typer.Option(help="Days until it expires.")]
 Out = Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")]
 OUT = Path("tsis-calibration")
 
@@ -60,7 +64,7 @@ def make(
     out: Out = OUT,
     as_json: AsJson = False,
 ) -> None:
-    """Make the calibration file from the frames of a session."""
+    """Compute the calibration file from the frames of a session."""
     publish(make_outcome(SessionFolder(session), days=days), out, as_json=as_json)
 
 
@@ -72,28 +76,28 @@ def show(
     *,
     as_json: AsJson = False,
 ) -> None:
-    """Show a calibration file; one that was changed since it was written is refused."""
-    given = read_calibration(calibration)
+    """Show a calibration file; a file changed since it was written is refused."""
+    stored = read_calibration(calibration)
     try:
-        given.require_usable(datetime.now(UTC))
+        stored.require_usable(datetime.now(UTC))
         refusal = ""
     except CalibrationError as error:
         refusal = str(error)
-    rows, sheet = content_rows(given), specification_rows(given)
+    rows, sheet = content_rows(stored), specification_rows(stored)
     if as_json:
         print_json(
             envelope(
                 "calibrate show",
-                sha256=calibration_sha256(given),
+                sha256=calibration_sha256(stored),
                 usable=not refusal,
                 refusal=refusal,
-                values=measured_values(given),
+                values=measured_values(stored),
                 specification=[dict(zip(SHEET, row, strict=True)) for row in sheet],
             )
         )
         return
     console = people()
-    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {given.name}"))
+    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {stored.name}"))
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
     console.print(table)
@@ -102,7 +106,7 @@ def show(
         for line in sheet:
             printed.add_row(*(escape(cell) for cell in line))
         console.print(printed)
-        for note in specification_notes(given):
+        for note in specification_notes(stored):
             console.print(f"- {note}", markup=False)
     console.print(refusal or "It may be used today.", markup=False)
     print_notice(console)

@@ -1,4 +1,4 @@
-"""``tsis calibrate seal``: values that a laboratory measured otherwise become a calibration file."""
+"""``tsis calibrate seal``: a calibration file from values measured elsewhere."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tsis.report import envelope
 
 
 def seal(
-    values: Annotated[Path, typer.Argument(help="JSON file with name, probe, response and what else is known.")],
+    values: Annotated[Path, typer.Argument(help="JSON file with name, probe, response and further values.")],
     *,
     days: Days = DAYS,
     out: Annotated[Path, typer.Option(help="Calibration file to write; it must not exist.")] = Path(CALIBRATION_FILE),

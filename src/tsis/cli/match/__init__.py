@@ -1,4 +1,4 @@
-"""``tsis match``: which point of one set belongs to which of another, and how well the methods find it."""
+"""``tsis match``: correspondence of two point sets, and a benchmark of the methods."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ DEFAULT = "points"
 
 app = typer.Typer(
     name="match",
-    cls=DefaultCommand.named(DEFAULT, alone=False),
+    cls=DefaultCommand.named(DEFAULT, is_default=False),
     help=(
-        "Match two point files: tsis match A B. A file that is called as a command below is given as ./bench. "
+        "Match two point files: tsis match A B. Write ./bench for a file with the name of a command below. "
         f"{RESEARCH_USE_ONLY}"
     ),
     epilog="Example: tsis match before.csv after.csv --figure match.png",

@@ -55,7 +55,7 @@ COLUMNS = (
 
 
 def pooled_tables(pooled: Sequence[TrialSummary]) -> list[Table]:
-    """One table a kind of trials, a line a method, narrow enough for any terminal."""
+    """A table for each kind of trials, with a row for each method."""
     return [
         _table(title, [item for item in pooled if item.group == title])
         for title in dict.fromkeys(item.group for item in pooled)
@@ -83,7 +83,7 @@ def _table(kind: str, summaries: Sequence[TrialSummary]) -> Table:
 
 
 def ratio_text(ratio: ErrorRatio | None) -> str:
-    """A ratio and its interval of 95 %.
+    """A ratio with its 95 % interval.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def ratio_text(ratio: ErrorRatio | None) -> str:
 
 
 def benchmark_figures(levels: Sequence[TrialSummary]) -> dict[str, Figure]:
-    """One figure a kind of distortion: error, failures and time over the levels, a column a shape."""
+    """A figure for each kind of distortion: error, failures and time over the levels, a column for each shape."""
     groups = dict.fromkeys(level.group for level in levels)
     kinds: dict[str, list[str]] = {}
     for group in groups:
@@ -123,7 +123,7 @@ def _figure(kind: str, groups: Sequence[str], levels: Sequence[TrialSummary]) ->
 
 
 def _axis(kind: str, levels: Sequence[TrialSummary]) -> tuple[str, dict[str, float]]:
-    """Name of the axis, and where each level lies on it."""
+    """Name of the axis, and the position of each level."""
     for family, (label, values) in LEVEL_LABELS.items():
         if family == kind:
             return label, {str(number): value for number, value in enumerate(values, start=1)}
@@ -171,7 +171,7 @@ HOTEL_FAILURE_PX = 5.0
 MEANING = (
     f"RMS errors over all shapes and levels. Failed: above {FAILURE_RMS:g}, hotel above "
     f"{HOTEL_FAILURE_PX:g} px; silent: "
-    "failed, and the method trusted its answer. Answers that it does not trust are judged, too, though tsis match "
+    "failed, and the method trusted its result. Results that it does not trust count, too, though tsis match "
     "withholds them. Ratio of means to the best coherent point drift of each level, with "
     "the bootstrap interval of 95 %."
 )
@@ -195,19 +195,19 @@ def benchmark(
         str | None, typer.Option(help="Shapes, with commas; generated ones may be curve, strokes, spiral, surface, ...")
     ] = None,
     trials: Annotated[int, typer.Option(min=1, max=10_000, help="Trials a shape and level.")] = 10,
-    workers: Annotated[int, typer.Option(min=1, max=256, help="Processes; times are comparable with one alone.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Of trials, shuffling and methods.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Processes; times are comparable only with one.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of trials, shuffling and methods.")] = 0,
     out: Annotated[Path | None, typer.Option(help="New folder for rows, tables and figures.", metavar="FOLDER")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the rows in --out.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Resume with the rows in --out.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Judge the methods on trials with known matches: error, failures and time, beside the best coherent point drift.
+    """Compare the methods on trials with known matches: error, failures and time, beside the best coherent point drift.
 
-    Without --data shapes are generated and distorted as the public trials are. Files in --out are kept when the run is
-    interrupted; the same command with --resume goes on.
+    Without --data shapes are generated and distorted as the public trials are. Files in --out stay when the run is
+    interrupted; the same command with --resume continues.
     """
     if resume and out is None:
-        raise InputError("--resume needs --out, the folder that it goes on in")
+        raise InputError("--resume needs --out, the folder of the interrupted run")
     contenders = [BenchmarkMethod(name=name) for name in (methods.split(",") if methods else (*OWN_METHODS, *PEERS))]
     absent = {contender.name: contender.absent() for contender in contenders}
     present = {contender.name: contender for contender in contenders if not absent[contender.name]}
@@ -263,7 +263,7 @@ def _whole_numbers(text: str) -> list[int]:
 
 def _stop_interrupted(out: Path | None, *, resume: bool) -> None:
     again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:]), *([] if resume else ["--resume"])])
-    message = "nothing was written" if out is None else f"finished trials are kept. Go on with: {again}"
+    message = "nothing was written" if out is None else f"finished trials are saved. Resume with: {again}"
     typer.echo(f"Interrupted; {message}.", err=True)
     sys.exit(INTERRUPTED)
 
@@ -276,7 +276,7 @@ def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_jso
     pooled = [item for part, limit in parts for item in summarise_pooled(part, rivals=RIVAL_METHODS, failure=limit)]
     refused = sum(bool(row.refused) for row in rows)
     if refused:
-        notes.append(f"{refused} of {len(rows)} answers were refused or broke off and count as no movement at all.")
+        notes.append(f"{refused} of {len(rows)} results were refused or broke off and count as no movement.")
     document = envelope(
         "match bench",
         failure={"distorted": FAILURE_RMS, HOTEL: HOTEL_FAILURE_PX},

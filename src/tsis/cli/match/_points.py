@@ -1,4 +1,4 @@
-"""``tsis match A B``: the points of one file moved onto those of another."""
+"""``tsis match A B``: register the points of one file to those of another."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ if TYPE_CHECKING:
 
 
 def points(
-    source: Annotated[Path, typer.Argument(metavar="A", help="Points to move: CSV, NPY or PLY.")],
-    target: Annotated[Path, typer.Argument(metavar="B", help="Points to move them onto: CSV, NPY or PLY.")],
+    source: Annotated[Path, typer.Argument(metavar="A", help="Source points: CSV, NPY or PLY.")],
+    target: Annotated[Path, typer.Argument(metavar="B", help="Target points: CSV, NPY or PLY.")],
     *,
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "tprl",
     out: Annotated[
-        Path | None, typer.Option(help="New CSV file for the moved points, their matches and the trust in each.")
+        Path | None, typer.Option(help="New CSV file for the transformed points, their matches and confidences.")
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="New PNG file for a picture of before and after.")] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Of the method's chance, where it has any.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the method, where it is random.")] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Match the points of two files and move the first onto the second.
+    """Match the points of two files and transform the first onto the second.
 
-    Files hold two or three coordinates a line, with or without a first line of names. Matches count rows from 0; -1 is
+    Files contain two or three coordinates per line, with or without a header. Matches are row numbers from 0; -1 is
     none.
     """
     require_one_of("method", method, METHODS)
@@ -53,7 +53,7 @@ def points(
     first, second = read_points(source), read_points(target)
     if first.shape[1] != second.shape[1]:
         raise InputError(
-            f"both files must hold points of the plane or both of space; got {first.shape[1]} coordinates in "
+            f"both files must contain points of the plane or both of space; got {first.shape[1]} coordinates in "
             f"{printable_path(source)} and {second.shape[1]} in {printable_path(target)}"
         )
     with waiting("matching"):
@@ -71,16 +71,18 @@ def _result(
     target: Path,
     first: NDArray[np.float64],
     second: NDArray[np.float64],
-    found: Registration,
+    registration: Registration,
     method: str,
     seed: int,
     files: tuple[Path | None, Path | None],
     *,
     as_json: bool,
 ) -> None:
-    matches = np.asarray(found.matches)
+    matches = np.asarray(registration.matches)
     paired = matches != UNMATCHED
-    before, after = (_rms_distance(item[paired], second[matches[paired]]) for item in (first, np.asarray(found.moved)))
+    before, after = (
+        _rms_distance(item[paired], second[matches[paired]]) for item in (first, np.asarray(registration.moved))
+    )
     if as_json:
         names = {"out": files[0], "figure": files[1]}
         document = envelope(
@@ -92,12 +94,12 @@ def _result(
             matched=int(paired.sum()),
             rms_before=before,
             rms_after=after,
-            confidence=found.confidence,
-            reliable=found.reliable,
+            confidence=registration.confidence,
+            reliable=registration.reliable,
             matches=matches,
-            trust=found.trust,
-            moved=found.moved,
-            notes=list(found.notes),
+            trust=registration.trust,
+            moved=registration.moved,
+            notes=list(registration.notes),
         )
         print_json(document | {name: str(file) for name, file in names.items() if file is not None})
         return
@@ -108,9 +110,11 @@ def _result(
     table.add_row("matched points", f"{paired.sum()} of {len(first)}")
     table.add_row("RMS distance of matched points, before", "-" if before is None else f"{before:.4g}")
     table.add_row("RMS distance of matched points, after", "-" if after is None else f"{after:.4g}")
-    table.add_row("confidence", f"{found.confidence:.2f}, {'reliable' if found.reliable else 'not reliable'}")
+    table.add_row(
+        "confidence", f"{registration.confidence:.2f}, {'reliable' if registration.reliable else 'not reliable'}"
+    )
     console.print(table)
-    for note in found.notes:
+    for note in registration.notes:
         console.print(f"- {note}", markup=False)
     for file in files:
         if file is not None:
@@ -122,11 +126,11 @@ def _rms_distance(points: NDArray[np.float64], others: NDArray[np.float64]) -> f
     return float(np.sqrt(((points - others) ** 2).sum(axis=1).mean())) if len(points) else None
 
 
-def _picture(first: NDArray[np.float64], second: NDArray[np.float64], found: Registration, method: str) -> bytes:
+def _picture(first: NDArray[np.float64], second: NDArray[np.float64], registration: Registration, method: str) -> bytes:
     figure = Figure(figsize=(12.0, 6.0), layout="constrained")
     before, after = figure.subplots(1, 2, subplot_kw={"projection": "3d"} if first.shape[1] == 3 else {})
-    point_sets(first, second, before, matches=found.matches).set_title("before, with the matches")
-    point_sets(found.moved, second, after, source_label="moved source").set_title(f"after {method}")
+    point_sets(first, second, before, matches=registration.matches).set_title("before, with the matches")
+    point_sets(registration.moved, second, after, source_label="moved source").set_title(f"after {method}")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)
     return buffer.getvalue()

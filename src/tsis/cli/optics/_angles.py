@@ -1,4 +1,4 @@
-"""``tsis optics angles``: which light of the lamps stays in the probe, and which of it never reaches the face."""
+"""``tsis optics angles``: light of the lamps that stays in the probe, and light that never reaches the face."""
 
 from __future__ import annotations
 
@@ -49,58 +49,60 @@ def _name(layer: int, count: int) -> str:
     return "glass" if layer == count - 1 else "layer 1, at the face" if layer == 0 else f"layer {layer + 1}"
 
 
-def _table(probe: Probe, found: Acceptance) -> Table:
+def _table(probe: Probe, acceptance: Acceptance) -> Table:
     table = Table(title=f"{probe.name}: light through the side wall, from air; angles in degrees")
     for heading in ("layer", "n", "critical", "acceptance", "never reaches the face below", "of its angles"):
         table.add_column(heading, justify="left" if heading == "layer" else "right")
-    for layer, index in enumerate(found.index):
-        blind = found.blind_deg[layer]
+    for layer, index in enumerate(acceptance.index):
+        blind = acceptance.blind_deg[layer]
         table.add_row(
-            _name(layer, len(found.index)),
+            _name(layer, len(acceptance.index)),
             f"{index:.4g}",
-            f"{found.critical_deg[layer]:.2f}",
-            f"{found.acceptance_deg[layer]:.2f}" + (" (all)" if found.unlimited[layer] else ""),
+            f"{acceptance.critical_deg[layer]:.2f}",
+            f"{acceptance.acceptance_deg[layer]:.2f}" + (" (all)" if acceptance.unlimited[layer] else ""),
             f"{blind:.2f}" if blind else "-",
-            f"{found.blind_fraction[layer]:.0%}" if blind else "-",
+            f"{acceptance.blind_fraction[layer]:.0%}" if blind else "-",
         )
     return table
 
 
-def _limits(found: Acceptance) -> list[str]:
-    low, high = found.acceptance_deg.min(), found.acceptance_deg.max()
-    count = len(found.index)
+def _limits(acceptance: Acceptance) -> list[str]:
+    low, high = acceptance.acceptance_deg.min(), acceptance.acceptance_deg.max()
+    count = len(acceptance.index)
     notes = []
-    if found.unlimited.any():
-        which = ", ".join(_name(layer, count) for layer in range(count) if found.unlimited[layer])
+    if acceptance.unlimited.any():
+        which = ", ".join(_name(layer, count) for layer in range(count) if acceptance.unlimited[layer])
         notes.append(f"n exceeds the square root of 2 in {which}: every ray that enters there from air stays.")
     if high > 75:
         notes.append(f"Acceptance is {low:.1f} to {high:.1f} degrees: it hardly limits the choice of a lamp.")
     else:
-        notes.append(f"Acceptance is {low:.2f} to {high:.2f} degrees: lamps must keep within {low:.2f}.")
+        notes.append(f"Acceptance is {low:.2f} to {high:.2f} degrees: lamps must stay within {low:.2f}.")
     notes.extend(
-        f"Rays of n_eff between {found.index[:layer].min():g} and {found.index[layer]:g} never sense: light that "
-        f"enters {_name(layer, count)} within {found.blind_deg[layer]:.1f} degrees of the wall's normal never reaches "
-        f"the pressed face, {found.blind_fraction[layer]:.0%} of the angles at which rays stay in it."
-        for layer in np.flatnonzero(found.blind_deg).tolist()
+        f"Rays of n_eff between {acceptance.index[:layer].min():g} and {acceptance.index[layer]:g} never sense: light "
+        f"that enters {_name(layer, count)} within {acceptance.blind_deg[layer]:.1f} degrees of the wall's normal "
+        f"never reaches the pressed face, {acceptance.blind_fraction[layer]:.0%} of the angles of rays that stay in it."
+        for layer in np.flatnonzero(acceptance.blind_deg).tolist()
     )
     return notes
 
 
-def _lamps(found: Acceptance, faced: list[tuple[Led, int]]) -> list[str]:
-    """One sentence for lamps that differ in nothing but their place around the probe."""
+def _lamps(acceptance: Acceptance, faced: list[tuple[Led, int]]) -> list[str]:
+    """One note for lamps that differ only in their position around the probe."""
     correlation: dict[tuple[float, int], int] = {}
     for led, layer in faced:
         correlation[_widest(led), layer] = correlation.get((_widest(led), layer), 0) + 1
     notes = []
     for (widest, layer), count in correlation.items():
-        accepts, name = found.acceptance_deg[layer], _name(layer, len(found.index))
+        accepts, name = acceptance.acceptance_deg[layer], _name(layer, len(acceptance.index))
         verdict = (
             f"within its acceptance of {accepts:.2f}: that cone stays in the probe."
             if widest <= accepts
             else f"beyond its acceptance of {accepts:.2f}: what enters further out leaks away."
         )
-        blind = found.blind_deg[layer]
+        blind = acceptance.blind_deg[layer]
         if widest <= blind:
-            verdict += f" But it lies within {blind:.1f} degrees and never reaches the face: aim or place it elsewhere."
+            verdict += (
+                f" But it lies within {blind:.1f} degrees and never reaches the face: change its aim or position."
+            )
         notes.append(f"{count} lamp{'s' * (count > 1)} before {name}, half intensity at {widest:g} degrees, {verdict}")
     return notes

@@ -30,7 +30,7 @@ MOST_ROWS, MOST_CURVES = 50, 12
 
 
 class Polarization(StrEnum):
-    """Which field lies along the layers: the electric one (TE) or the magnetic one (TM)."""
+    """The field along the layers: electric (TE) or magnetic (TM)."""
 
     TE = "TE"
     TM = "TM"
@@ -52,7 +52,7 @@ def modes(
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
-    """All guided modes of a stack of layers, and how many of them never reach the pressed face."""
+    """All guided modes of a stack of layers, and the number that never reach the pressed face."""
     if (index is None) != (thickness_um is None):
         raise InputError("--index and --thickness-um must be given together; got one of them")
     if index is not None and thickness_um is not None:
@@ -92,70 +92,70 @@ def modes(
 
 
 def _evenly(count: int, most: int) -> list[int]:
-    """At most ``most`` of the numbers below ``count``, the first and the last among them."""
+    """At most ``most`` of the numbers below ``count``, including the first and last."""
     picked: list[int] = np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
     return picked
 
 
-def _parted(found: GuidedModes) -> NDArray[np.bool]:
-    """Modes that fade away somewhere between the pressed face and a layer in which they do not."""
-    index, n_eff = found.layers.index[1:-1], found.n_eff
+def _parted(guided: GuidedModes) -> NDArray[np.bool]:
+    """Modes that decay between the pressed face and a layer that guides them."""
+    index, n_eff = guided.layers.index[1:-1], guided.n_eff
     difference = [(n_eff < index[layer]) & (n_eff > index[:layer].min()) for layer in range(1, len(index))]
     return np.any(difference, axis=0) if difference else np.zeros(len(n_eff), dtype=bool)
 
 
-def _table(found: GuidedModes, face: float) -> Table:
-    parted = _parted(found)
-    shown = _evenly(len(found), MOST_ROWS)
-    part = "" if len(shown) == len(found) else f" ({len(shown)} of them shown)"
-    table = Table(title=f"{len(found)} guided {found.layers.polarization} modes{part}")
+def _table(guided: GuidedModes, face: float) -> Table:
+    parted = _parted(guided)
+    shown = _evenly(len(guided), MOST_ROWS)
+    part = "" if len(shown) == len(guided) else f" ({len(shown)} of them shown)"
+    table = Table(title=f"{len(guided)} guided {guided.layers.polarization} modes{part}")
     table.add_column("mode", justify="right")
     table.add_column("n_eff", justify="right")
     table.add_column("at the pressed face")
     for mode in shown:
-        n_eff = found.n_eff[mode]
+        n_eff = guided.n_eff[mode]
         extents = "fades away" if n_eff > face else "see its profile" if parted[mode] else "reaches it"
         table.add_row(str(mode), f"{n_eff:.15f}", extents)
     return table
 
 
-def _notes(found: GuidedModes, face: float, blind: int) -> list[str]:
-    if not len(found):
-        factor = thickness_factor(found.layers)
+def _notes(guided: GuidedModes, face: float, blind: int) -> list[str]:
+    if not len(guided):
+        factor = thickness_factor(guided.layers)
         return [
             "Nothing is guided: the stack is below cut-off. "
             f"Layers {factor:.4g} times as thick, or a wavelength shorter by that factor, would guide a mode; "
             "so would equal indices below and above."
         ]
-    surroundings = found.layers.surroundings
-    notes = [f"Every mode lies between {surroundings:g} and {found.layers.index.max():g}; none is missed."]
+    surroundings = guided.layers.surroundings
+    notes = [f"Every mode lies between {surroundings:g} and {guided.layers.index.max():g}; none is missed."]
     if blind:
         notes.append(
-            f"{blind} of {len(found)} modes ({blind / len(found):.1%}) have n_eff above the face layer's {face:g}: "
-            "they fade away in it, are guided by the layers above it alone, and never sense what presses on the face."
+            f"{blind} of {len(guided)} modes ({blind / len(guided):.1%}) have n_eff above the face layer's {face:g}: "
+            "they decay in it, only the layers above guide them, and they do not sense the pressed face."
         )
-    difference = int(_parted(found).sum()) - blind
+    difference = int(_parted(guided).sum()) - blind
     if difference > 0:
         notes.append(
-            f"{difference} of {len(found)} modes fade away in a layer between the face and another that can hold them: "
-            "those on its far side never sense. Their profiles show which."
+            f"{difference} of {len(guided)} modes decay in a layer between the face and another guiding layer: "
+            "those beyond it do not sense. Their profiles show which."
         )
     elif not blind:
-        notes.append("Every mode reaches the pressed face: nothing parts it from a layer that light can stay in.")
-    if len(found) > MOST_CURVES:
-        notes.append(f"A figure shows {MOST_CURVES} or fewer of the {len(found)} modes.")
+        notes.append("Every mode reaches the pressed face: no barrier separates it from a guiding layer.")
+    if len(guided) > MOST_CURVES:
+        notes.append(f"A figure shows {MOST_CURVES} or fewer of the {len(guided)} modes.")
     return notes
 
 
-def _figure(found: GuidedModes) -> Figure:
+def _figure(guided: GuidedModes) -> Figure:
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-    levels = np.linspace(found.n_eff[0], found.n_eff[-1], MOST_CURVES)
-    nearest = np.abs(found.n_eff - levels[:, np.newaxis]).argmin(axis=1)
+    levels = np.linspace(guided.n_eff[0], guided.n_eff[-1], MOST_CURVES)
+    nearest = np.abs(guided.n_eff - levels[:, np.newaxis]).argmin(axis=1)
     shown: list[int] = np.unique(nearest).tolist()
-    ax = mode_profiles(found, figure.subplots(), shown=shown)
-    layers = found.layers
+    ax = mode_profiles(guided, figure.subplots(), shown=shown)
+    layers = guided.layers
     ax.set_title(
-        f"{len(shown)} of {len(found)} {layers.polarization} modes at {layers.wavelength_um:g} µm; "
+        f"{len(shown)} of {len(guided)} {layers.polarization} modes at {layers.wavelength_um:g} µm; "
         "the pressed face is on the left"
     )
     return figure

@@ -1,4 +1,4 @@
-"""``tsis optics propagate``: light in a thin guide under dents of several depths."""
+"""``tsis optics propagate``: light in a thin guide under dents."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FRACTIONS = ("guided", "reflected", "top", "bottom")
 
 
 class PropagationMethod(StrEnum):
-    """How the wave is computed."""
+    """The wave solver."""
 
     BPM = "bpm"
     FDFD = "fdfd"
@@ -47,16 +47,16 @@ def propagate_command(
     wavelength_um: Annotated[float, typer.Option(help="Vacuum wavelength in micrometres.")] = 0.55,
     modes: Annotated[int, typer.Option(help="How many guided modes to launch, the lowest first.")] = 12,
     length_um: Annotated[float, typer.Option(help="Length of guide on the grid in micrometres.")] = 40.0,
-    step_um: Annotated[float | None, typer.Option(help="Size of a cell in micrometres; chosen if left out.")] = None,
+    step_um: Annotated[float | None, typer.Option(help="Size of a cell in micrometres; automatic if left out.")] = None,
     memory_gib: Annotated[float, typer.Option(help="Memory that the grid may take in GiB.")] = 2.0,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
-    """Send the modes of a thin guide under a dent: what stays guided, and what leaves through either side."""
+    """Propagate the modes of a thin guide under a dent: power that stays guided or leaves on either side."""
     guide = thin_guide(preset)
     dents = [Dent(depth_um=depth, tip_radius_um=tip_radius_um) for depth in numbers("--dent-um", dent_um)]
     for dent in dents:
-        interfaces_um(guide, dent, [0.0])  # refuses a dent that is too deep before any is computed
+        interfaces_um(guide, dent, [0.0])  # refuses a dent that is too deep
     results: list[Propagation] = []
     with progress_bar(f"waves by {method}") as advance:
         for dent in dents:
@@ -129,7 +129,7 @@ def _notes(guide: ThinGuide, results: list[Propagation]) -> list[str]:
     ]
     if first.method == "bpm":
         notes.append(
-            "bpm keeps the squared field and not quite the power: what is missing says how far it errs; see fdfd"
+            "bpm conserves the squared field, not exactly the power: the missing power measures its error; see fdfd"
         )
     near = [str(number) for number, clear in enumerate(first.clear) if not clear]
     if near:
@@ -137,7 +137,7 @@ def _notes(guide: ThinGuide, results: list[Propagation]) -> list[str]:
     soft = guide.index[: len(guide.index) - guide.rigid_layers].max()
     stored = int((first.n_eff > soft).sum())
     if stored:
-        notes.append(f"{stored} of {len(first.n_eff)} launched modes run in the plate alone and sense little of a dent")
+        notes.append(f"{stored} of {len(first.n_eff)} launched modes run only in the plate and sense little of a dent")
     return notes
 
 

@@ -1,4 +1,4 @@
-"""``tsis optics trace``: where the light of the lamps goes, and what reaches the face."""
+"""``tsis optics trace``: paths of the lamps' light, and light on the face."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tsis.optics.rays import TracedLight
 
 
-LIGHTEST_N, HEAVIEST_N = 1e-3, 50.0  # forces among which one for a depth is looked for
+LIGHTEST_N, HEAVIEST_N = 1e-3, 50.0  # range of the search for the force of a depth
 DEPTH_TOLERANCE = 0.02
 PICTURED_RAYS = 36
 WAYS = {
@@ -78,7 +78,7 @@ def trace(
 def _pressed(
     probe: Probe, tip_radius_mm: float | None, force_n: float | None, depth_mm: float | None
 ) -> PressField | None:
-    """The press of a sphere, by its force or by its depth."""
+    """Press of a sphere with a given force or depth."""
     if tip_radius_mm is None:
         if force_n is not None or depth_mm is not None:
             raise InputError("--tip-radius-mm must be given with --force-n or --depth-mm; got none")
@@ -98,7 +98,7 @@ def _pressed(
 
 
 def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
-    """The force under which a sphere sinks so deep."""
+    """The force that presses a sphere to the given depth."""
     require_number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
 
     def depth(log_force: float) -> float | None:
@@ -124,26 +124,26 @@ def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     return float(np.exp(force))
 
 
-def _table(probe: Probe, pressed: PressField | None, found: TracedLight) -> Table:
+def _table(probe: Probe, pressed: PressField | None, traced: TracedLight) -> Table:
     state = "untouched"
     if pressed is not None:
         state = f"under {pressed.force_n:.3g} N, {pressed.face_displacement_mm[0]:.3g} mm deep"
-    table = Table(title=f"{probe.name}, {state}: {found.rays:,} rays, {found.meetings:.2f} meetings each")
+    table = Table(title=f"{probe.name}, {state}: {traced.rays:,} rays, {traced.meetings:.2f} meetings each")
     table.add_column("where the light goes")
     table.add_column("share", justify="right")
     table.add_column("standard error", justify="right")
     for name, label in WAYS.items():
-        fraction, error = getattr(found.tally, name), getattr(found.standard_error, name)
+        fraction, error = getattr(traced.tally, name), getattr(traced.standard_error, name)
         table.add_row(label, f"{fraction:.4%}", f"{error:.4%}")
     return table
 
 
-def _notes(probe: Probe, found: TracedLight) -> tuple[str, ...]:
-    entered = 1 - found.tally.missed - found.tally.reflected
-    fraction = found.out_of_range / entered if entered > 0 else 0.0
-    observed = f"{found.into_camera:.1e} of the light leaves" if found.into_camera > 0 else "No ray left"
+def _notes(probe: Probe, traced: TracedLight) -> tuple[str, ...]:
+    entered = 1 - traced.tally.missed - traced.tally.reflected
+    fraction = traced.out_of_range / entered if entered > 0 else 0.0
+    observed = f"{traced.into_camera:.1e} of the light leaves" if traced.into_camera > 0 else "No ray left"
     return (
-        f"{float(found.arriving.sum()):.2%} of the light meets the face from inside, counted at every meeting.",
+        f"{float(traced.arriving.sum()):.2%} of the light meets the face from inside, counted at every meeting.",
         *_reflected(probe),
         f"{fraction:.2%} of what enters can never reach an undented face: it entered above a layer whose "
         f"index is below "
@@ -163,33 +163,33 @@ def _reflected(probe: Probe) -> tuple[str, ...]:
     return (f"Light up to {limit:.1f} degrees from the horizontal, in air, is totally reflected by an undented face.",)
 
 
-def _document(probe: Probe, pressed: PressField | None, found: TracedLight, seed: int) -> dict[str, object]:
+def _document(probe: Probe, pressed: PressField | None, traced: TracedLight, seed: int) -> dict[str, object]:
     return envelope(
         "optics trace",
         probe=asdict(probe),
         seed=seed,
-        rays=found.rays,
+        rays=traced.rays,
         force_n=None if pressed is None else pressed.force_n,
         depth_mm=None if pressed is None else float(pressed.face_displacement_mm[0]),
-        tally=asdict(found.tally),
-        standard_error=asdict(found.standard_error),
-        into_camera=found.into_camera,
-        out_of_reach=found.out_of_range,
-        meetings=found.meetings,
-        x_mm=found.x_mm,
-        y_mm=found.y_mm,
-        arriving=found.arriving,
-        lost=found.lost,
-        coupled=found.coupled,
+        tally=asdict(traced.tally),
+        standard_error=asdict(traced.standard_error),
+        into_camera=traced.into_camera,
+        out_of_reach=traced.out_of_range,
+        meetings=traced.meetings,
+        x_mm=traced.x_mm,
+        y_mm=traced.y_mm,
+        arriving=traced.arriving,
+        lost=traced.lost,
+        coupled=traced.coupled,
     )
 
 
 def _figures(
-    probe: Probe, pressed: PressField | None, found: TracedLight, seed: int
+    probe: Probe, pressed: PressField | None, traced: TracedLight, seed: int
 ) -> dict[str, Callable[[], Figure]]:
     figures: dict[str, Callable[[], Figure]] = {"rays": partial(_picture, probe, pressed, seed)}
     for what in ("arriving",) if pressed is None else ("arriving", "lost", "coupled"):
-        figures[f"light-{what}"] = partial(_map, found, what)
+        figures[f"light-{what}"] = partial(_map, traced, what)
     return figures
 
 
@@ -199,7 +199,7 @@ def _picture(probe: Probe, pressed: PressField | None, seed: int) -> Figure:
     return figure
 
 
-def _map(found: TracedLight, what: str) -> Figure:
+def _map(traced: TracedLight, what: str) -> Figure:
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
-    light_on_face(found, figure.subplots(), what=what)
+    light_on_face(traced, figure.subplots(), what=what)
     return figure

@@ -1,6 +1,6 @@
-"""``tsis records``: what was measured, kept, shown, verified, computed again and given to others.
+"""``tsis records``: list, show, verify, import, recompute, edit, export and send targets.
 
-The store's own libraries are imported when a command runs, so that the program starts as quickly as without them.
+The store's own libraries are imported when a command runs, so that the program starts quickly.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from tsis.cli.records._show import list_targets, show
 
 app = typer.Typer(
     name="records",
-    help=f"Targets with their presses and estimates: kept, verified, computed again, exported. {RESEARCH_USE_ONLY}",
-    epilog="Start with: tsis demo --keep, then tsis records list",
+    help=f"Targets with their presses and estimates: list, verify, recompute, export. {RESEARCH_USE_ONLY}",
+    epilog="Start with: tsis demo --save, then tsis records list",
     no_args_is_help=True,
 )
-app.command("list", epilog="Example: tsis records list --store bench-records")(list_targets)
+app.command("list", epilog="Example: tsis records list --store lab-records")(list_targets)
 app.command("show", epilog="Example: tsis records show 3 --limit 20")(show)
 app.command("verify", epilog="Example: tsis records verify --kind subject")(verify)
 app.command("import", epilog="Example: tsis records import tsis-demo tsis-demo-2")(import_)

@@ -1,4 +1,4 @@
-"""``tsis records edit``: correct what people wrote of a target or a press."""
+"""``tsis records edit``: correct names, notes, truth, forces and roles."""
 
 from __future__ import annotations
 
@@ -27,26 +27,24 @@ NONE = "none"
 def edit(
     number: TargetNumber,
     *,
-    name: Annotated[str | None, typer.Option(help="What the target is called from now on.")] = None,
+    name: Annotated[str | None, typer.Option(help="New name of the target.")] = None,
     note: Annotated[str | None, typer.Option(help="Note on the target, or on the press with --press.")] = None,
     truth: Annotated[
         list[str] | None,
         typer.Option(help="True value of a phantom, e.g. diameter_mm=10; repeatable, replaces all; none for none."),
     ] = None,
     press: Annotated[
-        str | None, typer.Option(help="Change this press instead: its identity, or how that begins.")
+        str | None, typer.Option(help="Change this press instead: its identity or the first letters of it.")
     ] = None,
-    force_n: Annotated[
-        str | None, typer.Option(help="Force of the press in newtons, or none where nobody knows it.")
-    ] = None,
+    force_n: Annotated[str | None, typer.Option(help="Force of the press in newtons, or none where unknown.")] = None,
     role: Annotated[str | None, typer.Option(help="What was pressed: target, plain, untouched or ball.")] = None,
     flags: Annotated[
-        list[str] | None, typer.Option("--flag", help="What speaks against the press; replaces all, none for none.")
+        list[str] | None, typer.Option("--flag", help="Flag of the press; repeatable, replaces all; none for none.")
     ] = None,
     version: Annotated[
         int | None,
         typer.Option(
-            help="Version that you saw; refused when somebody has changed it since.",
+            help="Version that you saw; refused when the record has changed since.",
             min=1,
             max=2**31,
             show_default="the last",
@@ -57,18 +55,18 @@ def edit(
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
-    """Change what people wrote of a target or a press; frames and estimates are never changed.
+    """Change the entries of a target or a press; frames and estimates never change.
 
-    The audit keeps that it was changed, when and by whom. Where a force or a role was changed, recompute the estimate.
+    The audit records what changed, when and by whom. After a change of force or role, recompute the estimate.
     """
     changes: dict[str, Any] = {} if note is None else {"note": note}
     if press is None:
         if force_n is not None or role is not None or flags:
-            raise InputError("--force-n, --role and --flag need --press, the press that they are of")
+            raise InputError("--force-n, --role and --flag need --press, the press to change")
         changes |= ({} if name is None else {"name": name}) | ({} if truth is None else {"truth": _truth(truth)})
     else:
         if name is not None or truth is not None:
-            raise InputError("--name and --truth are of the target; leave out --press")
+            raise InputError("--name and --truth belong to the target; leave out --press")
         changes |= _of_a_press(force_n, role, flags)
     if not changes:
         raise InputError(
@@ -102,7 +100,7 @@ def _of_a_press(force_n: str | None, role: str | None, flags: Sequence[str] | No
 
 def _is_none(option: str, given: Sequence[str]) -> bool:
     if NONE in given and len(given) > 1:
-        raise InputError(f"{option} must be none alone, or what there is instead; got {', '.join(given)!r:.80}")
+        raise InputError(f"{option} must be only none, or only values; got {', '.join(given)!r:.80}")
     return list(given) == [NONE]
 
 
@@ -113,16 +111,16 @@ def _truth(given: Sequence[str]) -> dict[str, float]:
 
 
 def _require_version(record: Any, version: int | None) -> Any:
-    """The record as it was seen: an edit of another version is refused by the store."""
+    """The record with the given version: the store refuses an edit of another version."""
     return record if version is None else replace(record, version=version)
 
 
-def _press(records: Store, target: Target, wanted: str) -> StoredPress:
-    results = [press for press in records.presses(target) if press.id.startswith(wanted)]
-    if len(wanted) < FEWEST_LETTERS or len(results) != 1:
+def _press(records: Store, target: Target, prefix: str) -> StoredPress:
+    results = [press for press in records.presses(target) if press.id.startswith(prefix)]
+    if len(prefix) < FEWEST_LETTERS or len(results) != 1:
         raise InputError(
-            f"--press must be {FEWEST_LETTERS} or more letters with which one press of target {target.number} begins; "
-            f"{wanted!r:.40} fits {len(results)} (tsis records show {target.number})"
+            f"--press must be {FEWEST_LETTERS} or more letters of the identity of one press of target {target.number}; "
+            f"{prefix!r:.40} fits {len(results)} (tsis records show {target.number})"
         )
     return results[0]
 

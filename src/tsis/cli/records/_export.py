@@ -25,16 +25,14 @@ if TYPE_CHECKING:
 
 
 Identified = Annotated[
-    bool, typer.Option("--identified", help="Tell label, names and true times in fhir and dicom; masked otherwise.")
+    bool, typer.Option("--identified", help="Include label, names and true times in fhir and dicom; masked otherwise.")
 ]
 
 
 def export(
     number: TargetNumber,
     *,
-    forms: Annotated[
-        list[str], typer.Option("--format", help=f"Form: {', '.join(ENDINGS)}; repeat it for several at once.")
-    ],
+    forms: Annotated[list[str], typer.Option("--format", help=f"Form: {', '.join(ENDINGS)}; repeatable.")],
     out: Annotated[
         Path | None,
         typer.Option(
@@ -47,33 +45,35 @@ def export(
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write a target for people and other programs; nothing is ever written over.
+    """Export a target; no file is overwritten.
 
-    Several forms appear together or not at all. html and pdf are reports; csv, hdf5, zarr and bundle hold everything,
+    Several forms appear together or not at all. html and pdf are reports; csv, hdf5, zarr and bundle contain all,
     notes and names too; fhir and dicom mask names and times.
     """
     requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
     for form in requested:
         require_one_of("form of export", form, ENDINGS)
     if identified and not set(requested) & set(MASKED):
-        raise InputError(f"--identified is of {' and '.join(MASKED)}; the other forms mask nothing (leave it out)")
+        raise InputError(f"--identified belongs to {' and '.join(MASKED)}; the other forms mask nothing (leave it out)")
     stem = f"target-{number}"
-    position = out or Path(stem if len(requested) > 1 else f"{stem}{ENDINGS[requested[0]]}")
-    require_absent(position)
+    destination = out or Path(stem if len(requested) > 1 else f"{stem}{ENDINGS[requested[0]]}")
+    require_absent(destination)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
         record = records.record(records.target(number))
-        if set(requested) - set(PAGE_FORMS):  # which say what is missing
+        if set(requested) - set(PAGE_FORMS):  # they name missing libraries
             record.require_whole()
         if len(requested) == 1:
-            seal = write_form(requested[0], record, position, identified=identified)
+            seal = write_form(requested[0], record, destination, identified=identified)
         else:
             from tsis.records.export import export_folder
 
-            draft, seal = together.enter_context(export_folder(position)), ""
+            draft, seal = together.enter_context(export_folder(destination)), ""
             for form in requested:
                 seal += write_form(form, record, draft / f"{stem}{ENDINGS[form]}", identified=identified)
     single = len(requested) == 1
-    files = {form: str((position if single else position / f"{stem}{ENDINGS[form]}").resolve()) for form in requested}
+    files = {
+        form: str((destination if single else destination / f"{stem}{ENDINGS[form]}").resolve()) for form in requested
+    }
     if as_json:
         print_json(envelope("records export", target=number, files=files, bundle_sha256=seal or None))
         return
@@ -100,7 +100,7 @@ def send(
     plain_http: Annotated[
         bool, typer.Option("--allow-plain-http", help="Send without encryption to another machine.")
     ] = False,
-    timeout_s: Annotated[float, typer.Option(help="Seconds to wait for each answer.")] = 30.0,
+    timeout_s: Annotated[float, typer.Option(help="Seconds to wait for each response.")] = 30.0,
     identified: Identified = False,
     store: StoreFolder = None,
     kind: StoreKind = PHANTOM,
@@ -109,8 +109,8 @@ def send(
 ) -> None:
     """Send frames and report of a target to a DICOM archive; needs the extra dicom.
 
-    Names and times are masked unless --identified is given. Sending the same again does no harm: it is the same to
-    the archive, too.
+    Names and times are masked unless --identified is given. Sending it again does no harm: the archive
+    recognises it.
     """
     address = None if to.startswith(("http://", "https://")) else ARCHIVE.fullmatch(to)
     if address is None and not to.startswith(("http://", "https://")):

@@ -39,7 +39,7 @@ def import_(
     scale_mm: Annotated[
         str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
     ] = None,
-    calibration: Annotated[Path | None, typer.Option(help="Calibration file that the frames belong to.")] = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file of the frames.")] = None,
     probe: Annotated[str, typer.Option(help="Name of the probe.", show_default="the calibration's")] = "",
     taken: Annotated[
         datetime | None, typer.Option(help="When image files were taken.", show_default="when each was written")
@@ -49,16 +49,16 @@ def import_(
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
-    """Take frames into a store, each once: what they come with is verified before anything is stored.
+    """Import frames into a store, each once; their files are verified before anything is stored.
 
-    What is there already is passed over, so an import that was cut short goes on when it is repeated. The estimate of
-    a demo folder is made again from its frames; a bundle brings its own.
+    Frames that the store has are skipped, so repeating an interrupted import completes it. The estimate of
+    a demo folder is recomputed from its frames; a bundle contains its own.
     """
     from tsis.calibration.file import read_calibration
     from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches, require_enterable
 
     number = None if target in (None, NEW) else target_number(str(target))
-    given = ImportOptions(
+    options = ImportOptions(
         role=role,
         force_n=tuple(force_n or ()),
         mm_per_pixel=None if scale_mm is None else scale_of(scale_mm),
@@ -66,14 +66,16 @@ def import_(
         calibration=None if calibration is None else read_calibration(calibration),
         taken=None if taken is None else taken.astimezone(),
     )
-    with _Calibrations(store, kind, database) as calibrations, waiting("looking through what there is"):
-        looked = find_import_batches(paths, replace(given, calibration_of=calibrations.of))
-    require_enterable(looked, kind, number)  # before a store is made for them
+    with _Calibrations(store, kind, database) as calibrations, waiting("reading the files"):
+        batches = find_import_batches(paths, replace(options, calibration_of=calibrations.of))
+    require_enterable(batches, kind, number)  # before a store is created
     with opened(store, kind, database, create=True) as records:
         tally = Entering()
         try:
             with progress_bar("storing") as advance:
-                entered = enter(records, looked, target=number, difference=target == NEW, tally=tally, progress=advance)
+                entered = enter(
+                    records, batches, target=number, difference=target == NEW, tally=tally, progress=advance
+                )
         except KeyboardInterrupt:
             typer.echo(f"Import: {tally.message}.", err=True)
             raise
@@ -91,7 +93,7 @@ def import_(
 
 
 class _Calibrations:
-    """Those that files cite, from a store that is opened when the first is asked for, and only where there is one."""
+    """Calibrations that files cite, from a store that is opened at the first request, if it exists."""
 
     def __init__(self, folder: Path | None, kind: str, database: str | None) -> None:
         self._chosen = folder, kind, database
@@ -106,7 +108,7 @@ class _Calibrations:
         self._until.close()
 
     def of(self, cited: str) -> ProbeCalibration | None:
-        """The calibration of that identity; None where it is not there, `RecordsError` when it is damaged."""
+        """The calibration of an identity; None where the store has none, `RecordsError` when it is damaged."""
         from tsis.records.importing import stored_calibration
 
         if cited not in self._by_name:
@@ -116,19 +118,21 @@ class _Calibrations:
         return self._by_name[cited]
 
 
-def _line(each: Entered) -> str:
-    text = entered_text(each.target, new=each.new, added=each.added, present=each.present, estimates=each.estimates)
-    return f"{each.batch.kind} in {each.batch.source}: {text}"
+def _line(entered: Entered) -> str:
+    text = entered_text(
+        entered.target, new=entered.new, added=entered.added, present=entered.present, estimates=entered.estimates
+    )
+    return f"{entered.batch.kind} in {entered.batch.source}: {text}"
 
 
-def _document(each: Entered) -> dict[str, Any]:
+def _document(entered: Entered) -> dict[str, Any]:
     return {
-        "source": str(each.batch.source),
-        "kind": each.batch.kind,
-        "target": each.target.number,
-        "new": each.new,
-        "added": each.added,
-        "present": each.present,
-        "estimates": each.estimates,
-        "notes": list(each.batch.notes),
+        "source": str(entered.batch.source),
+        "kind": entered.batch.kind,
+        "target": entered.target.number,
+        "new": entered.new,
+        "added": entered.added,
+        "present": entered.present,
+        "estimates": entered.estimates,
+        "notes": list(entered.batch.notes),
     }

@@ -1,4 +1,4 @@
-"""``tsis records recompute``: stored estimates made again with the code of today."""
+"""``tsis records recompute``: recompute stored estimates with the current code."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ if TYPE_CHECKING:
     from tsis.records.store import Store
 
 
-FAILED = 1  # exit code when the estimates of a target could not be made again
+FAILED = 1  # exit code when a target could not be recomputed
 
 
 def recompute(
     number: Annotated[int | None, typer.Argument(metavar="[N]", help="Number of the target.")] = None,
     *,
     every: Annotated[bool, typer.Option("--all", help="Every target that has an estimate.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would change and store nothing.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Report changes and store nothing.")] = False,
     store: StoreFolder = None,
     kind: StoreKind = PHANTOM,
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make estimates again from the stored frames, say what changed and why, and store those that came out otherwise.
+    """Recompute estimates from the stored frames, report what changed and why, and store changed estimates.
 
-    The old estimate stays: the new one says that it supersedes it. A calibration that has expired since is used as it
+    The old estimate stays, superseded by the new one. A calibration that has expired since is used as it
     was then.
     """
     if (number is None) != every:
@@ -78,12 +78,12 @@ def _requested(records: Store) -> list[Target]:
 def _recomputed(
     records: Store, targets: list[Target], *, dry_run: bool, alone: bool
 ) -> tuple[list[tuple[Target, Recomputation]], list[tuple[int, str]]]:
-    """What came out, and which targets failed; of one that was named alone the error itself."""
+    """Recomputations, and the targets that failed; a single target raises its error."""
     from tsis.records import recompute as again
 
     result: list[tuple[Target, Recomputation]] = []
     failed: list[tuple[int, str]] = []
-    what = "solving the press for this probe (kept for next time)" if alone else "estimating again"
+    what = "solving the press for this probe (cached for next time)" if alone else "estimating again"
     with progress_bar(what) as advance:
         for done, target in enumerate(targets):
             if not alone:
@@ -99,21 +99,23 @@ def _recomputed(
     return result, failed
 
 
-def _show(console: Console, target: Target, each: Recomputation) -> None:
-    console.print(f"Target {target.number}, {each.before.kind}: {each.message}", markup=False, soft_wrap=True)
-    for note in recomputation_notes(each):
+def _show(console: Console, target: Target, recomputation: Recomputation) -> None:
+    console.print(
+        f"Target {target.number}, {recomputation.before.kind}: {recomputation.message}", markup=False, soft_wrap=True
+    )
+    for note in recomputation_notes(recomputation):
         console.print(f"- {note}", markup=False, soft_wrap=True)
-    if each.same:
+    if recomputation.same:
         return
-    shifts = shift_table(each)
+    shifts = shift_table(recomputation)
     table = Table(*shifts.headings)
     for row in shifts.rows:
         table.add_row(*(escape(cell) for cell in row))
     console.print(table)
-    console.print(recomputation_message(each), markup=False)
+    console.print(recomputation_message(recomputation), markup=False)
 
 
-UNSOUND = 1  # exit code of a store that is not as it was stored
+UNSOUND = 1  # exit code of a damaged store
 
 
 def verify(

@@ -28,7 +28,7 @@ def list_targets(
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
-    """List the targets of a store: how often each was pressed and estimated, and when last."""
+    """List the targets of a store: numbers of presses and estimates, and the last press."""
     with opened(store, kind, database) as records:
         result, position = records.targets(), str(records.folder.resolve())
     if as_json:
@@ -40,24 +40,24 @@ def list_targets(
         last = "never" if item.last is None else f"{item.last:%Y-%m-%d %H:%M}"
         cells = (str(item.target.number), item.target.name, str(item.presses), str(item.estimates), last)
         table.add_row(*(escape(cell) for cell in cells))
-    console.print(table if result else "The store is empty; tsis records import and --keep fill it.")
+    console.print(table if result else "The store is empty; tsis records import and --save fill it.")
     console.print(f"Store: {position}", markup=False, soft_wrap=True)
     print_notice(console)
 
 
-def _document(each: TargetSummary) -> dict[str, Any]:
-    target = each.target
+def _document(summary: TargetSummary) -> dict[str, Any]:
+    target = summary.target
     return {
         "number": target.number,
         "name": target.name,
         "id": target.id,
-        "presses": each.presses,
-        "estimates": each.estimates,
-        "last": None if each.last is None else each.last.isoformat(),
+        "presses": summary.presses,
+        "estimates": summary.estimates,
+        "last": None if summary.last is None else summary.last.isoformat(),
     }
 
 
-SHORT = 8  # letters of an identity that are shown; any that are unique will do to name a press
+SHORT = 8  # letters of an identity that are shown
 MOST_SHOWN, MOST_OFFSET = 100_000, 10**12
 
 
@@ -65,13 +65,13 @@ def show(
     number: TargetNumber,
     *,
     limit: Annotated[int, typer.Option(help="Most presses to show.", min=1, max=MOST_SHOWN)] = 50,
-    offset: Annotated[int, typer.Option(help="How many presses to leave out before.", min=0, max=MOST_OFFSET)] = 0,
+    offset: Annotated[int, typer.Option(help="Presses to skip before.", min=0, max=MOST_OFFSET)] = 0,
     store: StoreFolder = None,
     kind: StoreKind = PHANTOM,
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a target: its presses, the estimates in force with their intervals, calibrations and history."""
+    """Show a target: its presses, the current estimates with their intervals, calibrations and history."""
     with opened(store, kind, database) as records:
         target = records.target(number)
         total = records.press_count(target)
@@ -89,7 +89,7 @@ def show(
     for stored in sorted(record.in_force, key=lambda item: item.made, reverse=True):
         result = stored.estimate
         truth = target.truth if set(result.samples) <= set(target.truth) else None
-        console.print(estimate_table(result, title=f"Estimate in force: {stored.kind}, {stored.probe}", truth=truth))
+        console.print(estimate_table(result, title=f"Current estimate: {stored.kind}, {stored.probe}", truth=truth))
         for estimate_message in estimate_messages(result):
             console.print(f"- {estimate_message}", markup=False)
         console.print(f"Flags: {', '.join(result.flags) or 'none'}", markup=False)
@@ -126,30 +126,30 @@ def _history(estimates: Sequence[StoredEstimate]) -> Table:
     return table
 
 
-def _until(known: ProbeCalibration) -> str:
-    return "it is replaced (simulated)" if known.expires is None else f"{known.expires:%Y-%m-%d}"
+def _until(calibration: ProbeCalibration) -> str:
+    return "it is replaced (simulated)" if calibration.expires is None else f"{calibration.expires:%Y-%m-%d}"
 
 
-def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
+def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
     from tsis.records import press_to_plain, target_to_plain
 
-    truth = dict(dossier.target.truth)
+    truth = dict(record.target.truth)
     created = [
-        _estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in dossier.estimates
+        _estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in record.estimates
     ]
     return envelope(
         "records show",
-        target=target_to_plain(dossier.target),
-        presses=[press_to_plain(press) for press in dossier.presses],
+        target=target_to_plain(record.target),
+        presses=[press_to_plain(press) for press in record.presses],
         presses_in_all=total,
         estimate=created[-1] if created else None,
-        in_force=[stored.id for stored in dossier.in_force],
+        in_force=[stored.id for stored in record.in_force],
         history=created[:-1],
         calibrations=[
             {"sha256": identity, "name": calibration.name, "until": _until(calibration)}
-            for identity, calibration in dossier.calibrations.items()
+            for identity, calibration in record.calibrations.items()
         ],
-        damaged=list(dossier.damaged),
+        damaged=list(record.damaged),
     )
 
 

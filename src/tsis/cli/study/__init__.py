@@ -1,6 +1,6 @@
 """``tsis study``: blinded studies from the list of targets to the report.
 
-The room of studies is imported when a command runs, so that the program starts as quickly as without it.
+The package of studies is imported when a command runs, so that the program starts quickly.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from tsis.cli.study._verify import show, verify
 
 app = typer.Typer(
     name="study",
-    help="Blinded studies: targets under codes, readings, then the truth and what it says; plans of a search. "
-    f"{RESEARCH_USE_ONLY}",
+    help=f"Blinded studies: targets under codes, readings, unblinding and analysis; scan plans. {RESEARCH_USE_ONLY}",
     epilog="Start with: tsis study new trial, tsis study run trial, tsis study analyse trial --by NAME",
     no_args_is_help=True,
 )

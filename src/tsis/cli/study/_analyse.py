@@ -1,4 +1,4 @@
-"""``tsis study analyse``: the truth, once, and what the readings say beside it."""
+"""``tsis study analyse``: unblind a study and analyse its readings."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ def analyse(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Unblind a study, once and for all, and write what it says: report.html, report.pdf, analysis.json, readings.csv.
+    """Unblind a study for good and write its analysis: report.html, report.pdf, analysis.json, readings.csv.
 
-    After that no reading is taken any more. A study that is unblinded already is analysed again.
+    After that no reading is accepted. An unblinded study is analysed again.
     """
     from tsis.report.study import PAGE, few_notes, publish_study, record_notes, study_document, undecided_notes
     from tsis.study import open_study
@@ -82,31 +82,31 @@ def _require_whole(study: Study, *, incomplete: bool) -> None:
 
 def _confirm(study: Study, *, as_json: bool) -> None:
     if as_json or not sys.stdin.isatty():
-        raise InputError("--yes must be given to unblind a study where nobody can be asked")
+        raise InputError("--yes must be given to unblind a study without a terminal")
     from tsis.study import verify_study
 
     for fault in verify_study(study.folder).faults:
         typer.echo(f"Not as it was written: {fault}", err=True)
     question = (
-        f"Unblind study {study.plan.name} with {len(study.readings)} readings? It is entered, and no reading is taken "
-        "after it."
+        f"Unblind study {study.plan.name} with {len(study.readings)} readings? The log records it; no reading is "
+        "accepted after it."
     )
     if not typer.confirm(question, err=True):
         typer.echo("Nothing was unblinded.", err=True)
         raise typer.Exit(1)
 
 
-def _table(one: DeviceAnalysis) -> Table:
+def _table(device: DeviceAnalysis) -> Table:
     from tsis.report.study import ends, fraction_text, interval_text, method_of
 
     table = Table("", "value", "95 % interval", "method", box=SIMPLE_HEAD, show_edge=False, title_justify="left")
-    table.title = escape(one.results.device)
-    counts = one.counts
+    table.title = escape(device.results.device)
+    counts = device.counts
     if counts is not None and counts.present:
         table.add_row("sensitivity", fraction_text(counts.sensitivity), interval_text(counts.sensitivity), "Wilson")
     if counts is not None and counts.absent:
         table.add_row("specificity", fraction_text(counts.specificity), interval_text(counts.specificity), "Wilson")
-    if one.curve is not None:
-        interval = one.auc_interval
-        table.add_row("area under the curve", f"{one.curve.auc:.3f}", ends(interval), method_of(interval))
+    if device.curve is not None:
+        interval = device.auc_interval
+        table.add_row("area under the curve", f"{device.curve.auc:.3f}", ends(interval), method_of(interval))
     return table

@@ -1,4 +1,4 @@
-"""Which study a command works on."""
+"""``tsis study new``: create a blinded study."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 
 StudyFolder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the study.")]
-ByName = Annotated[str, typer.Option("--operator", help="Who holds the probe.", show_default="this user")]
+ByName = Annotated[str, typer.Option("--operator", help="Person at the probe.", show_default="this user")]
 
 
 USUAL = 8
 
 
 class Like(StrEnum):
-    """What the targets are like."""
+    """How the targets are generated."""
 
     PRINTED = "printed"
     RANDOM = "random"
@@ -42,8 +42,8 @@ def new(
     seed: Annotated[
         int | None,
         typer.Option(
-            help="Seed of codes and order, written into the plan: who knows it can make the same study.",
-            show_default="drawn, and sealed with the truth",
+            help="Seed of codes and order, written into the plan: it allows the study to be repeated.",
+            show_default="random, and sealed with the truth",
             min=0,
             max=LARGEST_SEED,
         ),
@@ -71,22 +71,22 @@ def new(
             help="Forces of the virtual probe in newtons, with commas.", show_default="0.5,1 under a dome, else 1"
         ),
     ] = None,
-    no_reference: Annotated[bool, typer.Option("--no-reference", help="No presses on plain tissue.")] = False,
+    no_reference: Annotated[bool, typer.Option("--no-reference", help="No reference presses.")] = False,
     threshold: Annotated[
-        float, typer.Option(help="A target is called one with an inclusion from this score on; fixed from now on.")
+        float, typer.Option(help="Lowest score that counts as an inclusion; fixed from now on.")
     ] = 0.5,
     name: Annotated[str, typer.Option(help="Name of the study.", show_default="that of the folder")] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Make a blinded study: a plan, the sealed truth and a log, in a new folder.
+    """Create a blinded study: a plan, the sealed truth and a log, in a new folder.
 
-    The seal, sealed.json, is no lock. It keeps people from reading the truth by accident, and its hash in the plan
+    The seal, sealed.json, is no lock. It prevents reading the truth by accident, and its hash in the plan
     shows every later change.
     """
     from tsis.study import new_study
 
     if truth is not None and any(given is not None for given in (present, blank, like)):
-        raise InputError("--truth tells all targets; leave out --present, --blank and --like")
+        raise InputError("--truth gives all targets; leave out --present, --blank and --like")
     study = new_study(
         folder,
         _targets(truth, like, USUAL if present is None else present, USUAL if blank is None else blank),

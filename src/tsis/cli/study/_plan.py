@@ -1,4 +1,4 @@
-"""``tsis study plan``: where to press to search an area, and what that cannot miss."""
+"""``tsis study plan``: presses that search an area, and the inclusions that they do not miss."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def plan(
     overlap: Annotated[
         float | None, typer.Option(help="Or by how much of the face's diameter neighbours overlap, 0 to 0.95.")
     ] = None,
-    reach_mm: Annotated[
-        float | None, typer.Option(help="Or how far beside the axis the wanted inclusion is still found, mm.")
+    detection_range_mm: Annotated[
+        float | None, typer.Option(help="Or the largest distance from the axis at which the inclusion is detected, mm.")
     ] = None,
-    reach: Annotated[
+    detection_range: Annotated[
         Path | None,
         typer.Option(
-            help="CSV of diameter_mm, depth_mm, reach_mm: what is found how far beside the axis. By default what was "
-            "measured for this probe on the virtual bench."
+            help="CSV of diameter_mm, depth_mm, reach_mm: detection range of inclusions. By default the range "
+            "measured for this probe on the virtual rig."
         ),
     ] = None,
     diameter_mm: Annotated[
@@ -50,7 +50,7 @@ def plan(
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
-    """Plan presses over a rectangle, in strips as in palpation, and say what no place between them can hide."""
+    """Plan presses over a rectangle, in strips as in palpation, and the smallest inclusion that they do not miss."""
     from tsis.detection.search import (
         measured_detection_range,
         read_detection_range,
@@ -60,21 +60,22 @@ def plan(
     )
 
     requested = diameter_mm is not None or depth_mm is not None
-    if sum((spacing_mm is not None, overlap is not None, reach_mm is not None, requested)) != 1:
+    if sum((spacing_mm is not None, overlap is not None, detection_range_mm is not None, requested)) != 1:
         raise InputError(
-            "exactly one of --spacing-mm, --overlap, --reach-mm, and --diameter-mm with --depth-mm must be given"
+            "exactly one of --spacing-mm, --overlap, --detection-range-mm, and --diameter-mm with --depth-mm must be "
+            "given"
         )
-    table = measured_detection_range(probe) if reach is None else read_detection_range(reach)
+    table = measured_detection_range(probe) if detection_range is None else read_detection_range(detection_range)
     if requested and (table is None or diameter_mm is None or depth_mm is None):
         raise InputError(
-            f"--diameter-mm and --depth-mm must be given together, and with --reach where nothing was measured for the "
-            f"probe; got the probe {probe!r:.60}"
+            f"--diameter-mm and --depth-mm must be given together, and with --detection-range where none is known for "
+            f"the probe; got the probe {probe!r:.60}"
         )
     if table is not None and diameter_mm is not None and depth_mm is not None:
-        reach_mm = _reached(table, diameter_mm, depth_mm)
+        detection_range_mm = _range_mm(table, diameter_mm, depth_mm)
     radius = load_probe(probe).radius_mm
-    if reach_mm is not None:
-        result = widest_plan(width_mm, height_mm, radius_mm=radius, extent_mm=reach_mm)
+    if detection_range_mm is not None:
+        result = widest_plan(width_mm, height_mm, radius_mm=radius, extent_mm=detection_range_mm)
     else:
         result = scan_plan(width_mm, height_mm, radius_mm=radius, spacing_mm=spacing_mm, overlap=overlap)
     seconds = result.duration_s(press_s=press_s, speed_mm_s=speed_mm_s)
@@ -83,64 +84,64 @@ def plan(
         CommandResult(
             document=_document(result, seconds, smallest, table),
             tables=(_table(result, seconds), *_limits(smallest)),
-            notes=_notes(table, measured=reach is None),
-            figures={"plan": partial(_draw, result, reach_mm)},
+            notes=_notes(table, measured=detection_range is None),
+            figures={"plan": partial(_draw, result, detection_range_mm)},
         ),
         out,
         as_json=as_json,
     )
 
 
-def _reached(table: DetectionRangeTable, diameter_mm: float, depth_mm: float) -> float:
+def _range_mm(table: DetectionRangeTable, diameter_mm: float, depth_mm: float) -> float:
     extent = table(diameter_mm, depth_mm)
     if extent == 0:
         raise InputError(
-            f"--reach must find an inclusion of {diameter_mm:g} mm, {depth_mm:g} mm deep, somewhere; it finds it "
-            "nowhere: choose a larger or a shallower one"
+            f"--detection-range must exceed 0 for an inclusion of {diameter_mm:g} mm, {depth_mm:g} mm deep; got 0: "
+            "choose a larger or a shallower one"
         )
     return extent
 
 
 def _document(
-    found: ScanPlan, seconds: float, smallest: dict[float, float | None], table: DetectionRangeTable | None
+    plan: ScanPlan, seconds: float, smallest: dict[float, float | None], table: DetectionRangeTable | None
 ) -> dict[str, object]:
     return envelope(
         "study plan",
-        strips=found.strips,
-        presses_a_strip=found.presses_a_strip,
-        presses=found.presses,
-        strip_spacing_mm=found.strip_spacing_mm,
-        press_spacing_mm=found.press_spacing_mm,
-        overlap=list(found.overlap),
-        overhang_mm=list(found.overhang_mm),
-        travel_mm=found.travel_mm,
+        strips=plan.strips,
+        presses_a_strip=plan.presses_a_strip,
+        presses=plan.presses,
+        strip_spacing_mm=plan.strip_spacing_mm,
+        press_spacing_mm=plan.press_spacing_mm,
+        overlap=list(plan.overlap),
+        overhang_mm=list(plan.overhang_mm),
+        travel_mm=plan.travel_mm,
         duration_s=seconds,
-        worst_distance_mm=found.worst_distance_mm,
+        worst_distance_mm=plan.worst_distance_mm,
         probability=None if table is None else table.probability,
         smallest_found=[{"depth_mm": depth, "diameter_mm": size} for depth, size in smallest.items()],
-        positions_mm=found.positions_mm.tolist(),
+        positions_mm=plan.positions_mm.tolist(),
     )
 
 
-def _table(found: ScanPlan, seconds: float) -> Table:
-    table = Table(title=f"{found.width_mm:g} mm x {found.height_mm:g} mm, face of {2 * found.radius_mm:g} mm")
+def _table(plan: ScanPlan, seconds: float) -> Table:
+    table = Table(title=f"{plan.width_mm:g} mm x {plan.height_mm:g} mm, face of {2 * plan.radius_mm:g} mm")
     for head in ("", "across", "along"):
         table.add_column(head)
-    span, along = found.overlap
-    table.add_row("strips; presses a strip", str(found.strips), str(found.presses_a_strip))
-    table.add_row("spacing / mm", f"{found.strip_spacing_mm:.2f}", f"{found.press_spacing_mm:.2f}")
+    span, along = plan.overlap
+    table.add_row("strips; presses a strip", str(plan.strips), str(plan.presses_a_strip))
+    table.add_row("spacing / mm", f"{plan.strip_spacing_mm:.2f}", f"{plan.press_spacing_mm:.2f}")
     table.add_row("overlap of neighbours", f"{span:.0%}", f"{along:.0%}")
-    table.add_row("face beyond the area / mm", *(f"{item:.1f}" for item in found.overhang_mm))
-    table.add_row("presses", str(found.presses), "")
+    table.add_row("face beyond the area / mm", *(f"{item:.1f}" for item in plan.overhang_mm))
+    table.add_row("presses", str(plan.presses), "")
     table.add_row("time", f"{seconds / 60:.1f} min", "")
-    table.add_row("farthest from any press / mm", f"{found.worst_distance_mm:.2f}", "")
+    table.add_row("farthest from any press / mm", f"{plan.worst_distance_mm:.2f}", "")
     return table
 
 
 def _limits(smallest: dict[float, float | None]) -> tuple[Table, ...]:
     if not smallest:
         return ()
-    table = Table(title="Diameter from which on no inclusion is missed")
+    table = Table(title="Smallest diameter that is not missed")
     table.add_column("depth / mm")
     table.add_column("diameter / mm")
     for depth, size in smallest.items():
@@ -150,23 +151,21 @@ def _limits(smallest: dict[float, float | None]) -> tuple[Table, ...]:
 
 def _notes(table: DetectionRangeTable | None, *, measured: bool) -> tuple[str, ...]:
     if table is None:
-        return ("What is found between presses is not said: give --reach, a table of how far each inclusion is found.",)
-    whose = (
-        "of this probe on the virtual bench, in uneven tissue, with one false call in ten blanks," if measured else ""
-    )
+        return ("The detection between presses is unknown: give --detection-range, a table of detection ranges.",)
+    whose = "of this probe on the virtual rig, in uneven tissue, with one false call in ten blanks," if measured else ""
     return (
-        f"Not missed means: found with a probability of at least {table.probability:g} by the nearest press alone, if "
-        f"the table of reaches {whose + ' ' if whose else ''}holds for this tissue.",
+        f"Not missed means: detected with a probability of at least {table.probability:g} by the nearest press, if "
+        f"the table of detection ranges {whose + ' ' if whose else ''}is valid for this tissue.",
     )
 
 
-def _draw(found: ScanPlan, reach_mm: float | None) -> Figure:
+def _draw(plan: ScanPlan, detection_range_mm: float | None) -> Figure:
     from matplotlib.figure import Figure
 
     from tsis.plots import draw_scan_plan as draw_plan
 
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
-    ax = draw_plan(found, figure.subplots(), extent_mm=reach_mm)
+    ax = draw_plan(plan, figure.subplots(), extent_mm=detection_range_mm)
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
-    figure.suptitle(f"{found.presses} presses in {found.strips} strips. {RESEARCH_USE_ONLY}", fontsize=8)
+    figure.suptitle(f"{plan.presses} presses in {plan.strips} strips. {RESEARCH_USE_ONLY}", fontsize=8)
     return figure

@@ -1,4 +1,4 @@
-"""``tsis study run``: the virtual probe reads what is left."""
+"""``tsis study run``: the virtual probe reads the remaining targets."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ def run(
     folder: StudyFolder,
     *,
     operator: ByName = "",
-    keep: Annotated[
+    save: Annotated[
         Path | None,
-        typer.Option(help="Folder of a store of phantoms that gets frames and estimates, under the codes."),
+        typer.Option(help="Store of phantoms in which frames and estimates are saved, under the codes."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the probe's errors.", min=0, max=LARGEST_SEED)] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Press what is left to read with the virtual probe, and enter each estimate at once.
+    """Read the remaining targets with the virtual probe, and enter each estimate at once.
 
-    The score is the probability of an inclusion. Stop it at any time with Ctrl-C and start it again: what was read is
-    kept. Another operator reads every target anew.
+    The score is the probability of an inclusion. Stop it at any time with Ctrl-C and start it again: finished readings
+    stay. Another operator reads every target anew.
     """
     from tsis.study import open_study, press_study
 
     study = open_study(folder)
     with ExitStack() as until:
         store = None
-        if keep is not None:
-            store = until.enter_context(opened(keep, PHANTOM, os.environ.get(DATABASE), create=True))
-        preparing = until.enter_context(progress_bar("preparing the probe (kept for next time)"))
+        if save is not None:
+            store = until.enter_context(opened(save, PHANTOM, os.environ.get(DATABASE), create=True))
+        preparing = until.enter_context(progress_bar("preparing the probe (cached for next time)"))
         advance = until.enter_context(progress_bar("reading targets"))
         ended = until.enter_context(ended_by(signal.SIGINT, signal.SIGTERM))
         done = press_study(
@@ -75,7 +75,7 @@ def run(
             console.print(f"Next: tsis study analyse {folder} --by NAME", markup=False, soft_wrap=True)
         print_notice(console)
     if done.left:
-        typer.echo("Interrupted; what was read is kept. Start the same command again to go on.", err=True)
+        typer.echo("Interrupted; finished readings stay. Repeat the command to continue.", err=True)
         raise typer.Exit(INTERRUPTED)
 
 
@@ -89,13 +89,13 @@ def import_(
     device: Annotated[str, typer.Option(help="Name of the device that read them.")],
     threshold: Annotated[
         float | None,
-        typer.Option(help="From which score on it calls an inclusion; fixed from now on.", show_default="the study's"),
+        typer.Option(help="Lowest score that counts as an inclusion; fixed from now on.", show_default="the study's"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Enter readings of another device: code, score, operator, repeat, diameter_mm, depth_mm, young_kpa.
 
-    All of them or none. An empty score is a reading without an answer; the last three may be empty.
+    All of them or none. An empty score is an undecided reading; the last three may be empty.
     """
     from tsis.study import import_readings, open_study
 
@@ -121,7 +121,7 @@ def export(
     device: Annotated[str | None, typer.Option(help="Whose readings.", show_default="the only device's")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write the readings of a device as a table, without anything of the truth."""
+    """Write the readings of a device as a table, without the truth."""
     from tsis.records.export import export_file
     from tsis.study import export_readings, open_study
 

@@ -1,4 +1,4 @@
-"""``tsis study show``: how far a study is; nothing of its truth."""
+"""``tsis study show``: progress of a study, without its truth."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def show(
     folder: StudyFolder,
     *,
     device: Annotated[
-        str | None, typer.Option(help="Device whose next code is wanted.", show_default="the virtual probe")
+        str | None, typer.Option(help="Device of the next code.", show_default="the virtual probe")
     ] = None,
     operator: Annotated[
-        str | None, typer.Option(help="Operator whose next code is wanted.", show_default="who read most")
+        str | None, typer.Option(help="Operator of the next code.", show_default="who read most")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show how far a study is and which code is to be read next; never what a code stands for."""
+    """Show the progress of a study and the next code to read, never the target of a code."""
     from tsis.study import open_study
 
     study = open_study(folder)
@@ -68,7 +68,9 @@ def show(
         table.add_row(escape(item), escape(who), str(count), str(undecided))
     console.print(table)
     if by is not None:
-        console.print(f"Unblinded {one_line(f'{by.moment} by {by.actor}')}: no more readings are taken.", markup=False)
+        console.print(
+            f"Unblinded {one_line(f'{by.moment} by {by.actor}')}: no more readings are accepted.", markup=False
+        )
     elif left:
         code, repeat = left[0]
         console.print(f"Next code: {code}, repeat {repeat}; {len(left)} left of {device or plan.device}.", markup=False)
@@ -87,7 +89,7 @@ def _row(device: str, operator: str, count: int, undecided: int) -> dict[str, An
     return {"device": device, "operator": operator, "readings": count, "undecided": undecided}
 
 
-UNSOUND = 1  # exit code of a study that is not as it was written
+UNSOUND = 1  # exit code of a changed study
 
 
 def verify(
@@ -95,13 +97,13 @@ def verify(
     *,
     head: Annotated[
         str | None,
-        typer.Option(help="Hash that a report or this command printed: the log must hold that line still."),
+        typer.Option(help="Hash that a report or this command printed: the log must contain that line."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare plan, sealed truth, reports and every line of the log; exit code 1 and a list where they differ.
 
-    Lines that were cut off the end, and a log that was written anew, show with --head alone.
+    Only --head detects a truncated or rewritten log.
     """
     from tsis.report.study import study_verification_document
     from tsis.study import open_study
@@ -119,7 +121,7 @@ def verify(
                 f"Study {open_study(folder).plan.name} is as it was written, all {result.lines} lines.", markup=False
             )
         else:
-            console.print(f"{len(result.faults)} places differ from what was written.")
+            console.print(f"{len(result.faults)} places differ from their hashes.")
         if result.unblinded:
             console.print(f"Unblinded {result.unblinded}.", markup=False)
         console.print(f"Head: {result.head}", soft_wrap=True)

@@ -58,7 +58,7 @@ Numbers are finite; null stands for what nobody knows or nothing bounds. Names c
 """
 
 
-def api_app(bench: Instrument, reports: Reports) -> FastAPI:
+def api_app(instrument: Instrument, reports: Reports) -> FastAPI:
     """The calls of a bench, to be mounted at `PLACE`.
 
     Parameters
@@ -80,7 +80,7 @@ def api_app(bench: Instrument, reports: Reports) -> FastAPI:
         redirect_slashes=False,
         dependencies=[Depends(HTTPBearer(auto_error=False, description="token of the printed address"))],
     )
-    application.state.bench, application.state.reports = bench, reports
+    application.state.instrument, application.state.reports = instrument, reports
     version = APIRouter(prefix=VERSION, responses=OF_CALLS)
     for router in ROUTERS:
         version.include_router(router)

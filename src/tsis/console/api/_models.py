@@ -105,7 +105,7 @@ class ControlResponse(ResponseModel):
 
 
 class OwnerItem(ItemModel):
-    """Who holds the camera."""
+    """The owner of the camera's control."""
 
     name: str
     yours: bool = Field(description="whether it is who sent the header TSIS-Control with this call")

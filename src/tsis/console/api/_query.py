@@ -40,9 +40,9 @@ class PageQuery(BaseModel):
 PageOfList = Annotated[PageQuery, Query()]
 
 
-async def bench_of(request: Request) -> Instrument:
+async def instrument_of(request: Request) -> Instrument:
     """The bench that the application is of."""
-    instrument: Any = request.app.state.bench
+    instrument: Any = request.app.state.instrument
     assert isinstance(instrument, Instrument)
     return instrument
 
@@ -54,33 +54,33 @@ async def reports_of(request: Request) -> Reports:
     return reports
 
 
-TheBench = Annotated[Instrument, Depends(bench_of)]
+TheInstrument = Annotated[Instrument, Depends(instrument_of)]
 TheReports = Annotated[Reports, Depends(reports_of)]
 
 
-async def holder(bench: TheBench, identity: ActingCaller = None) -> str:
+async def holder(instrument: TheInstrument, identity: ActingCaller = None) -> str:
     """Who acts; refused with 428 who does not say it, and with 409 who does not hold the camera."""
     if not identity:
         raise NoControlError(f"an act needs the header {CONTROL} with the identity that POST /v1/control gives")
-    bench.control.require(identity)
+    instrument.control.require(identity)
     return identity
 
 
 Acting = Annotated[str, Depends(holder)]
 
 
-def find_target(bench: Instrument, number: int) -> Target:
+def find_target(instrument: Instrument, number: int) -> Target:
     """The target of that number; `AbsentError` when there is none."""
     try:
-        return bench.store.target(number)
+        return instrument.store.target(number)
     except InputError as error:
         raise AbsentError(str(error)) from error
 
 
-def find_press(bench: Instrument, number: int, identity: str) -> tuple[Target, StoredPress]:
+def find_press(instrument: Instrument, number: int, identity: str) -> tuple[Target, StoredPress]:
     """A press of a target; `AbsentError` when there is none."""
-    target = find_target(bench, number)
+    target = find_target(instrument, number)
     try:
-        return target, bench.store.press(target, identity)
+        return target, instrument.store.press(target, identity)
     except InputError as error:
         raise AbsentError(str(error)) from error

@@ -30,7 +30,7 @@ from tsis.console.api._models_records import (
     SequenceOfSeconds,
     SnapshotRequest,
 )
-from tsis.console.api._query import Acting, Caller, TheBench
+from tsis.console.api._query import Acting, Caller, TheInstrument
 from tsis.console.live import display_levels
 from tsis.console.services import CameraChoice, Instrument
 from tsis.errors import CameraError, InputError
@@ -46,23 +46,23 @@ state_router = APIRouter(tags=["state"])
 
 
 @state_router.get("/state", operation_id="get_state")
-def get_state(bench: TheBench, caller: Caller = None) -> StateResponse:
+def get_state(instrument: TheInstrument, caller: Caller = None) -> StateResponse:
     """Tell how camera, target, press, calibration and jobs are; with the header it keeps the camera held."""
     if caller:
-        bench.control.heard_of(caller)
-    return state_answer(bench, caller)
+        instrument.control.heard_of(caller)
+    return state_response(instrument, caller)
 
 
 @state_router.get("/sight", operation_id="get_sight")
-def get_frame_analysis(bench: TheBench) -> FrameAnalysisResponse:
+def get_frame_analysis(instrument: TheInstrument) -> FrameAnalysisResponse:
     """Tell what the newest frame shows: contact, force, stillness, flags, grey histogram and exposure."""
-    return FrameAnalysisResponse(sight=bench.sight)
+    return FrameAnalysisResponse(sight=instrument.frame_analysis)
 
 
-def state_answer(bench: Instrument, caller: str | None) -> StateResponse:
+def state_response(instrument: Instrument, caller: str | None) -> StateResponse:
     """The whole state; what identifies the holder is told to nobody."""
-    state = bench.state()
-    stored = state.holder
+    state = instrument.state()
+    stored = state.owner
     return StateResponse(
         camera=state.camera,
         target=state.target,
@@ -71,7 +71,7 @@ def state_answer(bench: Instrument, caller: str | None) -> StateResponse:
         force_n=0.0 if state.lifted else state.force_n,
         calibration=state.calibration,
         calibration_identity=state.calibration_identity,
-        sight=state.sight,
+        sight=state.frame_analysis,
         holder=None if stored is None else OwnerItem(name=stored.name, yours=stored.identity == caller),
         sequence=state.sequence,
         jobs=state.jobs,
@@ -85,96 +85,96 @@ camera_router = APIRouter(prefix="/camera", tags=["camera"])
 
 
 @camera_router.put("", operation_id="choose_camera", responses={**OF_ACTS, **OF_BODIES})
-def choose_camera(bench: TheBench, given: CameraChoiceRequest, by: Acting) -> StateResponse:
+def choose_camera(instrument: TheInstrument, given: CameraChoiceRequest, by: Acting) -> StateResponse:
     """Take another camera, not yet started."""
-    bench.choose(CameraChoice(**given.model_dump()), by=by)
-    return state_answer(bench, by)
+    instrument.choose(CameraChoice(**given.model_dump()), by=by)
+    return state_response(instrument, by)
 
 
 @camera_router.post("/start", operation_id="start_camera", responses=OF_ACTS)
-def start_camera(bench: TheBench, by: Acting) -> StateResponse:
+def start_camera(instrument: TheInstrument, by: Acting) -> StateResponse:
     """Connect and begin to stream; when it runs already, nothing happens."""
-    bench.start(by=by)
-    return state_answer(bench, by)
+    instrument.start(by=by)
+    return state_response(instrument, by)
 
 
 @camera_router.post("/stop", operation_id="stop_camera", responses=OF_ACTS)
-def stop_camera(bench: TheBench, by: Acting) -> StateResponse:
+def stop_camera(instrument: TheInstrument, by: Acting) -> StateResponse:
     """End the stream; settings are remembered for the next start."""
-    bench.stop(by=by)
-    return state_answer(bench, by)
+    instrument.stop(by=by)
+    return state_response(instrument, by)
 
 
 @camera_router.get("/settings", operation_id="get_settings")
-def get_settings(bench: TheBench) -> SettingsResponse:
+def get_settings(instrument: TheInstrument) -> SettingsResponse:
     """Tell what can be adjusted now, with ranges; null for an end that the driver does not tell."""
-    return _settings(bench)
+    return _settings(instrument)
 
 
 @camera_router.patch("/settings", operation_id="change_settings", responses={**OF_ACTS, **OF_BODIES})
-def change_settings(bench: TheBench, given: SettingsRequest, by: Acting) -> SettingsResponse:
+def change_settings(instrument: TheInstrument, given: SettingsRequest, by: Acting) -> SettingsResponse:
     """Change settings; none when one of them is unknown or outside its range."""
-    present = {setting.name: setting for setting in bench.desk.settings()}
+    present = {setting.name: setting for setting in instrument.camera_controller.settings()}
     if not present:
         raise CameraError("the camera must run to be adjusted; it is stopped or away (start it)")
     for name, value in given.values.items():
         present[require_one_of("setting", name, present)].checked(value)
     for name, value in given.values.items():
-        bench.adjust(name, value, by=by)
-    return _settings(bench)
+        instrument.adjust(name, value, by=by)
+    return _settings(instrument)
 
 
 @camera_router.post("/preset", operation_id="apply_preset", responses={**OF_ACTS, **OF_BODIES})
-def apply_preset(bench: TheBench, given: PresetRequest, by: Acting) -> SettingsResponse:
+def apply_preset(instrument: TheInstrument, given: PresetRequest, by: Acting) -> SettingsResponse:
     """Make all settings of a preset."""
-    bench.preset(given.name, by=by)
-    return _settings(bench)
+    instrument.preset(given.name, by=by)
+    return _settings(instrument)
 
 
-def _settings(bench: Instrument) -> SettingsResponse:
-    return SettingsResponse(settings=bench.desk.settings())
+def _settings(instrument: Instrument) -> SettingsResponse:
+    return SettingsResponse(settings=instrument.camera_controller.settings())
 
 
 cameras_router = APIRouter(prefix="/cameras", tags=["camera"])
 
 
 @cameras_router.get("", operation_id="list_cameras")
-def list_cameras(bench: TheBench) -> CamerasResponse:
+def list_cameras(instrument: TheInstrument) -> CamerasResponse:
     """List the cameras that the last search found; the virtual probe is always there."""
-    result = bench.search.findings
+    result = instrument.search.findings
     if result is None:
         return CamerasResponse(searched=False, found=(), missing={})
     return CamerasResponse(searched=True, found=result.cameras, missing=dict(result.missing))
 
 
 @cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)
-def search_cameras(bench: TheBench) -> JobResponse:
+def search_cameras(instrument: TheInstrument) -> JobResponse:
     """Ask every source for its cameras, which takes seconds; the job's result tells them."""
-    return JobResponse(job=bench.search.begin().state())
+    return JobResponse(job=instrument.search.begin().state())
 
 
 control_router = APIRouter(tags=["control"])
 
 
 @control_router.post("/control", operation_id="take_control", responses={**OF_CONTROL, **OF_BODIES})
-async def take_control(bench: TheBench, given: ControlRequest, caller: Caller = None) -> ControlResponse:
+async def take_control(instrument: TheInstrument, given: ControlRequest, caller: Caller = None) -> ControlResponse:
     """Hold the camera; who holds it already, and says so by the header, keeps the identity.
 
     It is held until nothing was heard of the holder for `held_s` seconds: acts and `GET /v1/state` with the header
     count. Answers 409 when somebody else holds it and `over` is false.
     """
     require_label("name", given.name)
-    stored = bench.control.holder()
+    stored = instrument.control.owner()
     identity = stored.identity if stored is not None and stored.identity == caller else uuid.uuid4().hex
-    bench.control.take(identity, given.name, over=given.over, held_s=given.held_s)
+    instrument.control.take(identity, given.name, over=given.over, held_s=given.held_s)
     return ControlResponse(identity=identity, name=given.name, held_s=given.held_s)
 
 
 @control_router.delete("/control", operation_id="release_control", status_code=204)
-async def release_control(bench: TheBench, caller: Caller = None) -> Response:
+async def release_control(instrument: TheInstrument, caller: Caller = None) -> Response:
     """Give the camera back; from anybody but the holder it changes nothing."""
     if caller:
-        bench.control.release(caller)
+        instrument.control.release(caller)
     return Response(status_code=204)
 
 
@@ -182,28 +182,28 @@ press_router = APIRouter(tags=["press"])
 
 
 @press_router.put("/target", operation_id="choose_target", responses={**OF_ACTS, **OF_BODIES})
-def choose_target(bench: TheBench, given: TargetChoiceRequest, by: Acting) -> StateResponse:
+def choose_target(instrument: TheInstrument, given: TargetChoiceRequest, by: Acting) -> StateResponse:
     """Choose the target that snapshots go to; it is entered with its first press."""
-    bench.set_target(given.number, by=by)
-    return state_answer(bench, by)
+    instrument.set_target(given.number, by=by)
+    return state_response(instrument, by)
 
 
 @press_router.put("/press", operation_id="hold_press", responses={**OF_ACTS, **OF_BODIES})
-def set_press(bench: TheBench, given: PressRequest, by: Acting) -> StateResponse:
+def set_press(instrument: TheInstrument, given: PressRequest, by: Acting) -> StateResponse:
     """Say what is pressed and how hard; the virtual probe is moved there."""
     if not given.model_fields_set:
         raise InputError("press must say something: role, force_n or both; got neither")
     forget = "force_n" in given.model_fields_set and given.force_n is None
-    bench.hold(role=given.role, force_n=given.force_n, forget=forget, by=by)
-    return state_answer(bench, by)
+    instrument.hold(role=given.role, force_n=given.force_n, forget=forget, by=by)
+    return state_response(instrument, by)
 
 
 @press_router.post("/snapshot", operation_id="take_snapshot", responses={**OF_ACTS, **OF_BODIES}, status_code=201)
 def take_snapshot(
-    bench: TheBench, by: Acting, given: Annotated[SnapshotRequest | None, Body()] = None
+    instrument: TheInstrument, by: Acting, given: Annotated[SnapshotRequest | None, Body()] = None
 ) -> SavedPressResponse:
     """Keep the press as it is seen now: its files, and the press in the store; when this answers, both last."""
-    saved = bench.snapshot(by=by, map_name=(given or SnapshotRequest()).map_name)
+    saved = instrument.snapshot(by=by, map_name=(given or SnapshotRequest()).map_name)
     files = {name: str(path.resolve()) for name, path in asdict(saved.files).items()}
     return SavedPressResponse(
         target=saved.target.number,
@@ -215,17 +215,17 @@ def take_snapshot(
 
 
 @press_router.post("/sequence", operation_id="begin_sequence", responses={**OF_ACTS, **OF_BODIES}, status_code=202)
-def begin_sequence(bench: TheBench, given: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobResponse:
+def begin_sequence(instrument: TheInstrument, given: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobResponse:
     """Record every frame until so many have come or so much time has passed."""
-    job = bench.begin_sequence(**given.model_dump(), by=by)
+    job = instrument.begin_sequence(**given.model_dump(), by=by)
     return JobResponse(job=job.state())
 
 
 @press_router.delete("/sequence", operation_id="end_sequence", responses=OF_ACTS)
-def end_sequence(bench: TheBench, by: Acting) -> StateResponse:
-    """End the sequence under way; what was recorded stays. Without one nothing happens."""
-    bench.end_sequence(by=by)
-    return state_answer(bench, by)
+def end_sequence(instrument: TheInstrument, by: Acting) -> StateResponse:
+    """End the running sequence; recorded frames stay. Without one nothing happens."""
+    instrument.end_sequence(by=by)
+    return state_response(instrument, by)
 
 
 frames_router = APIRouter(tags=["frames"])
@@ -233,20 +233,20 @@ Quality = Annotated[int, Query(ge=1, le=100, description="of JPEG")]
 
 
 @frames_router.get("/frame.png", operation_id="get_frame_png", response_class=Response, responses=picture("image/png"))
-def get_frame_png(bench: TheBench) -> Response:
+def get_frame_png(instrument: TheInstrument) -> Response:
     """Send the newest frame, lossless: grey levels of 8 bits, or 16 where the camera has more.
 
     It was begun after the last change of a setting or a press. Answers 503 while the camera is stopped or away.
     """
-    received = bench.desk.fresh()
+    received = instrument.camera_controller.fresh()
     levels = whole_levels(received.frame.pixels, received.frame.full_scale)
     return _sent(received, cv2.imencode(".png", levels, QUICK_PNG)[1].tobytes(), "image/png")
 
 
 @frames_router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))
-def get_frame_jpg(bench: TheBench, quality: Quality = 85) -> Response:
+def get_frame_jpg(instrument: TheInstrument, quality: Quality = 85) -> Response:
     """Send the newest frame as a small picture of 8 bits, for the eye."""
-    received = bench.desk.fresh()
+    received = instrument.camera_controller.fresh()
     content = cv2.imencode(".jpg", display_levels(received), [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
     return _sent(received, content, "image/jpeg")
 

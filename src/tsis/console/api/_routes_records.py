@@ -46,7 +46,7 @@ from tsis.console.api._query import (
     PageOfList,
     PressIdentity,
     TargetNumber,
-    TheBench,
+    TheInstrument,
     TheReports,
     find_press,
     find_target,
@@ -64,9 +64,9 @@ targets_router = APIRouter(prefix="/targets", tags=["records"])
 
 
 @targets_router.get("", operation_id="list_targets")
-def list_targets(bench: TheBench, page: PageOfList) -> TargetsResponse:
+def list_targets(instrument: TheInstrument, page: PageOfList) -> TargetsResponse:
     """List the targets of the store by number."""
-    result = bench.store.targets()
+    result = instrument.store.targets()
     part = result[page.offset : page.offset + page.limit]
     return TargetsResponse(
         total=len(result),
@@ -76,35 +76,35 @@ def list_targets(bench: TheBench, page: PageOfList) -> TargetsResponse:
 
 
 @targets_router.get("/{number}", operation_id="get_target", responses=OF_RECORDS)
-def get_target(bench: TheBench, number: TargetNumber) -> TargetResponse:
+def get_target(instrument: TheInstrument, number: TargetNumber) -> TargetResponse:
     """Tell what is stored of a target."""
-    target = find_target(bench, number)
-    return TargetResponse(target=target, presses=bench.store.press_count(target))
+    target = find_target(instrument, number)
+    return TargetResponse(target=target, presses=instrument.store.press_count(target))
 
 
 @targets_router.patch("/{number}", operation_id="edit_target", responses={**OF_RECORDS, **OF_EDITS, **OF_BODIES})
-def edit_target(bench: TheBench, number: TargetNumber, given: TargetRequest) -> TargetResponse:
+def edit_target(instrument: TheInstrument, number: TargetNumber, given: TargetRequest) -> TargetResponse:
     """Change name, note or truth of a target as it was read; 409 when somebody has changed it since.
 
     The audit of the store keeps that it was changed, and when.
     """
-    target = find_target(bench, number)
+    target = find_target(instrument, number)
     changes = given.model_dump(exclude={"version"}, exclude_none=True)
     if not changes:
         raise InputError("an edit must change something: name, note or truth; got none of them")
-    edited = bench.store.edit_target(replace(target, version=given.version), **changes)
-    return TargetResponse(target=edited, presses=bench.store.press_count(edited))
+    edited = instrument.store.edit_target(replace(target, version=given.version), **changes)
+    return TargetResponse(target=edited, presses=instrument.store.press_count(edited))
 
 
 @targets_router.get("/{number}/presses", operation_id="list_presses", responses=OF_RECORDS)
-def list_presses(bench: TheBench, number: TargetNumber, page: PageOfList) -> PressesResponse:
+def list_presses(instrument: TheInstrument, number: TargetNumber, page: PageOfList) -> PressesResponse:
     """List presses of a target in the order in which they were taken."""
-    target = find_target(bench, number)
+    target = find_target(instrument, number)
     return PressesResponse(
         target=number,
-        total=bench.store.press_count(target),
+        total=instrument.store.press_count(target),
         offset=page.offset,
-        presses=list(bench.store.presses(target, limit=page.limit, offset=page.offset)),
+        presses=list(instrument.store.presses(target, limit=page.limit, offset=page.offset)),
     )
 
 
@@ -114,10 +114,10 @@ def list_presses(bench: TheBench, number: TargetNumber, page: PageOfList) -> Pre
     response_class=Response,
     responses={**file("image/png", "the frame, lossless: grey levels of 8 or 16 bits"), **OF_RECORDS},
 )
-def get_press_frame(bench: TheBench, number: TargetNumber, identity: PressIdentity) -> Response:
+def get_press_frame(instrument: TheInstrument, number: TargetNumber, identity: PressIdentity) -> Response:
     """Send the stored frame of a press, after its hash was found right; 503 when it is damaged."""
-    _, press = find_press(bench, number, identity)
-    content = cv2.imencode(".png", bench.store.levels(press.frame), QUICK_PNG)[1].tobytes()
+    _, press = find_press(instrument, number, identity)
+    content = cv2.imencode(".png", instrument.store.levels(press.frame), QUICK_PNG)[1].tobytes()
     return Response(content, media_type="image/png", headers={"TSIS-Full-Scale": f"{press.full_scale:g}"})
 
 
@@ -125,10 +125,10 @@ estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
 
 
 @estimates_router.get("/estimates", operation_id="list_estimates", responses=OF_RECORDS)
-def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesResponse:
+def list_estimates(instrument: TheInstrument, number: TargetNumber) -> EstimatesResponse:
     """List the estimates of a target in the order in which they were made."""
-    target = find_target(bench, number)
-    record = bench.store.record(target, limit=0)
+    target = find_target(instrument, number)
+    record = instrument.store.record(target, limit=0)
     return EstimatesResponse(
         target=number,
         in_force=[item.id for item in record.in_force],
@@ -140,10 +140,12 @@ def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesResponse:
 @estimates_router.post(
     "/estimate", operation_id="estimate_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
-def estimate_target(bench: TheBench, number: TargetNumber, given: Annotated[EstimateRequest, Body()]) -> JobResponse:
+def estimate_target(
+    instrument: TheInstrument, number: TargetNumber, given: Annotated[EstimateRequest, Body()]
+) -> JobResponse:
     """Estimate a target from its presses and store what was found; the job's result tells it."""
-    find_target(bench, number)
-    job = bench.estimate(number, kind=given.kind, presses=given.presses, options=_options(given))
+    find_target(instrument, number)
+    job = instrument.estimate(number, kind=given.kind, presses=given.presses, options=_options(given))
     return JobResponse(job=job.state())
 
 
@@ -151,13 +153,13 @@ def estimate_target(bench: TheBench, number: TargetNumber, given: Annotated[Esti
     "/recompute", operation_id="recompute_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def recompute_target(
-    bench: TheBench, number: TargetNumber, given: Annotated[RecomputeRequest | None, Body()] = None
+    instrument: TheInstrument, number: TargetNumber, given: Annotated[RecomputeRequest | None, Body()] = None
 ) -> JobResponse:
     """Make the estimates in force again with the code of today, and store those that came out otherwise."""
-    target, dry_run = find_target(bench, number), given is not None and given.dry_run
-    job = bench.jobs.begin(
+    target, dry_run = find_target(instrument, number), given is not None and given.dry_run
+    job = instrument.jobs.begin(
         f"recomputation of target {number}",
-        lambda job: recompute(bench.store, target, dry_run=dry_run, progress=job.advance),
+        lambda job: recompute(instrument.store, target, dry_run=dry_run, progress=job.advance),
     )
     return JobResponse(job=job.state())
 
@@ -168,9 +170,9 @@ def recompute_target(
     response_class=Response,
     responses={**file("text/html", "one page, self-contained"), **OF_RECORDS},
 )
-def get_report_html(bench: TheBench, reports: TheReports, number: TargetNumber) -> Response:
+def get_report_html(instrument: TheInstrument, reports: TheReports, number: TargetNumber) -> Response:
     """Send the report of a target as a page."""
-    return Response(reports.content(find_target(bench, number), "html"), media_type="text/html")
+    return Response(reports.content(find_target(instrument, number), "html"), media_type="text/html")
 
 
 @estimates_router.get(
@@ -179,9 +181,9 @@ def get_report_html(bench: TheBench, reports: TheReports, number: TargetNumber) 
     response_class=Response,
     responses={**file("application/pdf", "the same on paper"), **OF_RECORDS},
 )
-def get_report_pdf(bench: TheBench, reports: TheReports, number: TargetNumber) -> Response:
+def get_report_pdf(instrument: TheInstrument, reports: TheReports, number: TargetNumber) -> Response:
     """Send the report of a target as a PDF."""
-    return Response(reports.content(find_target(bench, number), "pdf"), media_type="application/pdf")
+    return Response(reports.content(find_target(instrument, number), "pdf"), media_type="application/pdf")
 
 
 def _options(given: EstimateRequest) -> dict[str, Any]:
@@ -202,17 +204,17 @@ LARGEST_UPLOAD = 32 * 2**20  # bytes
 
 
 @calibration_router.get("", operation_id="get_calibration")
-def get_calibration(bench: TheBench) -> CalibrationResponse:
+def get_calibration(instrument: TheInstrument) -> CalibrationResponse:
     """Tell which calibration is in force."""
-    return _answer(bench)
+    return _answer(instrument)
 
 
 @calibration_router.get(
     "/file", operation_id="get_calibration_file", response_class=Response, responses={**CALIBRATION_FILE, **OF_RECORDS}
 )
-def get_calibration_file(bench: TheBench) -> Response:
+def get_calibration_file(instrument: TheInstrument) -> Response:
     """Send the calibration in force as its file, which `PUT /v1/calibration` takes again."""
-    given = bench.calibration
+    given = instrument.calibration
     if given is None:
         raise AbsentError("a calibration must be in force to be sent; there is none")
     return Response(calibration_bytes(given.calibration), media_type="application/json")
@@ -221,21 +223,21 @@ def get_calibration_file(bench: TheBench) -> Response:
 @calibration_router.put(
     "", operation_id="use_calibration", responses={**OF_ACTS, **OF_BODIES}, openapi_extra=CALIBRATION_BODY
 )
-async def use_calibration(request: Request, bench: TheBench, by: Acting) -> CalibrationResponse:
+async def use_calibration(request: Request, instrument: TheInstrument, by: Acting) -> CalibrationResponse:
     """Put a calibration in force: the body is a calibration file of at most 32 MiB.
 
     Answers 422 when it was changed, is expired, or is of another camera or other settings than those that run.
     """
     content = await _uploaded(request)
-    await run_in_threadpool(_use, bench, content, by)
-    return _answer(bench)
+    await run_in_threadpool(_use, instrument, content, by)
+    return _answer(instrument)
 
 
 @calibration_router.delete("", operation_id="forget_calibration", responses=OF_ACTS)
-def forget_calibration(bench: TheBench, by: Acting) -> CalibrationResponse:
+def forget_calibration(instrument: TheInstrument, by: Acting) -> CalibrationResponse:
     """Go back to the virtual probe's own calibration, or to none."""
-    bench.use_calibration(None, by=by)
-    return _answer(bench)
+    instrument.use_calibration(None, by=by)
+    return _answer(instrument)
 
 
 async def _uploaded(request: Request) -> bytes:
@@ -252,14 +254,16 @@ async def _uploaded(request: Request) -> bytes:
     return bytes(content)
 
 
-def _use(bench: Instrument, content: bytes, by: str) -> None:
+def _use(instrument: Instrument, content: bytes, by: str) -> None:
     calibration = parse_calibration(content, "the calibration")
     calibration.require_usable(datetime.now(UTC))
-    bench.use_calibration(UsableCalibration(calibration=calibration, identity=calibration_sha256(calibration)), by=by)
+    instrument.use_calibration(
+        UsableCalibration(calibration=calibration, identity=calibration_sha256(calibration)), by=by
+    )
 
 
-def _answer(bench: Instrument) -> CalibrationResponse:
-    cited = bench.calibration
+def _answer(instrument: Instrument) -> CalibrationResponse:
+    cited = instrument.calibration
     return CalibrationResponse(calibration=None if cited is None else _told(cited.calibration, cited.identity))
 
 
@@ -271,47 +275,47 @@ jobs_router = APIRouter(prefix="/jobs", tags=["jobs"])
 
 
 @jobs_router.get("", operation_id="list_jobs")
-def list_jobs(bench: TheBench) -> JobsResponse:
+def list_jobs(instrument: TheInstrument) -> JobsResponse:
     """List the last jobs of this console, the newest last."""
-    return JobsResponse(jobs=bench.jobs.states())
+    return JobsResponse(jobs=instrument.jobs.states())
 
 
 @jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
-def get_job(bench: TheBench, identity: JobIdentity) -> JobResponse:
+def get_job(instrument: TheInstrument, identity: JobIdentity) -> JobResponse:
     """Tell how far a job is, and what it returned."""
-    return _job_response(bench, _known(bench, identity))
+    return _job_response(instrument, _known(instrument, identity))
 
 
 @jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
-def end_job(bench: TheBench, identity: JobIdentity, caller: Caller = None) -> JobResponse:
+def end_job(instrument: TheInstrument, identity: JobIdentity, caller: Caller = None) -> JobResponse:
     """Ask a job to end, which it does at its next step; one that follows the camera only for who holds it."""
-    job = _known(bench, identity)
+    job = _known(instrument, identity)
     if job.follows_camera and not caller:
         raise NoControlError(f"to end what follows the camera needs the header {CONTROL}, which POST /v1/control gives")
-    bench.end_job(identity, by=caller or "")
-    return _job_response(bench, job)
+    instrument.end_job(identity, by=caller or "")
+    return _job_response(instrument, job)
 
 
-def _known(bench: Instrument, identity: str) -> Job:
+def _known(instrument: Instrument, identity: str) -> Job:
     try:
-        return bench.jobs.get(identity)
+        return instrument.jobs.get(identity)
     except InputError as error:
         raise AbsentError(str(error)) from error
 
 
-def _job_response(bench: Instrument, job: Job) -> JobResponse:
-    return JobResponse(job=job.state(), result=job_result(job.result, bench.store))
+def _job_response(instrument: Instrument, job: Job) -> JobResponse:
+    return JobResponse(job=job.state(), result=job_result(job.result, instrument.store))
 
 
 about_router = APIRouter(tags=["about"])
 
 
 @about_router.get("/about", operation_id="get_about")
-def get_about(bench: TheBench) -> AboutResponse:
+def get_about(instrument: TheInstrument) -> AboutResponse:
     """Tell versions, and where records and files are kept."""
-    store = bench.store
+    store = instrument.store
     return AboutResponse(
         environment=environment(),
         store=StoreItem(folder=str(store.folder.resolve()), kind=store.kind, identity=store.identity),
-        workspace=str(bench.terms.workspace.resolve()),
+        workspace=str(instrument.terms.workspace.resolve()),
     )

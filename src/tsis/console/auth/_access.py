@@ -166,7 +166,7 @@ class Access:
         """Whether this is the key; it takes the same time whatever is wrong with it."""
         return hmac.compare_digest(given.encode("utf-8", "replace"), self._token.encode())
 
-    def visitor(self, headers: Mapping[str, str]) -> ClientIdentity | None:
+    def client_identity(self, headers: Mapping[str, str]) -> ClientIdentity | None:
         """Who sends these headers, by their names in lower case; None for who was not let in."""
         authorization = headers.get("authorization", "")
         if authorization.lower().startswith(BEARER):

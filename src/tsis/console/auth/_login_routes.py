@@ -132,10 +132,10 @@ class AuthRoutes:
     """
 
     def __init__(self, access: Access, *, tries: LoginRateLimiter | None = None) -> None:
-        self._access, self._attempts = access, tries or LoginRateLimiter()
+        self._access, self._rate_limiter = access, tries or LoginRateLimiter()
         self._hashing = asyncio.Semaphore(AT_ONCE)
 
-    async def answer(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> Response:
+    async def respond(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> Response:
         """What is answered at `LOGIN` and `LOGOUT`."""
         method = scope["method"]
         if method not in ("GET", "HEAD", "POST"):
@@ -164,7 +164,7 @@ class AuthRoutes:
             )
         name, then = form.get("name", ""), local_address(form.get("then", "/"))
         address = "" if request.client is None else request.client.host
-        wait_s = self._attempts.wait_s(address)
+        wait_s = self._rate_limiter.wait_s(address)
         if wait_s:
             reported = f"Too many tries: the next one may be made in {_spoken(wait_s)}."
             after = {"retry-after": str(math.ceil(wait_s))}
@@ -180,7 +180,7 @@ class AuthRoutes:
         if login is None:
             _log.warning("a login from %s failed", address)
             return login_page(then=then, wrong=WRONG, status=HTTPStatus.UNAUTHORIZED)
-        self._attempts.succeeded(address)
+        self._rate_limiter.succeeded(address)
         _log.info("%s logged in from %s", login.name, address)
         return RedirectResponse(then, HTTPStatus.SEE_OTHER, headers={"set-cookie": self._access.cookie(login)})
 

@@ -56,8 +56,8 @@ class Logins:
     def __init__(self, folder: Path | None = None) -> None:
         self._path = (folder or console_folder()) / FILE
         self._lock = threading.Lock()
-        self._seen: tuple[int, int, int] | None = None
-        self._known: dict[str, Login] = {}
+        self._file_stamp: tuple[int, int, int] | None = None
+        self._by_name: dict[str, Login] = {}
 
     def names(self) -> tuple[str, ...]:
         """Those who have a login, in alphabetical order.
@@ -69,7 +69,7 @@ class Logins:
         """
         return tuple(sorted(self._read()))
 
-    def given(self, name: str) -> str:
+    def created(self, name: str) -> str:
         """When this login got its password (ISO 8601, UTC)."""
         return self._read()[name].given
 
@@ -139,13 +139,13 @@ class Logins:
             try:
                 result = self._path.stat()
             except OSError:
-                self._seen, self._known = None, {}
-                return self._known
+                self._file_stamp, self._by_name = None, {}
+                return self._by_name
             observed = (result.st_mtime_ns, result.st_ino, result.st_mode)
-            if observed != self._seen:
-                self._known = _logins(self._path)
-                self._seen = observed
-            return self._known
+            if observed != self._file_stamp:
+                self._by_name = _logins(self._path)
+                self._file_stamp = observed
+            return self._by_name
 
     def _write(self, logins: dict[str, Login]) -> None:
         content = json.dumps({"logins": [asdict(login) for login in logins.values()]}, indent=1)

@@ -160,7 +160,7 @@ class CappedBody:
     def __init__(self, receive: Receive, send: Send, *, most: int = LARGEST_BYTES) -> None:
         self._receive, self._send, self._left = receive, send, most
         self.too_large = False
-        self.answered = False
+        self.response_started = False
 
     async def receive(self) -> Message:
         """The next part of the body."""
@@ -176,9 +176,9 @@ class CappedBody:
 
     async def send(self, message: Message) -> None:
         """Pass the answer on."""
-        if self.too_large and not self.answered:
+        if self.too_large and not self.response_started:
             return
-        self.answered = True
+        self.response_started = True
         await self._send(message)
 
 
@@ -212,7 +212,7 @@ class AuthMiddleware:
         self, inner: ASGIApp, *, access: Access, hosts: Collection[str], tries: LoginRateLimiter | None = None
     ) -> None:
         self._inner, self._access, self._hosts = inner, access, frozenset(name.lower() for name in hosts)
-        self._desk, self._sockets = AuthRoutes(access, tries=tries), OpenSockets()
+        self._auth_routes, self._sockets = AuthRoutes(access, tries=tries), OpenSockets()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse, let in, or pass on."""
@@ -226,7 +226,7 @@ class AuthMiddleware:
         nonce = secrets.token_urlsafe(16)
         headers = headers_of(scope)
         safe = with_safe_headers(send, nonce, tls=self._access.secure, host=headers.get("host", ""))
-        result = await self._judged(scope, receive, headers)
+        result = await self._identify(scope, receive, headers)
         if not isinstance(result, ClientIdentity):
             await _refuse(result, scope, receive, safe)
         elif scope["type"] == "websocket":
@@ -234,7 +234,7 @@ class AuthMiddleware:
         else:
             await self._pass(_marked(scope, result), receive, with_nonce(safe, nonce), safe)
 
-    async def _judged(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> ClientIdentity | Response:
+    async def _identify(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> ClientIdentity | Response:
         """Who may pass, or what is answered instead."""
         if is_repeated(scope) or not is_plain_path(scope["path"]):
             return refusal("This request is not in good form.", HTTPStatus.BAD_REQUEST, requested=headers)
@@ -247,8 +247,8 @@ class AuthMiddleware:
         if announced_bytes(headers) > LARGEST_BYTES:
             return refusal(TOO_LARGE, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, requested=headers)
         if scope["type"] == "http" and scope["path"] in PLACES:
-            return await self._desk.answer(scope, receive, headers)
-        client = self._access.visitor(headers)
+            return await self._auth_routes.respond(scope, receive, headers)
+        client = self._access.client_identity(headers)
         given, address = _key_and_rest(scope)
         opens = scope["type"] == "http" and scope["method"] == "GET"
         if opens and given and self._access.is_token(given):  # who is in already shall not keep the key on display
@@ -274,14 +274,14 @@ class AuthMiddleware:
         except Exception:
             if not body.too_large:
                 _log.exception("%s %s failed", scope["method"], scope["path"])
-        if not body.answered:
+        if not body.response_started:
             large = body.too_large
             message, status = (TOO_LARGE, 413) if large else (FAILED, 500)
             await refusal(message, HTTPStatus(status), requested=headers_of(scope))(scope, receive, reference)
 
     async def _pass_socket(self, scope: Scope, receive: Receive, send: Send, headers: Mapping[str, str]) -> None:
         def stays() -> bool:
-            return self._access.visitor(headers) is not None
+            return self._access.client_identity(headers) is not None
 
         try:
             cut = await self._sockets.serve(self._inner(scope, receive, send), stays=stays)

@@ -70,7 +70,7 @@ class Sessions:
         )
         self._file, self._clock = None if folder is None else folder / ENDED, clock
         self._ending = threading.Lock()
-        self._ended = self._kept()
+        self._ended = self._read()
 
     def cookie(self, *, name: str = "", proof: str = "") -> tuple[str, int]:
         """The value of a new session's cookie, and for how many seconds it holds."""
@@ -102,11 +102,11 @@ class Sessions:
         with self._ending:
             self._ended = {**self._ended, session.identity: session.ends_s}  # before anything that can fail
             now = self._clock()
-            self._ended = {name: ends for name, ends in {**self._kept(), **self._ended}.items() if ends > now}
+            self._ended = {name: ends for name, ends in {**self._read(), **self._ended}.items() if ends > now}
             if self._file is not None:
                 write_private(self._file, json.dumps(self._ended).encode())
 
-    def _kept(self) -> dict[str, int]:
+    def _read(self) -> dict[str, int]:
         content = read_private(self._file) if self._file is not None else None
         try:
             saved = json.loads(content) if content else {}

@@ -61,7 +61,7 @@ class OpenSockets:
             self._cut.discard(task)
         return False
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Cut those whose time is over, and those of whom nobody can say whether it is."""
         for task, stays in list(self._open.items()):
             if task not in self._cut and not _may_stay(stays):
@@ -73,7 +73,7 @@ class OpenSockets:
         with suppress(asyncio.CancelledError):
             while True:
                 await asyncio.sleep(LOOK_S)
-                self.look()
+                self.check()
 
 
 def _may_stay(stays: Callable[[], bool]) -> bool:

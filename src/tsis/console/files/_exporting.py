@@ -124,12 +124,12 @@ class Reports:
     """
 
     def __init__(self, store: Store, *, database: str | None = None) -> None:
-        self._place = StoreAddress(folder=store.folder, kind=store.kind, database=database, identity=store.identity)
-        self._apart = WorkerProcess()
+        self._folder = StoreAddress(folder=store.folder, kind=store.kind, database=database, identity=store.identity)
+        self._worker = WorkerProcess()
 
     def content(self, target: Target, form: str) -> bytes:
-        """The report in a form of `tsis.report.PAGE_FORMS`; errors as `tsis.report._forms` and `WorkerProcess.ask`."""
-        return self._apart.ask(report_of_stored_target, self._place, target.number, form)
+        """The report in a form of `tsis.report.PAGE_FORMS`; errors as `tsis.report._forms` and `WorkerProcess.call`."""
+        return self._worker.call(report_of_stored_target, self._folder, target.number, form)
 
     def write(self, target: Target, form: str, path: Path) -> None:
         """The same as a new file; also `FileInputError` when it cannot be written."""
@@ -139,4 +139,4 @@ class Reports:
 
     def close(self) -> None:
         """Make none any more."""
-        self._apart.close()
+        self._worker.close()

@@ -1,4 +1,4 @@
-"""Elements of a page that show the frames as they come; those of one page share one connection."""
+"""Elements of a page that show the live frames over one shared connection."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ADDRESS = "/live"
 
 
 class FrameElement(Element, esm={"tsis-live": "browser"}):
-    """What shows frames.
+    """An element that shows frames.
 
     Props that are no plain words are JSON: whenever one of them changes all are sent, and the browser would take a list
     for a new one each time, and draw anew.
@@ -35,7 +35,7 @@ class FrameElement(Element, esm={"tsis-live": "browser"}):
 
 
 class ColouredFrames(FrameElement):
-    """What shows frames in colours, with the scale of a pixel.
+    """An element that shows frames in colours, with the scale of a pixel.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ class ColouredFrames(FrameElement):
         """
         self._set("range", json.dumps(checked_ends(ends)))
 
-    def tell(self, state: InstrumentState) -> None:
-        """Take the scale from the bench's state."""
+    def update_state(self, state: InstrumentState) -> None:
+        """Set the scale from the instrument's state."""
         scale = state.camera.mm_per_pixel
         self._set("scale", json.dumps(scale))
 
@@ -90,9 +90,9 @@ class LiveView(ColouredFrames, component="live_view.js"):
         """Show or hide outline and centroid of the contact."""
         self._set("overlay", bool(shown))
 
-    def tell(self, state: InstrumentState) -> None:
-        """Take scale and words from the bench's state."""
-        super().tell(state)
+    def update_state(self, state: InstrumentState) -> None:
+        """Set scale and text from the instrument's state."""
+        super().update_state(state)
         self._set("words", f"live image of the probe: {analysis_text(state)}")
         self._set("notice", notice(state))
 
@@ -104,9 +104,9 @@ class SurfaceView(ColouredFrames, component="surface_view.js"):
         super().__init__(map_name=map_name, ends=ends)
         self._props["words"] = "relief of the live image"
 
-    def tell(self, state: InstrumentState) -> None:
-        """Take scale and words from the bench's state."""
-        super().tell(state)
+    def update_state(self, state: InstrumentState) -> None:
+        """Set scale and text from the instrument's state."""
+        super().update_state(state)
         self._set("words", f"relief of the live image: {analysis_text(state)}; arrow keys turn it")
 
 
@@ -124,24 +124,24 @@ class Histogram(FrameElement, component="histogram.js"):
         self._props["log"] = log
         self._props["words"] = "grey levels of the newest frame"
 
-    def tell(self, state: InstrumentState) -> None:
-        """Take words from the bench's state."""
+    def update_state(self, state: InstrumentState) -> None:
+        """Set the text from the instrument's state."""
         self._set("words", f"grey levels of the newest frame: {histogram_text(state)}")
 
 
 def analysis_text(state: InstrumentState) -> str:
-    """What the newest frame shows, for those who do not see it."""
-    if not state.camera.running or state.sight is None:
+    """The newest frame as text, for screen readers."""
+    if not state.camera.running or state.frame_analysis is None:
         return "no frames"
-    observed = state.sight.contact
+    observed = state.frame_analysis.contact
     if observed is None:
         return "nothing is pressed"
     return "contact around column {:.0f}, row {:.0f}".format(*observed.centroid_px)
 
 
 def histogram_text(state: InstrumentState) -> str:
-    """What a histogram shows, for those who do not see it."""
-    analysis = state.sight
+    """A histogram as text, for screen readers."""
+    analysis = state.frame_analysis
     if not state.camera.running or analysis is None:
         return "no frames"
     upto = list(accumulate(analysis.histogram))
@@ -150,7 +150,7 @@ def histogram_text(state: InstrumentState) -> str:
 
 
 def notice(state: InstrumentState) -> str:
-    """Why what is seen may be old; empty while frames come."""
+    """Why the image may be old; empty while frames arrive."""
     if not state.camera.running:
         return "the camera is stopped"
     return "the camera is away; this is its last frame" if state.camera.lost else ""

@@ -130,18 +130,18 @@ class NewestFrame:
 
     Attributes
     ----------
-    arrival
+    received
         The frame, and when it came.
     number
         How many frames had come with it.
     """
 
-    arrival: ReceivedFrame
+    received: ReceivedFrame
     number: int
 
 
 class LiveHub:
-    """One thread that waits for frames and wakes the viewers, which live in an event loop.
+    """A thread that waits for frames and notifies the clients in an event loop.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ class LiveHub:
         self._latest: NewestFrame | None = None
         self._packed: dict[int | None, tuple[NewestFrame, bytes]] = {}  # by quality
         self._packing: dict[int | None, threading.Lock] = {}
-        self._told: tuple[FrameAnalysis | None, str] = (None, analysis_json(None))
+        self._described: tuple[FrameAnalysis | None, str] = (None, analysis_json(None))
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live view", daemon=True)
         self._thread.start()
@@ -172,21 +172,21 @@ class LiveHub:
         return len(self._viewers)
 
     def packed(self, newest: NewestFrame, quality: int | None) -> bytes:
-        """A frame as `packet`, made once for all who watch in that quality, whichever threads they ask in."""
+        """A frame as `packet`, built once for all clients of that quality; safe for several threads."""
         with self._packing.setdefault(quality, threading.Lock()):
             stored = self._packed.get(quality)
             if stored is not None and stored[0] is newest:
                 return stored[1]
-            came_ms = (newest.arrival.arrived_s + time.time() - time.monotonic()) * 1000.0
-            created = packet(newest.arrival, number=newest.number, came_ms=came_ms, jpeg_quality=quality)
+            came_ms = (newest.received.arrived_s + time.time() - time.monotonic()) * 1000.0
+            created = packet(newest.received, number=newest.number, came_ms=came_ms, jpeg_quality=quality)
             self._packed[quality] = newest, created
             return created
 
     def text(self, frame_analysis: FrameAnalysis | None) -> str:
-        """What a frame shows as `analysis_json`, made once for all who watch."""
-        reported = self._told
+        """The analysis as `analysis_json`, built once for all clients."""
+        reported = self._described
         if reported[0] is not frame_analysis:
-            self._told = reported = frame_analysis, analysis_json(frame_analysis)
+            self._described = reported = frame_analysis, analysis_json(frame_analysis)
         return reported[1]
 
     @contextmanager
@@ -226,7 +226,7 @@ class LiveHub:
                 position = acquisition.ring.end
                 received = acquisition.latest()
                 if received is not None:
-                    self._latest = NewestFrame(arrival=received, number=position)
+                    self._latest = NewestFrame(received=received, number=position)
                     self._wake()
 
     def _wake(self) -> None:

@@ -80,13 +80,13 @@ async def _send_frames(
     while True:
         await news.wait()
         news.clear()
-        newest, analysis = hub.latest, instrument.sight
+        newest, analysis = hub.latest, instrument.frame_analysis
         if newest is None:
             continue
         if analysis is not reported:
             reported = analysis
             await socket.send_text(hub.text(analysis))
-        at_once = quality is None and is_as_shown(newest.arrival)
+        at_once = quality is None and is_as_shown(newest.received)
         packed = hub.packed(newest, quality) if at_once else await to_thread(hub.packed, newest, quality)
         drawn.clear()
         await socket.send_bytes(packed)

@@ -1,4 +1,4 @@
-"""Which calibration is in force: the one that was given as long as it fits the camera, or the virtual probe's own."""
+"""The active calibration: the chosen one while it fits the camera, or the virtual probe's own."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ActiveCalibration:
-    """What one judgement found: its parts belong together, whatever the camera is set to a moment later.
+    """Result of one check; its parts belong to the same camera settings.
 
     Attributes
     ----------
-    known
-        The calibration in force; None without one.
+    calibration
+        The active calibration; None without one.
     why
-        Why there is none, in one sentence; empty where none is wanted.
+        Why there is none; empty where none is requested.
     scale
-        Size (x, y) of a pixel on the face, mm; None when nobody knows it.
+        Size (x, y) of a pixel on the face, mm; None when unknown.
     probe
         Name of the probe: of the virtual one, of the calibration, or as it was chosen with the camera.
     reference
-        What the press guard compares frames with.
+        Reference frame of the press guard.
     """
 
-    known: UsableCalibration | None
+    calibration: UsableCalibration | None
     why: str
     scale: Pair | None
     probe: str
@@ -46,31 +46,31 @@ class ActiveCalibration:
 
     @property
     def compared(self) -> tuple[GuardReference, Pair | None]:
-        """What frames that are watched are compared with, and their scale."""
+        """Reference of the watched frames, and their scale."""
         return self.reference, self.scale
 
-    def told(self) -> dict[str, Any]:
-        """Probe and calibration, as files beside frames tell of them."""
-        return {"probe": self.probe, "calibration": None if self.known is None else self.known.citation()}
+    def sidecar_entries(self) -> dict[str, Any]:
+        """Probe and calibration, for the files beside frames."""
+        return {"probe": self.probe, "calibration": None if self.calibration is None else self.calibration.citation()}
 
 
 class ActiveCalibrationCheck:
-    """Judges a calibration by the camera as it runs: another exposure puts it out of force until it is set back.
+    """Checks a calibration against the running camera: it is inactive while a setting such as the exposure differs.
 
     Parameters
     ----------
     desk
         Where the camera is.
     given
-        What was put in force; None for the virtual probe's own, or none.
+        The chosen calibration; None for the virtual probe's own, or none.
     """
 
     def __init__(self, camera_controller: CameraController, given: UsableCalibration | None) -> None:
-        self._desk, self._given = camera_controller, given
-        self._kept: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
+        self._camera, self._chosen = camera_controller, given
+        self._checked: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
 
     def use(self, given: UsableCalibration | None) -> None:
-        """Put another one in force; None for the virtual probe's own, or none.
+        """Choose another one; None for the virtual probe's own, or none.
 
         Raises
         ------
@@ -78,28 +78,28 @@ class ActiveCalibrationCheck:
             When it does not fit; the one before stays.
         """
         if given is not None:
-            _require_fit(given, self._desk)
-        self._given = given
+            _require_fit(given, self._camera)
+        self._chosen = given
 
     def now(self) -> ActiveCalibration:
-        """Judge once by the camera as it is set now."""
-        subject, choice = self._desk.stage, self._desk.choice
-        given, why = self._judged(self._given or (None if subject is None else subject.calibration))
+        """Check once with the camera's present settings."""
+        subject, choice = self._camera.subject, self._camera.choice
+        given, why = self._check(self._chosen or (None if subject is None else subject.calibration))
         measured = None if given is None else given.calibration.scale
         scale = None if subject is None else subject.mm_per_pixel
         return ActiveCalibration(
-            known=given,
+            calibration=given,
             why=why,
             scale=scale if measured is None else measured.mm_per_pixel,
             probe=choice.probe if choice.is_virtual or given is None else given.calibration.probe or choice.probe,
             reference=self._reference(given, subject),
         )
 
-    def _judged(self, calibration: UsableCalibration | None) -> tuple[UsableCalibration | None, str]:
+    def _check(self, calibration: UsableCalibration | None) -> tuple[UsableCalibration | None, str]:
         if calibration is None:
             return None, ""
         try:
-            _require_fit(calibration, self._desk)
+            _require_fit(calibration, self._camera)
         except CalibrationError as error:
             return None, str(error)
         return calibration, ""
@@ -107,7 +107,7 @@ class ActiveCalibrationCheck:
     def _reference(
         self, calibration: UsableCalibration | None, virtual_subject: VirtualSubject | None
     ) -> GuardReference:
-        saved = self._kept
+        saved = self._checked
         if saved is None or saved[0] is not calibration or saved[1] is not virtual_subject:
             own = virtual_subject is not None and calibration is virtual_subject.calibration
             created = (
@@ -115,7 +115,7 @@ class ActiveCalibrationCheck:
                 if virtual_subject is not None and own
                 else guard_reference(calibration)
             )
-            self._kept = saved = calibration, virtual_subject, created
+            self._checked = saved = calibration, virtual_subject, created
         return saved[2]
 
 

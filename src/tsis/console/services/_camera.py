@@ -1,4 +1,4 @@
-"""The camera's settings as they are, read in a thread: drivers take their time, and people change them elsewhere."""
+"""The camera's present settings, read in a thread: drivers are slow, and settings change elsewhere."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 
 EVERY_S = 1.0
-LOOK_S = 1.0  # that a look waits for another one, which may be stuck in a driver
+LOOK_S = 1.0  # for which a reading waits for another one, which may be stuck in a driver
 
 
 class SettingsCache:
-    """Knows what can be adjusted now, without asking the camera each time that somebody wants to know.
+    """Caches the camera's settings.
 
     The force of the virtual probe is left out: no camera has such a setting.
 
@@ -36,17 +36,17 @@ class SettingsCache:
     acquisition
         Gives the running acquisition; None while there is none.
     changed
-        Called when a setting has another value than at the last look.
+        Called when a setting has changed since the last reading.
     every_s
-        Time between two looks, s.
+        Time between two readings, s.
     """
 
     def __init__(
         self, acquisition: Callable[[], Acquisition | None], changed: Callable[[], None], *, every_s: float = EVERY_S
     ) -> None:
         self._acquisition, self._changed, self._every_s = acquisition, changed, every_s
-        self._one_look = threading.Lock()
-        self._seen: tuple[Acquisition | None, tuple[Setting, ...]] = (None, ())
+        self._lock = threading.Lock()
+        self._last: tuple[Acquisition | None, tuple[Setting, ...]] = (None, ())
         self._values: dict[str, float] = {}
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="settings of the camera", daemon=True)
@@ -55,12 +55,12 @@ class SettingsCache:
     def now(self) -> tuple[Setting, ...]:
         """What can be adjusted; empty while the camera is stopped or away. It never waits."""
         acquisition = self._acquisition()
-        of, settings = self._seen
+        of, settings = self._last
         return settings if acquisition is not None and acquisition is of and not acquisition.lost else ()
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Ask the camera now."""
-        if not self._one_look.acquire(timeout=LOOK_S):
+        if not self._lock.acquire(timeout=LOOK_S):
             return
         try:
             acquisition = self._acquisition()
@@ -68,12 +68,12 @@ class SettingsCache:
                 return
             settings = tuple(setting for setting in acquisition.settings() if setting.name != FORCE_SETTING)
             values = {setting.name: setting.value for setting in settings}
-            differ = acquisition is self._seen[0] and values != self._values
-            self._seen, self._values = (acquisition, settings), values
+            differ = acquisition is self._last[0] and values != self._values
+            self._last, self._values = (acquisition, settings), values
         except TsisError:  # it went this moment
             return
         finally:
-            self._one_look.release()
+            self._lock.release()
         if differ:
             self._changed()
 
@@ -84,7 +84,7 @@ class SettingsCache:
 
     def _run(self) -> None:
         while not self._closing.wait(self._every_s):
-            self.look()
+            self.refresh()
 
 
 FRESH_S = 5.0  # within which a frame must come, or within some frames of a slow camera
@@ -113,7 +113,7 @@ class CameraController:
     ----------
     choice
         Which camera.
-    stage
+    subject
         The virtual probe; None before its first start and for other cameras.
     acquisition
         The running camera; None while it is stopped.
@@ -129,12 +129,12 @@ class CameraController:
         connect_to: Callable[[str], Camera] = connect,
     ) -> None:
         self.choice, self.role, self.force_n = choice, choice.roles[0], choice.touch_n
-        self.stage: VirtualSubject | None = None
+        self.subject: VirtualSubject | None = None
         self.acquisition: Acquisition | None = None
         self._beginning: Acquisition | None = None
-        self._connect_to, self._told = connect_to, changed
+        self._connect_to, self._on_change = connect_to, changed
         self._as_it_came: tuple[Setting, ...] = ()
-        self._wanted: dict[str, float] = {}
+        self._requested: dict[str, float] = {}
         self._change: tuple[Acquisition | None, int, float] = (None, 0, 0.0)
         self._closed = False
         self._settings = SettingsCache(lambda: self.acquisition, self._changed)
@@ -158,9 +158,9 @@ class CameraController:
     def choose(self, choice: CameraChoice) -> None:
         """Let go of the camera, and take another one; it is not yet started."""
         self.stop()
-        self.choice, self.stage = choice, None
+        self.choice, self.subject = choice, None
         self.role, self.force_n = choice.roles[0], choice.touch_n
-        self._as_it_came, self._wanted = (), {}
+        self._as_it_came, self._requested = (), {}
 
     def start(self) -> None:
         """Connect and begin to stream; when it runs already, nothing happens.
@@ -176,7 +176,7 @@ class CameraController:
         acquisition = Acquisition(
             connector,
             mode=self.choice.mode,
-            settings=self._wanted,
+            settings=self._requested,
             lost_after_s=PATIENT_S if self.choice.is_virtual else LOST_AFTER_S,
         )
         self._beginning = acquisition
@@ -186,14 +186,14 @@ class CameraController:
             self._require_open()
             self.acquisition = acquisition
         except InputError:  # e.g. a setting that this camera does not take: the next start shall not ask for it
-            self._wanted = {}
+            self._requested = {}
             raise
         except ControlError:
             acquisition.stop()
             raise
         finally:
             self._beginning = None
-        self._settings.look()
+        self._settings.refresh()
         if not self._as_it_came:
             self._as_it_came = self.settings()
 
@@ -216,9 +216,9 @@ class CameraController:
         """What can be adjusted, at most a second old; empty while the camera is stopped or away. It never waits."""
         return self._settings.now()
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Ask the camera for its settings now."""
-        self._settings.look()
+        self._settings.refresh()
 
     def adjust(self, name: str, value: float) -> None:
         """Change a setting now and after each reconnection; errors as `Acquisition.adjust`."""
@@ -226,16 +226,16 @@ class CameraController:
         if present := self.settings():
             require_one_of("setting", name, [item.name for item in present])
         acquisition.adjust(name, value)
-        self._wanted[name] = float(value)
+        self._requested[name] = float(value)
         self._changed()
-        self._settings.look()
+        self._settings.refresh()
 
     def preset(self, name: str) -> None:
         """Make all settings of a preset: as the camera came, or as low as they go."""
         for setting, value in preset(name, self._as_it_came).items():
             self.adjust(setting, value)
 
-    def wanted(self, role: str | None, force_n: float | None, *, forget: bool = False) -> tuple[str, float | None]:
+    def completed(self, role: str | None, force_n: float | None, *, forget: bool = False) -> tuple[str, float | None]:
         """Role and force that somebody means who names only what changes.
 
         Parameters
@@ -271,8 +271,8 @@ class CameraController:
         if self.choice.is_virtual or force_n is not None:
             most = LARGEST_FORCE_N if self.choice.is_virtual else MOST_TYPED_N
             force_n = require_number("force_n", force_n, 0.0, most, hint="newtons")
-        if self.stage is not None and force_n is not None:
-            self.stage.hold(role, force_n)
+        if self.subject is not None and force_n is not None:
+            self.subject.hold(role, force_n)
         self.role, self.force_n = role, force_n
         self._mark()
 
@@ -306,7 +306,7 @@ class CameraController:
 
     def _changed(self) -> None:
         self._mark()
-        self._told()
+        self._on_change()
 
     def _mark(self) -> None:
         """Remember when the last change was, and how many frames had come."""
@@ -327,12 +327,12 @@ class CameraController:
     def _connector(self) -> Callable[[], Camera]:
         if not self.choice.is_virtual:
             return partial(self._connect_to, self.choice.spec)
-        subject = VirtualSubject(self.choice) if self.stage is None else self.stage
+        subject = VirtualSubject(self.choice) if self.subject is None else self.subject
         assert self.force_n is not None
-        if self.stage is None:
+        if self.subject is None:
             # Solved before it streams: a camera that brings no frame for seconds counts as lost.
             subject.hold(self.role, self.force_n)
-            self.stage = subject
+            self.subject = subject
         return subject.connect
 
 

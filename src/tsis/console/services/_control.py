@@ -1,4 +1,4 @@
-"""Who holds the camera: one operator acts, everybody else watches."""
+"""The control lock: one operator commands the camera, everybody else watches."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
     from tsis.console.services._jobs import Job
 
 
-LOCK_S = 10.0  # a holder who was not heard of for so long has gone
+LOCK_S = 10.0  # timeout of an owner without a sign of life
 SHORTEST_LOCK_S, LONGEST_LOCK_S = 1.0, 3600.0
 LONGEST_OWNER_NAME = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Owner:
-    """Who holds the camera.
+    """The owner of the camera's control.
 
     Attributes
     ----------
     identity
-        Of the tab of a browser, or of a script.
+        Identity of a browser tab or a script.
     name
-        What other people see.
+        Name shown to others.
     """
 
     identity: str
@@ -40,7 +40,7 @@ class Owner:
 
 
 class ControlLock:
-    """Gives the camera to one at a time; safe for several threads.
+    """Gives the camera to one owner at a time; safe for several threads.
 
     Parameters
     ----------
@@ -58,24 +58,24 @@ class ControlLock:
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._lock = clock, threading.Lock()
-        self._holder: Owner | None = None
-        self._heard_s, self._held_s = 0.0, LOCK_S
+        self._owner: Owner | None = None
+        self._heard_s, self._lock_s = 0.0, LOCK_S
         self._taken_from = self._acting = ""
 
-    def holder(self) -> Owner | None:
-        """Who holds the camera now; None when nobody does."""
+    def owner(self) -> Owner | None:
+        """The owner; None without one."""
         with self._lock:
             return self._present()
 
     def take(self, identity: str, name: str, *, over: bool = False, held_s: float = LOCK_S) -> None:
-        """Hold the camera from now on; ``over`` takes it from whoever holds it.
+        """Take the camera; ``over`` takes it from another owner.
 
-        It is held until nothing was heard of the holder for ``held_s`` seconds, in [1, 3600].
+        The lock ends after ``held_s`` seconds, in [1, 3600], without a sign of life of the owner.
 
         Raises
         ------
         ControlError
-            When somebody else holds it.
+            When another owner has it.
         InputError
             When the name cannot be shown, or the time lies outside its range.
         """
@@ -88,37 +88,37 @@ class ControlLock:
             stored = self._present()
             other = stored is not None and stored.identity != identity
             if stored is not None and other and not over:
-                raise self._held_by(stored, identity)
+                raise self._require_owner(stored, identity)
             self._taken_from = stored.identity if stored is not None and other else self._taken_from
-            self._holder, self._held_s = Owner(identity=identity, name=name), held_s
+            self._owner, self._lock_s = Owner(identity=identity, name=name), held_s
             self._heard_s = self._clock()
 
     def heard_of(self, identity: str) -> None:
-        """Say that the holder is still there; of anybody else it changes nothing."""
+        """Record a sign of life of the owner; nothing for anybody else."""
         with self._lock:
             stored = self._present()
             if stored is not None and stored.identity == identity:
                 self._heard_s = self._clock()
 
     def release(self, identity: str) -> None:
-        """Give the camera back; of anybody but the holder it changes nothing."""
+        """Release the camera; nothing for anybody but the owner."""
         with self._lock:
-            if self._holder is not None and self._holder.identity == identity:
-                self._holder = None
+            if self._owner is not None and self._owner.identity == identity:
+                self._owner = None
 
     def require(self, identity: str) -> None:
-        """Refuse an act of who does not hold the camera, with `ControlError`."""
+        """Raise `ControlError` for anybody but the owner."""
         with self._lock:
             stored = self._present()
             if stored is None:
                 raise ControlError("nobody holds the camera; take it first")
             if stored.identity != identity:
-                raise self._held_by(stored, identity)
+                raise self._require_owner(stored, identity)
             self._heard_s = self._clock()
 
     @contextmanager
     def acting(self, identity: str) -> Iterator[None]:
-        """Do inside what may last longer than a holder may be silent; refusals as `require`."""
+        """Keep the lock during a long command; errors as `require`."""
         self.require(identity)
         self._acting = identity
         try:
@@ -126,17 +126,17 @@ class ControlLock:
         finally:
             with self._lock:
                 self._acting = ""
-                if self._holder is not None and self._holder.identity == identity:
+                if self._owner is not None and self._owner.identity == identity:
                     self._heard_s = self._clock()
 
     def _present(self) -> Owner | None:
         """Whoever acts is there, however long nothing else was heard."""
-        silent = self._clock() - self._heard_s > self._held_s
-        if silent and self._holder is not None and self._holder.identity != self._acting:
-            self._holder = None
-        return self._holder
+        silent = self._clock() - self._heard_s > self._lock_s
+        if silent and self._owner is not None and self._owner.identity != self._acting:
+            self._owner = None
+        return self._owner
 
-    def _held_by(self, owner: Owner, identity: str) -> ControlError:
+    def _require_owner(self, owner: Owner, identity: str) -> ControlError:
         if identity == self._taken_from:
             return ControlError(f"{owner.name} has taken the camera over; watch, or take it back")
         return ControlError(f"the camera is held by {owner.name}; watch, or take it over")
@@ -148,16 +148,16 @@ SEQUENCE_S = 5.0  # for which a sequence that was asked to end is waited for
 
 
 class Commands:
-    """Lets one act at a time pass; an act that lasts is named to those who come meanwhile.
+    """Runs one command at a time; a long command is named to those who wait.
 
     Parameters
     ----------
     control
-        Says who holds the camera.
+        The control lock.
     patience_s
-        How long an act waits for the one before, s.
+        How long a command waits for the one before, s.
     clock
-        Tells the time, s.
+        Time in s.
 
     Attributes
     ----------
@@ -182,15 +182,15 @@ class Commands:
         timeout_s: float = COMMAND_TIMEOUT_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._control, self._patience_s, self._clock = control, timeout_s, clock
-        self._one = threading.Lock()
+        self._control, self._timeout_s, self._clock = control, timeout_s, clock
+        self._lock = threading.Lock()
         self._doing: tuple[str, float] | None = None  # what, and since when
         self._closed = False
         self.sequence: Job | None = None
 
     @property
     def busy(self) -> str:
-        """What is being done now, as ``"moving the probe (12 s so far)"``; empty when nothing is."""
+        """The running command, as ``"moving the probe (12 s so far)"``; empty without one."""
         now = self._doing
         if now is None:
             return ""
@@ -200,24 +200,24 @@ class Commands:
 
     @contextmanager
     def act(self, by: str, doing: str, *, instead: str = "") -> Iterator[None]:
-        """Do something inside, as who holds the camera, and as nobody else does anything.
+        """Run a command of the owner inside, alone.
 
         Parameters
         ----------
         by
-            Identity of who acts.
+            Identity of the caller.
         doing
-            What is done, as others read it after "the bench is busy".
+            The command, as others read it after "the bench is busy".
         instead
             What a sequence under way forbids, as "another camera can be chosen"; empty where it forbids nothing.
 
         Raises
         ------
         ControlError
-            When somebody else holds the camera, another act lasts, a sequence forbids it, or the bench was closed.
+            When somebody else has the camera, another command runs, a sequence forbids it, or the instrument is closed.
         """
         self._control.require(by)
-        if not self._one.acquire(timeout=self._patience_s):
+        if not self._lock.acquire(timeout=self._timeout_s):
             raise ControlError(f"the bench is busy {self.busy or 'with something else'}; try again when that is over")
         try:
             self._require_open()
@@ -228,15 +228,15 @@ class Commands:
                 yield
         finally:
             self._doing = None
-            self._one.release()
+            self._lock.release()
 
     def require_no_sequence(self, instead: str) -> None:
-        """Refuse, with `ControlError`, what would spoil a sequence under way."""
+        """Raise `ControlError` while a sequence runs."""
         if self.sequence is not None and self.sequence.state().status == RUNNING:
             raise ControlError(f"a sequence is being recorded; {instead} when it is over (or end it)")
 
     def close(self) -> None:
-        """Let no further act pass; one that is under way goes on, and a sequence is ended as a whole one."""
+        """Refuse further commands; a running one continues, and a sequence is ended completely."""
         self._closed = True
         if self.sequence is not None:
             self.sequence.end()

@@ -1,4 +1,4 @@
-"""An estimate from stored presses of a target, made and kept as a job."""
+"""An estimate from stored presses of a target, as a job."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def estimate_target(
     options: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> StoredEstimate:
-    """Estimate from presses of a target and store what was found.
+    """Estimate from presses of a target and store the estimate.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What one frame shows: contact, grey levels, exposure, and what speaks against the press."""
+"""Analysis of a frame: contact, grey levels, exposure, and flags of the press."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ContactView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameAnalysis:
-    """What the newest frame shows.
+    """Analysis of the newest frame.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class FrameAnalysis:
     flags
         What speaks against the press.
     force
-        That of the press; None where nobody knows it.
+        That of the press; None where unknown.
     still
         ``"settled"``, ``"moving"``, ``"wait 4 s"``, or empty where nobody can tell.
     contact
@@ -71,7 +71,7 @@ class FrameAnalysis:
     clipped_share
         Of the pixels at full scale.
     warnings
-        One sentence for each thing that is wrong with the exposure.
+        A message for each problem of the exposure.
     """
 
     number: int
@@ -93,12 +93,12 @@ def analyse_frame(
     force: PressForce | None,
     untouched: NDArray[np.float64] | None,
 ) -> tuple[FrameAnalysis, WatchState]:
-    """Look at a frame.
+    """Analyse a frame.
 
     Parameters
     ----------
     watch, state
-        The press guard, and what it remembers.
+        The press guard, and its state.
     frame
         As the camera delivered it.
     number
@@ -106,7 +106,7 @@ def analyse_frame(
     force
         Of the press.
     untouched
-        Grey levels of the untouched probe, `reduced`; None when nobody knows them.
+        Grey levels of the untouched probe, `reduced`; None when unknown.
     """
     flags, after = watch.step(state, frame, None if force is None else force.value_n)
     counts = histogram(frame)
@@ -134,7 +134,7 @@ def histogram(frame: Frame) -> NDArray[np.int64]:
 
 
 def exposure_warnings(counts: NDArray[np.int64], clipped_fraction: float) -> tuple[str, ...]:
-    """What is wrong with the exposure, and the cure."""
+    """Problems of the exposure, with a cure."""
     bright = int(np.searchsorted(np.cumsum(counts), BRIGHT_QUANTILE * counts.sum())) / BINS
     if clipped_fraction > CLIPPED:
         return (f"{clipped_fraction:.1%} of the pixels are at full scale: shorten the exposure or lower the gain",)
@@ -144,7 +144,7 @@ def exposure_warnings(counts: NDArray[np.int64], clipped_fraction: float) -> tup
 
 
 def reduced(levels: NDArray[Any]) -> NDArray[np.float64]:
-    """A frame made so small that its contact is found quickly: means over equal areas, `LARGEST_SIDE_PX` at most."""
+    """A frame reduced by means over equal areas to at most `LARGEST_SIDE_PX`."""
     shrink = max(1.0, max(levels.shape) / LARGEST_SIDE_PX)
     size = (max(3, round(levels.shape[1] / shrink)), max(3, round(levels.shape[0] / shrink)))
     grey = np.asarray(levels, dtype=np.float32)  # OpenCV would round the means of whole numbers
@@ -152,7 +152,7 @@ def reduced(levels: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView | None:
-    """The contact, looked for in a `reduced` frame; None when nothing stands out."""
+    """The contact in a `reduced` frame; None without one."""
     small = reduced(frame.pixels)
     if untouched is not None and untouched.shape == small.shape:
         small -= untouched

@@ -1,4 +1,4 @@
-"""The instrument as one program holds it, whoever looks: camera, target, calibration and store."""
+"""The instrument: camera, target, calibration and store."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ if TYPE_CHECKING:
 class Instrument:
     """Camera, target, calibration and store; safe for several threads.
 
-    Whoever acts gives an identity, ``by``, and must hold the camera: `ControlLock.take` gives it. Acts come in turn.
-    Each raises `ControlError` when somebody else holds the camera, or another act lasts for seconds.
+    A command names its caller's identity, ``by``, which must own the camera (`ControlLock.take`). Commands run in turn.
+    Each raises `ControlError` when somebody else owns the camera, or another command lasts for seconds.
 
     Parameters
     ----------
     terms
-        Where things are kept, and what it begins with.
+        Folders and initial settings.
     connect_to
         Gives a live camera by its name, as `tsis.instrument.connect`.
 
@@ -63,20 +63,24 @@ class Instrument:
         # What can fail comes first, so that nothing is left running then.
         given = None if terms.calibration is None else read_usable_calibration(terms.calibration)
         self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
-        self.control, self.jobs, self._place = ControlLock(), Jobs(), StoreCheck(self.store)
-        self._acts, self.search = Commands(self.control), CameraSearch(self.jobs)
+        self.control, self.jobs, self._folder = ControlLock(), Jobs(), StoreCheck(self.store)
+        self._commands, self.search = Commands(self.control), CameraSearch(self.jobs)
         self.terms, self._target = terms, 1
         self._gauge: ForceLog | None = None
-        self.desk = CameraController(terms.choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to)
-        self._in_force = ActiveCalibrationCheck(self.desk, given)
+        self.camera_controller = CameraController(
+            terms.choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to
+        )
+        self._in_force = ActiveCalibrationCheck(self.camera_controller, given)
         self.calibrating = CalibrationSessions(
             terms.workspace / "calibrations",
             control=self.control,
             jobs=self.jobs,
-            camera_controller=self.desk,
+            camera_controller=self.camera_controller,
             gauge=lambda: self._gauge,
         )
-        self._watcher = Watcher(lambda: self.desk.acquisition, lambda: self._in_force.now().compared, self._force)
+        self._watcher = Watcher(
+            lambda: self.camera_controller.acquisition, lambda: self._in_force.now().compared, self._force
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -85,89 +89,89 @@ class Instrument:
         self.close()
 
     def close(self) -> None:
-        """Let go of camera, gauge and store; a sequence under way is ended as a whole one. Again it does nothing."""
+        """Close camera, gauge and store; a running sequence is completed. A second call does nothing."""
         with ExitStack() as left:  # the last first, and each whatever becomes of the others
             left.callback(self.store.close)
             if self._gauge is not None:
                 left.callback(self._gauge.stop)
-            left.callback(self.desk.close)
+            left.callback(self.camera_controller.close)
             left.callback(self._watcher.close)
             left.callback(self.jobs.close)
-            left.callback(self._acts.close)
+            left.callback(self._commands.close)
 
     @property
     def calibration(self) -> UsableCalibration | None:
-        """The one in force: that which was given, else the virtual probe's own; None while it does not fit."""
-        return self._in_force.now().known
+        """The active calibration: the chosen one, else the virtual probe's own; None while it does not fit."""
+        return self._in_force.now().calibration
 
     @property
-    def sight(self) -> FrameAnalysis | None:
-        """What the newest frame shows; None while none is looked at."""
-        return self._watcher.sight
+    def frame_analysis(self) -> FrameAnalysis | None:
+        """Analysis of the newest frame; None without one."""
+        return self._watcher.frame_analysis
 
     def state(self) -> InstrumentState:
-        """Everything that pages show; it never waits for the camera nor for an act."""
-        in_force, gauge, sequence = self._in_force.now(), self._gauge, self._acts.sequence
-        given, camera = in_force.known, camera_state(self.desk, in_force.scale)
+        """The state that pages show; it never waits for the camera or a command."""
+        in_force, gauge, sequence = self._in_force.now(), self._gauge, self._commands.sequence
+        given, camera = in_force.calibration, camera_state(self.camera_controller, in_force.scale)
         return InstrumentState(
             camera=camera,
             target=self._target,
-            role=self.desk.role,
-            roles=self.desk.roles,
-            force_n=self.desk.force_n,
+            role=self.camera_controller.role,
+            roles=self.camera_controller.roles,
+            force_n=self.camera_controller.force_n,
             calibration="" if given is None else given.calibration.name,
             calibration_identity="" if given is None else given.identity,
-            sight=self.sight,
-            holder=self.control.holder(),
+            frame_analysis=self.frame_analysis,
+            owner=self.control.owner(),
             sequence=None if sequence is None else sequence.state(),
             jobs=self.jobs.states(),
             trouble=trouble_messages(
-                camera, gauge, in_force.why, self._watcher.failure, store_gone=self._place.trouble()
+                camera, gauge, in_force.why, self._watcher.failure, store_gone=self._folder.trouble()
             ),
-            busy=self._acts.busy,
+            busy=self._commands.busy,
             gauge="" if gauge is None else gauge.name,
         )
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:
-        """Take another camera, not yet started; a calibration that was given stays in force where it fits."""
-        with self._acts.act(by, "choosing a camera", instead="another camera can be chosen"):
-            self.desk.choose(choice)
+        """Choose another camera, not yet started; a chosen calibration stays active where it fits."""
+        with self._commands.act(by, "choosing a camera", instead="another camera can be chosen"):
+            self.camera_controller.choose(choice)
             self._watcher.begin_anew()
 
     def start(self, *, by: str) -> None:
         """Start the camera; errors as `CameraController.start`. When it runs already, nothing happens."""
-        with self._acts.act(by, "starting the camera"):
-            self.desk.start()
+        with self._commands.act(by, "starting the camera"):
+            self.camera_controller.start()
 
     def stop(self, *, by: str) -> None:
         """Stop the camera."""
-        with self._acts.act(by, "stopping the camera", instead="the camera can be stopped"):
-            self.desk.stop()
+        with self._commands.act(by, "stopping the camera", instead="the camera can be stopped"):
+            self.camera_controller.stop()
 
     def adjust(self, name: str, value: float, *, by: str) -> None:
         """Change a setting of the camera; errors as `Acquisition.adjust`."""
-        with self._acts.act(by, "changing a setting"):
-            self.desk.adjust(name, value)
+        with self._commands.act(by, "changing a setting"):
+            self.camera_controller.adjust(name, value)
 
     def preset(self, name: str, *, by: str) -> None:
         """Make all settings of a preset: ``"default"`` or ``"minimal"``."""
-        with self._acts.act(by, "changing settings"):
-            self.desk.preset(name)
+        with self._commands.act(by, "changing settings"):
+            self.camera_controller.preset(name)
 
     def set_target(self, number: int, *, by: str) -> None:
         """Choose the target that snapshots go to, in [1, 99999]."""
-        with self._acts.act(by, "choosing a target"):
+        with self._commands.act(by, "choosing a target"):
             self._target = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
 
     def step_target(self, many: int, *, by: str) -> None:
         """Choose the target so many after the present one, whichever that is when it is done; before where negative."""
-        with self._acts.act(by, "choosing a target"):
+        with self._commands.act(by, "choosing a target"):
             self._target = require_integer(
                 "target", self._target + many, 1, LARGEST_TARGET, hint="number of the target"
             )
 
     def hold(self, *, role: str | None = None, force_n: float | None = None, forget: bool = False, by: str) -> None:
-        """Say what is pressed and how hard; the virtual probe is lifted and held there.
+        """Set role and force of the press; the virtual probe moves there.
 
         Raises
         ------
@@ -176,59 +180,65 @@ class Instrument:
         ControlError
             When it would be another role than that of the sequence under way.
         """
-        with self._acts.act(by, "moving the probe" if self.desk.choice.is_virtual else "noting the press"):
-            requested, force_n = self.desk.wanted(role, force_n, forget=forget)
-            if requested != self.desk.role:
-                self._acts.require_no_sequence("something else can be pressed")
-            self.desk.hold(requested, force_n)
+        with self._commands.act(
+            by, "moving the probe" if self.camera_controller.choice.is_virtual else "noting the press"
+        ):
+            requested, force_n = self.camera_controller.completed(role, force_n, forget=forget)
+            if requested != self.camera_controller.role:
+                self._commands.require_no_sequence("something else can be pressed")
+            self.camera_controller.hold(requested, force_n)
             self._watcher.begin_anew()
 
     def forget_force(self, *, by: str) -> None:
-        """Say that nobody knows the force any more; that of the virtual probe, which stays, is always known."""
+        """Set the force to unknown; the virtual probe's is always known."""
         self.control.require(by)
-        if not self.desk.choice.is_virtual:
+        if not self.camera_controller.choice.is_virtual:
             self.hold(forget=True, by=by)
 
     def use_calibration(self, calibration: UsableCalibration | None, *, by: str) -> None:
-        """Put a calibration in force; None for the virtual probe's own, or none.
+        """Activate a calibration; None for the virtual probe's own, or none.
 
         Raises
         ------
         CalibrationError
             When it is expired, or of another probe, camera, setting or size of frames than what runs.
         """
-        with self._acts.act(by, "putting a calibration in force", instead="another calibration can be put in force"):
+        with self._commands.act(
+            by, "putting a calibration in force", instead="another calibration can be put in force"
+        ):
             self._in_force.use(calibration)
             self._watcher.begin_anew()
 
     def use_gauge(self, log: ForceLog | None, *, by: str) -> None:
         """Read forces from a started gauge, which is stopped when the next one is given; None for no gauge."""
-        with self._acts.act(by, "changing the gauge", instead="another gauge can be used"):
+        with self._commands.act(by, "changing the gauge", instead="another gauge can be used"):
             before, self._gauge = self._gauge, log
             if before is not None and before is not log:
                 before.stop()
 
     def snapshot(self, *, by: str, map_name: str = "viridis") -> SavedPress:
-        """Keep the press as it is seen now: its files and the press in the store.
+        """Save the present press: its files, and the press in the store.
 
         Raises
         ------
         CameraError
             When no frame comes.
         GaugeError
-            When there is a gauge and it does not tell the force.
+            When a gauge gives no force.
         FileInputError
-            When the files cannot be written; nothing is kept then.
+            When the files cannot be written; nothing is saved then.
         RecordsError
-            When the store does not take the press, whose files stay then.
+            When the store refuses the press; its files stay.
         """
         require_one_of("colour map", map_name, COLOUR_MAPS)
-        with self._acts.act(by, "keeping a press"):
-            self.desk.look()  # somebody may have changed a setting elsewhere
-            received, gauge = self.desk.fresh(), self._gauge
+        with self._commands.act(by, "keeping a press"):
+            self.camera_controller.refresh()  # somebody may have changed a setting elsewhere
+            received, gauge = self.camera_controller.fresh(), self._gauge
             force = self._force(received) if gauge is None else gauge_force(gauge, received)
             return save_press(
-                press_to_save(received, camera_controller=self.desk, in_force=self._in_force.now(), force=force),
+                press_to_save(
+                    received, camera_controller=self.camera_controller, in_force=self._in_force.now(), force=force
+                ),
                 number=self._target,
                 workspace=self.terms.workspace,
                 store=self.store,
@@ -236,7 +246,7 @@ class Instrument:
             )
 
     def begin_sequence(self, *, seconds: float | None = None, frames: int | None = None, by: str) -> Job:
-        """Record every frame until so many have come or so much time has passed; it goes on when the browser closes.
+        """Record every frame for a number of frames or seconds; it continues when the browser closes.
 
         Raises
         ------
@@ -245,26 +255,26 @@ class Instrument:
         ControlError
             When a sequence is under way.
         """
-        with self._acts.act(by, "beginning a sequence", instead="another sequence can begin"):
-            self._acts.sequence = sequence = begin_sequence(
+        with self._commands.act(by, "beginning a sequence", instead="another sequence can begin"):
+            self._commands.sequence = sequence = begin_sequence(
                 self.jobs,
-                self.desk.acquisition,
+                self.camera_controller.acquisition,
                 SequenceRequest(target=self._target, seconds=seconds, frames=frames),
                 workspace=self.terms.workspace,
                 gauge=self._gauge,
-                typed_n=lambda: self.desk.force_n,
+                typed_n=lambda: self.camera_controller.force_n,
                 about=self._about,
             )
             return sequence
 
     def end_sequence(self, *, by: str) -> None:
-        """End the sequence under way; what was recorded stays. Without one nothing happens."""
+        """End the running sequence; recorded frames stay. Without one nothing happens."""
         self.control.require(by)
-        if self._acts.sequence is not None:
-            self._acts.sequence.end()
+        if self._commands.sequence is not None:
+            self._commands.sequence.end()
 
     def end_job(self, identity: str, *, by: str) -> Job:
-        """Ask a job to end: what follows the camera is ended by who holds it, other work by anybody.
+        """Cancel a job; a job of the camera only by its owner.
 
         Raises
         ------
@@ -295,8 +305,8 @@ class Instrument:
 
     def _about(self) -> dict[str, Any]:
         """What is recorded, as the camera is set now."""
-        self.desk.look()  # somebody may have changed a setting elsewhere
-        return {"role": self.desk.role, **self._in_force.now().told()}
+        self.camera_controller.refresh()  # somebody may have changed a setting elsewhere
+        return {"role": self.camera_controller.role, **self._in_force.now().sidecar_entries()}
 
     def _force(self, frame: ReceivedFrame) -> PressForce | None:
-        return force_at(frame, self._gauge, self.desk.force_n)
+        return force_at(frame, self._gauge, self.camera_controller.force_n)

@@ -1,4 +1,4 @@
-"""Work that takes longer than a click: done in a thread, told of in shares, ended when asked."""
+"""Background jobs: threads with progress and cancellation."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _log = logging.getLogger(__name__)
 
 
 class JobCancelled(Exception):  # noqa: N818 - no error, but how work that was asked to end leaves its loops
-    """Raised inside work when somebody asked it to end."""
+    """Raised inside work that was cancelled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobState:
-    """How far a job is.
+    """State of a job.
 
     Attributes
     ----------
@@ -39,9 +39,9 @@ class JobState:
     status
         ``"running"``, also while it waits for its turn, ``"done"``, ``"failed"`` or ``"ended"``.
     done, total
-        Steps done, and in all; 0 in all where nobody can tell.
+        Steps done, and all steps; 0 where unknown.
     sentence
-        Why it failed, or what came out.
+        Why it failed, or its result as text.
     """
 
     identity: str
@@ -53,12 +53,12 @@ class JobState:
 
     @property
     def running(self) -> bool:
-        """Whether it is under way, or waits for its turn."""
+        """Whether it runs or waits."""
         return self.status == RUNNING
 
     @property
-    def share(self) -> float:
-        """Of the steps that are done, in [0, 1]; 0 also where nobody can tell."""
+    def fraction(self) -> float:
+        """Fraction of the steps done, in [0, 1]; 0 where unknown."""
         return self.done / self.total if self.total else 0.0
 
 
@@ -79,11 +79,11 @@ class Job:
         self.identity, self.title, self.follows_camera = uuid.uuid4().hex, title, follows_camera
         self._after = after
         self._lock, self._finished, self._ending = threading.Lock(), threading.Event(), threading.Event()
-        self._status, self._done, self._total, self._sentence = RUNNING, 0, 0, ""
+        self._status, self._done, self._total, self._message = RUNNING, 0, 0, ""
         self._result: Any = None
 
     def state(self) -> JobState:
-        """How far it is."""
+        """Its state."""
         with self._lock:
             return JobState(
                 identity=self.identity,
@@ -91,54 +91,54 @@ class Job:
                 status=self._status,
                 done=self._done,
                 total=self._total,
-                sentence=self._sentence,
+                sentence=self._message,
             )
 
     @property
     def result(self) -> Any:
-        """What it returned; None before it is done."""
+        """Its result; None before it is done."""
         return self._result
 
     def without_result(self) -> Job:
         """The same job that is over, for those who ask for it later; what it returned is with those who hold it."""
         job = Job(self.title, follows_camera=self.follows_camera)
         state, job.identity = self.state(), self.identity
-        job._status, job._done, job._total, job._sentence = state.status, state.done, state.total, state.sentence
+        job._status, job._done, job._total, job._message = state.status, state.done, state.total, state.sentence
         job._finished.set()
         return job
 
     @property
     def ending(self) -> bool:
-        """Whether somebody asked it to end."""
+        """Whether it was cancelled."""
         return self._ending.is_set()
 
     def end(self) -> None:
-        """Ask it to end; it does so at its next step, and before its first when it has not begun."""
+        """Cancel it; it ends at its next step."""
         self._ending.set()
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until it is over; False when the time is."""
         return self._finished.wait(timeout_s)
 
-    def tell(self, done: int, total: int) -> None:
-        """Tell (steps done, steps in all)."""
+    def report(self, done: int, total: int) -> None:
+        """Report (steps done, all steps)."""
         with self._lock:
             self._done, self._total = done, total
 
     def say(self, message: str) -> None:
-        """Tell what came out, for people."""
+        """Set the message of the result."""
         with self._lock:
-            self._sentence = message
+            self._message = message
 
     def advance(self, done: int, total: int) -> None:
-        """Tell (steps done, steps in all), and leave when it was asked to end: the ``progress`` of calls.
+        """Report (steps done, all steps), and raise after cancellation: the ``progress`` of calls.
 
         Raises
         ------
         Ended
             When somebody asked it to end.
         """
-        self.tell(done, total)
+        self.report(done, total)
         if self._ending.is_set():
             raise JobCancelled
 
@@ -162,7 +162,7 @@ class Job:
             _log.exception("what follows a job failed: %s", self.title)
         with self._lock:
             self._status = status
-            self._sentence = self._sentence if message is None else message
+            self._message = self._message if message is None else message
 
     def finish(self) -> None:
         """Let those go on who wait for it."""
@@ -170,7 +170,7 @@ class Job:
 
 
 class Jobs:
-    """The jobs of a console: few at once, the last ones remembered, of fewer what they returned; for several threads.
+    """The jobs of a console: limited in number at once; the last ones and fewer results stay; safe for several threads.
 
     Threads of jobs do not keep the program from ending: what they store is whole or absent whenever that happens.
     """
@@ -191,7 +191,7 @@ class Jobs:
         at_once: bool = False,
         after: Callable[[], object] = lambda: None,
     ) -> Job:
-        """Begin work that gets its `Job`.
+        """Begin work; it is called with its `Job`.
 
         Parameters
         ----------
@@ -242,7 +242,7 @@ class Jobs:
         return tuple(job.state() for job in jobs)
 
     def close(self, *, timeout_s: float = CLOSE_S) -> None:
-        """Ask all to end, take no more, and wait a while for those that are under way."""
+        """Cancel all, accept no more, and wait for the running ones."""
         with self._lock:
             self._closed = True
             jobs = list(self._jobs.values())
@@ -268,10 +268,10 @@ class Jobs:
     def _run(self, job: Job, work: Callable[[Job], Any]) -> None:
         job.run(work)
         if job.result is not None:
-            self._keep_result(job)
+            self._save_result(job)
         job.finish()  # not before: what is begun after this one ends after it
 
-    def _keep_result(self, job: Job) -> None:
+    def _save_result(self, job: Job) -> None:
         with self._lock:
             self._returned.append(job.identity)
             while len(self._returned) > RESULTS:

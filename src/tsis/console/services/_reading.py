@@ -1,4 +1,4 @@
-"""What instruments say at a frame, and what is wrong with them."""
+"""Readings at a frame, and problems of the instrument."""
 
 from __future__ import annotations
 
@@ -40,33 +40,33 @@ def gauge_force(log: ForceLog, frame: ReceivedFrame, *, wait_s: float = GAUGE_WA
 
 
 class StoreCheck:
-    """Looks now and then whether the store is still where it was opened.
+    """Checks at intervals whether the store is still where it was opened.
 
     Parameters
     ----------
     store
         Which one.
     clock
-        Tells the time, s.
+        Time in s.
     """
 
     def __init__(self, store: Store, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._store, self._clock = store, clock
-        self._seen = (clock(), False)
+        self._last = (clock(), False)
 
     def trouble(self) -> str:
         """Where it is gone from; empty while it is there."""
-        now, (last_seen_s, gone) = self._clock(), self._seen
+        now, (last_seen_s, gone) = self._clock(), self._last
         if now - last_seen_s >= STORE_LOOKED_AT_S:
             gone = self._store.database.replaced()
-            self._seen = now, gone
+            self._last = now, gone
         return printable_path(self._store.folder) if gone else ""
 
 
 def trouble_messages(
     camera: CameraState, log: ForceLog | None, unfit: str, watching: str, *, store_gone: str = ""
 ) -> tuple[str, ...]:
-    """One sentence for each thing that people must know, the most urgent first.
+    """Messages of problems, the most urgent first.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The search for cameras: one at a time, its last findings remembered."""
+"""The search for cameras: one at a time, with its last result."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TITLE = "search for cameras"
 
 
 class CameraSearch:
-    """Searches by a job; who asks while one is under way gets that one.
+    """Searches as a job; a call during a search returns the running job.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A sequence of frames onto the disk, as a job that outlives the page that began it."""
+"""Recording of a sequence, as a job independent of the page."""
 
 from __future__ import annotations
 
@@ -165,6 +165,6 @@ def _made(requested: Path) -> Path:
 
 def _tell(job: Job, terms: SequenceRequest, saved: int, passed_s: float) -> None:
     if terms.frames is not None:
-        job.tell(saved, terms.frames)
+        job.report(saved, terms.frames)
     elif terms.seconds is not None:
-        job.tell(int(TENTHS * min(passed_s, terms.seconds)), int(TENTHS * terms.seconds))
+        job.report(int(TENTHS * min(passed_s, terms.seconds)), int(TENTHS * terms.seconds))

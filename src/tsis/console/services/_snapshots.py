@@ -1,4 +1,4 @@
-"""A press kept: its files in the workspace, and the press in the store of records."""
+"""Saving a press: its files in the workspace, and the press in the store of records."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressToSave:
-    """A press about to be kept.
+    """A press to save.
 
     Attributes
     ----------
@@ -45,19 +45,19 @@ class PressToSave:
     image
         The same with scale and force.
     force
-        That of the press; None where nobody knows it.
+        That of the press; None where unknown.
     role
         What was pressed.
     probe
         Name of the probe; empty where nobody said.
     calibration
-        In force; None without one.
+        Active calibration; None without one.
     reference
         What the press guard compares with.
     name, truth
         Of a new target.
     virtual
-        Whether the virtual probe pressed it.
+        Whether the virtual probe made the press.
     """
 
     frame: Frame
@@ -84,9 +84,9 @@ class SavedPress:
     target, press
         In the store.
     flags
-        What spoke against it.
+        Its flags.
     notes
-        What to know of it.
+        Notes.
     """
 
     files: Snapshot
@@ -97,7 +97,7 @@ class SavedPress:
 
 
 def save_press(taken: PressToSave, *, number: int, workspace: Path, store: Store, map_name: str) -> SavedPress:
-    """Keep a press under the number of a target, which is entered when there is none.
+    """Save a press under the number of a target, which is created when absent.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def press_to_save(
     frame: ReceivedFrame, *, camera_controller: CameraController, in_force: ActiveCalibration, force: PressForce | None
 ) -> PressToSave:
     """A frame that came as a press of what the desk holds, under the calibration in force."""
-    subject = camera_controller.stage
+    subject = camera_controller.subject
     return PressToSave(
         frame=frame.frame,
         when=_moment(frame),
@@ -151,7 +151,7 @@ def press_to_save(
         force=force,
         role=camera_controller.role,
         probe=in_force.probe,
-        calibration=in_force.known,
+        calibration=in_force.calibration,
         reference=in_force.reference,
         name="" if subject is None else subject.name,
         truth={} if subject is None else subject.truth,

@@ -1,4 +1,4 @@
-"""How the camera is, as one value."""
+"""State of camera and instrument."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraState:
-    """How the camera is.
+    """State of the camera.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class CameraState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentState:
-    """How the bench is.
+    """State of the instrument.
 
     Attributes
     ----------
@@ -87,16 +87,16 @@ class InstrumentState:
     calibration, calibration_identity
         Name and SHA-256 of the one in force; empty without one, and while the one that was given does not fit the
         camera as it is set, of which ``trouble`` tells.
-    sight
-        What the newest frame shows.
-    holder
-        Who holds the camera.
+    frame_analysis
+        Analysis of the newest frame.
+    owner
+        Owner of the camera's control.
     sequence
         The sequence under way or the last one; None before the first.
     jobs
         Longer work, the newest last.
     trouble
-        One sentence for each thing that people must know; most urgent first.
+        Messages of problems, the most urgent first.
     busy
         What is being done now that others must wait for, as ``"starting the camera"``; empty when nothing is.
     gauge
@@ -110,8 +110,8 @@ class InstrumentState:
     force_n: float | None
     calibration: str
     calibration_identity: str
-    sight: FrameAnalysis | None
-    holder: Owner | None
+    frame_analysis: FrameAnalysis | None
+    owner: Owner | None
     sequence: JobState | None
     jobs: tuple[JobState, ...]
     trouble: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Which camera a bench looks through, as a person chose it."""
+"""The chosen camera, and the virtual subject."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ class VirtualSubject:
         self._light_of: Callable[..., NDArray[np.float64]] = self._rig.light
         self._light: NDArray[np.float64] | None = None
         self._camera: VirtualCamera | None = None
-        self._one_at_a_time = threading.Lock()
+        self._lock = threading.Lock()
         self.calibration = self._own_calibration()
 
     @property
@@ -227,7 +227,7 @@ class VirtualSubject:
         """
         require_one_of("role", role, self.roles)
         require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
-        with self._one_at_a_time:
+        with self._lock:
             lies, pressed_n = self._lying(role), _pressed_n(role, force_n)
             try:
                 light = self._light_of(lies, force_n=pressed_n)

@@ -46,16 +46,16 @@ class Watcher:
         force: Callable[[ReceivedFrame], PressForce | None],
     ) -> None:
         self._acquisition, self._reference, self._force = acquisition, reference, force
-        self._sight: FrameAnalysis | None = None
+        self._analysis: FrameAnalysis | None = None
         self._failure = ""
         self._anew, self._closing = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="watcher of presses", daemon=True)
         self._thread.start()
 
     @property
-    def sight(self) -> FrameAnalysis | None:
+    def frame_analysis(self) -> FrameAnalysis | None:
         """What the newest frame that was looked at shows; None while there is none."""
-        return self._sight
+        return self._analysis
 
     @property
     def failure(self) -> str:
@@ -81,7 +81,7 @@ class Watcher:
             if acquisition is not followed or away or self._anew.is_set():
                 self._anew.clear()
                 followed, watch, state, position = acquisition, None, WatchState(), 0
-                self._sight, self._failure = None, ""
+                self._analysis, self._failure = None, ""
             if acquisition is not None and away:
                 position = acquisition.ring.end  # those before are of a press that nobody sees any more
                 continue
@@ -93,12 +93,12 @@ class Watcher:
             try:
                 if watch is None:
                     watch, untouched = self._guard(received)
-                self._sight, state = analyse_frame(
+                self._analysis, state = analyse_frame(
                     watch, state, received.frame, number=position, force=self._force(received), untouched=untouched
                 )
                 self._failure = ""
             except TsisError as error:  # e.g. a calibration of another size; the live view goes on without flags
-                self._sight, self._failure = None, str(error)
+                self._analysis, self._failure = None, str(error)
             except Exception as error:
                 self._fail(error)
 
@@ -107,7 +107,7 @@ class Watcher:
         message = f"frames cannot be judged for a reason that nobody foresaw: {type(error).__name__}: {error}"
         if message != self._failure:
             _log.exception("a frame could not be judged")
-        self._sight, self._failure = None, message
+        self._analysis, self._failure = None, message
 
     def _guard(self, frame: ReceivedFrame) -> tuple[PressWatch, NDArray[np.float64] | None]:
         reference, scale = self._reference()

@@ -121,7 +121,7 @@ class StudyRepository:
             raise RecordsError(f"the folder of studies must be readable; got: {error.strerror or error}") from error
         return tuple(name for name in result if NAME.fullmatch(name))
 
-    def place(self, name: str) -> Path:
+    def path(self, name: str) -> Path:
         """Folder of the study of that name; `AbsentError` when there is none."""
         if not NAME.fullmatch(name):
             raise AbsentError(
@@ -133,7 +133,7 @@ class StudyRepository:
 
     def study(self, name: str) -> Study:
         """The study of that name as it is now; errors as `place` and `tsis.study.open_study`."""
-        return open_study(self.place(name))
+        return open_study(self.path(name))
 
     def make(
         self, name: str, targets: Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]], **terms: Any
@@ -151,7 +151,7 @@ class StudyRepository:
 
     def glimpses(self) -> tuple[StudySummary, ...]:
         """All studies; one that cannot be read says why."""
-        return tuple(self._glimpse(name) for name in self.names())
+        return tuple(self._preview(name) for name in self.names())
 
     def stamp(self, name: str) -> tuple[int, int]:
         """Another pair of numbers whenever the log of a study has changed; zeros where there is none."""
@@ -165,7 +165,7 @@ class StudyRepository:
         """The same of all studies, by their names."""
         return tuple((name, self.stamp(name)) for name in self.names())
 
-    def _glimpse(self, name: str) -> StudySummary:
+    def _preview(self, name: str) -> StudySummary:
         try:
             study = self.study(name)
         except TsisError as error:

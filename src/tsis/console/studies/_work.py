@@ -115,7 +115,7 @@ def _read(folder: Path, operator: str, job: Job) -> None:
 
     def progress(done: int, total: int) -> None:
         job.say(READING)
-        job.tell(done, total)
+        job.report(done, total)
 
     job.say(PREPARING)
     done = press_study(

@@ -1,4 +1,4 @@
-"""How a target and an estimate are entered by whoever brings both: an import, and a command with ``--keep``."""
+"""How a target and an estimate are entered by whoever brings both: an import, and a command with ``--save``."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         raise FileInputError(
             f"{printable_path(folder / RESULT)} must be of tsis demo, whose folder holds its frames; got "
             f"one of {command!r:.40} "
-            "(name the frames, or repeat the command with --keep)"
+            "(name the frames, or repeat the command with --save)"
         )
     reported = document["estimate"]["provenance"]
     calibration = read_calibration(own_file(folder, CALIBRATION_FILE))

@@ -88,8 +88,8 @@ def test_a_camera_lost_in_mid_step_costs_that_step(
     with pytest.raises(CameraError, match="aravis:lit is away"):
         session.take("untouched", by=ANN)
     world.plugged = True
-    until(lambda: bench.desk.acquisition is not None and not bench.desk.acquisition.lost)
-    until(lambda: bool(bench.desk.settings()))
+    until(lambda: bench.camera_controller.acquisition is not None and not bench.camera_controller.acquisition.lost)
+    until(lambda: bool(bench.camera_controller.settings()))
     assert session.take("untouched", by=ANN).wait(HANGS_S)
     assert kept(session) == {"dark": 16, "untouched": 16}
 
@@ -101,7 +101,7 @@ def test_a_camera_that_was_away_in_between_costs_the_step(
     job = session.take(LOADING, by=ANN)
     until(lambda: job.state().done >= 1)
     world.plugged = False
-    until(lambda: bench.desk.acquisition is not None and bench.desk.acquisition.lost)
+    until(lambda: bench.camera_controller.acquisition is not None and bench.camera_controller.acquisition.lost)
     world.plugged = True
     assert job.wait(HANGS_S)
     assert "was lost meanwhile" in job.state().sentence
@@ -156,7 +156,7 @@ def test_a_step_that_is_ended_is_not_kept(session: CalibrationSession, bench: In
 
 def test_forces_are_typed_one_after_the_other(session: CalibrationSession, world: World) -> None:
     with pytest.raises(CalibrationError, match="it has none"):
-        session.keep_presses(LOADING, by=ANN)
+        session.save_presses(LOADING, by=ANN)
     for number, force in enumerate((0.0, 0.5, 9.0), start=1):
         assert session.press(LOADING, force, by=ANN) == number
     for wrong in (float("nan"), float("inf"), -101.0):
@@ -167,7 +167,7 @@ def test_forces_are_typed_one_after_the_other(session: CalibrationSession, world
     world.level = 120
     session.press(LOADING, 1.0, by=ANN)
     assert kept(session) == {}
-    assert session.keep_presses(LOADING, by=ANN) == 3
+    assert session.save_presses(LOADING, by=ANN) == 3
     shots = session.folder.shots(step(session).step)
     assert [shot.force_n for shot in shots] == [0.0, 0.5, 1.0]
     assert forces(session) == ()
@@ -191,7 +191,7 @@ def test_forces_of_several_loadings_are_typed_before_any_is_kept(session: Calibr
         first: (0.5, 0.7),
         second: (1.6,),
     }
-    assert (session.keep_presses(second, by=ANN), session.keep_presses(first, by=ANN)) == (1, 2)
+    assert (session.save_presses(second, by=ANN), session.save_presses(first, by=ANN)) == (1, 2)
     assert kept(session) == {first: 2, second: 1}
     shots = {state.step.name: session.folder.shots(state.step) for state in session.steps() if state.status == "done"}
     assert [shot.force_n for shot in shots[first]] == [0.5, 0.7]
@@ -242,10 +242,10 @@ def test_a_calibration_that_cannot_be_set_aside_keeps_no_frames_that_it_was_not_
     assert kept(session) == {}
     session.press(LOADING, 0.5, by=ANN)
     with pytest.raises(FileInputError, match="Permission denied"):
-        session.keep_presses(LOADING, by=ANN)
+        session.save_presses(LOADING, by=ANN)
     assert kept(session) == {}
     monkeypatch.undo()
-    assert session.keep_presses(LOADING, by=ANN) == 1
+    assert session.save_presses(LOADING, by=ANN) == 1
 
 
 def test_sessions_that_nobody_looks_at_are_let_go_and_those_with_presses_are_not(

@@ -103,7 +103,7 @@ def test_who_does_not_hold_the_camera_changes_nothing(bench: Instrument) -> None
     with pytest.raises(ControlError, match="held by Ann"):
         bench.calibrating.begin(TERMS, by=BOB)
     session = bench.calibrating.begin(TERMS, by=ANN)
-    for act in (session.take, session.leave_out, session.repeat, session.keep_presses):
+    for act in (session.take, session.leave_out, session.repeat, session.save_presses):
         with pytest.raises(ControlError, match="held by Ann"):
             act("flat-1", by=BOB)
     assert set(statuses(session).values()) == {"open"}
@@ -132,7 +132,7 @@ def test_a_calibration_stays_when_its_frames_change(bench: Instrument) -> None:
     before = made.file.read_bytes()
     session.repeat("flat-1", by=ANN)
     assert session.file is None
-    assert session.made is None
+    assert session.result is None
     aside = made.file.with_name(f"calibration-{made.identity[:12]}.json")
     assert aside.read_bytes() == before
     assert statuses(session)["flat-1"] == "open"

@@ -98,13 +98,13 @@ def camera_facts(state: InstrumentState) -> Facts:
     return tuple(results)
 
 
-def place_facts(bench: Instrument) -> Facts:
-    """Where things are kept, and how much."""
-    store = bench.store
+def place_facts(instrument: Instrument) -> Facts:
+    """Where data are stored, and how much."""
+    store = instrument.store
     return (
-        ("Snapshots and sequences", str(bench.terms.workspace.resolve())),
+        ("Snapshots and sequences", str(instrument.terms.workspace.resolve())),
         ("Store of records", str(store.folder.resolve())),
-        ("Its rows", "in SQLite, in that folder" if bench.terms.database is None else "in PostgreSQL"),
+        ("Its rows", "in SQLite, in that folder" if instrument.terms.database is None else "in PostgreSQL"),
         ("Its kind", f"{store.kind}s"),
         *_counts(store),
     )
@@ -120,14 +120,14 @@ def _counts(store: Store) -> Facts:
 
 
 DESCRIPTION = "/api/openapi.json"
-MOUSELESS = ("Tab, Enter", "reach and use every control without a mouse")
+MOUSELESS = ("Tab, Enter", "use every control without a mouse")
 FINDINGS = (
     "Numbers and pictures here describe objects that were pressed, and how well they are known. They are no findings "
     "about anybody's health, and no advice."
 )
 
 
-async def about_page(bench: Instrument, viewer: Viewer) -> None:
+async def about_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("about"):
         with _panel("Research use only"):
@@ -137,7 +137,7 @@ async def about_page(bench: Instrument, viewer: Viewer) -> None:
             calibration = FactList()
         with _panel("Camera"):
             camera = FactList()
-        with _panel("Where things are kept"):
+        with _panel("Where data are stored"):
             positions = FactList()
         with _panel("Versions"):
             versions = FactList()
@@ -151,7 +151,7 @@ async def about_page(bench: Instrument, viewer: Viewer) -> None:
         with _panel(f"Licence: {LICENCE}"), ui.expansion("Read it").props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
-    in_force = CalibrationMemory(bench)
+    in_force = CalibrationMemory(instrument)
 
     def show(state: InstrumentState) -> None:
         calibration.show(calibration_facts(state, in_force.of(state)))
@@ -159,7 +159,7 @@ async def about_page(bench: Instrument, viewer: Viewer) -> None:
 
     viewer.follow(show)
     versions.show(await viewer.attempt(version_facts) or ())
-    positions.show(await viewer.attempt(place_facts, bench) or ())
+    positions.show(await viewer.attempt(place_facts, instrument) or ())
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Which calibration: one that goes on, or a new one on terms that are stated here."""
+"""Choose a calibration session, or begin a new one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LOOK_S = 2.0  # between two looks at the folder
 
 
-def calibrate_page(bench: Instrument, viewer: Viewer) -> None:
+def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     operated = OperatorControls(viewer)
     with ui.element("div").classes("split calibrate-choosing"):
@@ -35,12 +35,12 @@ def calibrate_page(bench: Instrument, viewer: Viewer) -> None:
             listed = ui.element("div").classes("stack")
         with ui.element("section").classes("panel"):
             panel_title("Begin a calibration")
-            form = TermsForm(bench, viewer, operated)
+            form = TermsForm(instrument, viewer, operated)
             operated.why()
     shown: list[Sequence[SessionSummary]] = []
 
     async def look() -> None:
-        result = await run.io_bound(bench.calibrating.listed)
+        result = await run.io_bound(instrument.calibrating.listed)
         if result is None or shown == [result]:
             return
         shown[:] = [result]
@@ -57,10 +57,10 @@ def calibrate_page(bench: Instrument, viewer: Viewer) -> None:
 
 
 def session_list(found: Sequence[SessionSummary]) -> None:
-    """Every session with how far it is, each a link."""
+    """Links to all sessions with their progress."""
     if not found:
         ui.label(
-            "None yet. A calibration tells what a grey level is in newtons and a pixel in millimetres; begin one, and "
+            "None yet. A calibration converts grey levels to newtons and pixels to millimetres; begin one, and "
             "it leads through its steps. It can be interrupted at any time and goes on where it was left."
         ).classes("muted")
         return
@@ -90,7 +90,7 @@ ICONS = {"open": "radio_button_unchecked", "under way": "hourglass_top", "done":
 
 
 class StepList:
-    """Lets people choose the step that they look at, and take all of them where nobody is needed.
+    """Choice of a step, and a button that takes all steps of the virtual rig.
 
     Parameters
     ----------
@@ -114,14 +114,14 @@ class StepList:
         self._viewer, self._session, self._choose = viewer, session, choose
         self._shown: tuple[object, ...] = ()
         self._title = panel_title("Steps")
-        self._place = ui.element("ol").classes("calibrate-steps")
+        self._container = ui.element("ol").classes("calibrate-steps")
         self._all: ui.button | None = None
         if session.rig.by_itself:
             self._all = ui.button("Take all open steps", icon="fast_forward", on_click=self._take_all)
             operated.add(self._all.props("no-caps outline").classes("calibrate-all"))
 
     def show(self, steps: Sequence[StepState], present: str | None) -> None:
-        """Show how far each is; the present one is marked."""
+        """Show the progress of each step and mark the present one."""
         now = (present, *((state.step.name, state.status, state.frames) for state in steps))
         if now == self._shown:
             return
@@ -130,8 +130,8 @@ class StepList:
         self._title.text = f"Steps: {done} of {len(steps)} done"
         if self._all is not None:
             self._all.set_visibility(any(state.status in ("open", "left out") for state in steps))
-        self._place.clear()
-        with self._place:
+        self._container.clear()
+        with self._container:
             for state in steps:
                 self._item(state, here=state.step.name == present)
 
@@ -166,11 +166,11 @@ def status_text(state: StepState) -> str:
 POLL_S = 0.3  # between two looks at the session
 
 
-async def session_page(bench: Instrument, viewer: Viewer, name: str) -> None:
+async def session_page(instrument: Instrument, viewer: Viewer, name: str) -> None:
     """Build the page of the session of that name."""
     position = ui.element("div").classes("stack")
     try:
-        session: CalibrationSession | None = await run.io_bound(bench.calibrating.open, name)
+        session: CalibrationSession | None = await run.io_bound(instrument.calibrating.open, name)
     except TsisError as error:
         with position, ui.element("section").classes("panel"):
             ui.label(str(error)).classes("doubtful")
@@ -179,13 +179,13 @@ async def session_page(bench: Instrument, viewer: Viewer, name: str) -> None:
     if session is None:  # the console is being ended
         return
     with position:
-        _Guide(bench, viewer, session)
+        _Guide(instrument, viewer, session)
 
 
 class _Guide:
     """The parts of a session's page, and which step is looked at."""
 
-    def __init__(self, bench: Instrument, viewer: Viewer, session: CalibrationSession) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, session: CalibrationSession) -> None:
         self._session = session
         self._operated = OperatorControls(viewer)
         self._chosen: str | None = None
@@ -208,9 +208,9 @@ class _Guide:
                             with ui.element("div").classes("calibrate-live"):
                                 self._view = LiveView(map_name="grey")
                         self._frame = SavedFrame(viewer, session)
-                self._making = Making(bench, viewer, session, self._operated)
+                self._making = Making(instrument, viewer, session, self._operated)
         self._result = CalibrationResultPanel(viewer, session)
-        viewer.every(POLL_S, self._look)
+        viewer.every(POLL_S, self._refresh)
         viewer.follow(self._show)
 
     def _show(self, state: InstrumentState) -> None:
@@ -218,19 +218,19 @@ class _Guide:
         self._operated.show(state)
         self._making.show(state)
         if self._view is not None:
-            self._view.tell(state)
+            self._view.update_state(state)
 
-    async def _look(self) -> None:
+    async def _refresh(self) -> None:
         session = self._session
         result = await run.io_bound(lambda: (session.steps(), session.file))
         if result is None:
             return
         self._steps, file = result
         await self._show_step()
-        self._making.look(self._steps)
+        self._making.refresh(self._steps)
         if self._state is not None:
             self._operated.show(self._state)  # of controls that have come since the state was told
-        await self._result.look(file)
+        await self._result.refresh(file)
         self._making.cites(self._result.identity)
 
     async def _choose(self, name: str) -> None:
@@ -244,7 +244,7 @@ class _Guide:
         await self._frame.show(next((state for state in self._steps if state.step.name == present), None))
 
     def _present(self) -> str | None:
-        """The step to show: one under way, else the one that was chosen, else the first that is open."""
+        """The step to show: the running one, else the chosen one, else the first open one."""
         under_way = next((state.step.name for state in self._steps if state.status == "under way"), None)
         if under_way is not None:
             self._chosen = None

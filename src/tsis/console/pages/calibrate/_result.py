@@ -1,4 +1,4 @@
-"""What stands behind the calibration of a session: its numbers, and figures of what the fits left."""
+"""Results of a session's calibration: its numbers, and figures of the residuals."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 class CalibrationResultPanel:
-    """Shows what was made, or what was made before the program began.
+    """Shows the calibration, also one from before the program's start.
 
     Parameters
     ----------
@@ -56,35 +56,35 @@ class CalibrationResultPanel:
         self._viewer, self._session = viewer, session
         self._shown: object = None
         self.identity = ""
-        self._place = ui.element("section").classes("panel stack").props('aria-label="What was measured"')
-        self._place.set_visibility(False)
+        self._container = ui.element("section").classes("panel stack").props('aria-label="What was measured"')
+        self._container.set_visibility(False)
 
-    async def look(self, file: Path | None) -> None:
-        """Show what is new; ``file`` is the calibration's, None before it was made."""
-        created = self._session.made
+    async def refresh(self, file: Path | None) -> None:
+        """Show changes; ``file`` is the calibration's, None before it exists."""
+        created = self._session.result
         now = file if created is None else created.identity
         if now == self._shown:
             return
         self._shown = now
         self.identity = ""
-        self._place.clear()
+        self._container.clear()
         if created is not None:
-            await self._show_made(created)
+            await self._show_result(created)
         elif file is not None:
             given = await self._viewer.attempt(read_usable_calibration, file)
             if given is not None:
                 self.identity = given.identity
-                with self._place:
+                with self._container:
                     calibration_content(given.calibration)
-        self._place.set_visibility(bool(self.identity))
+        self._container.set_visibility(bool(self.identity))
 
-    async def _show_made(self, made: CalibrationResult) -> None:
+    async def _show_result(self, made: CalibrationResult) -> None:
         provenance = {"session": str(self._session.folder.path), "terms": to_plain(self._session.terms)}
-        page = calibration_page(made.known, made.findings, provenance=provenance)
+        page = calibration_page(made.calibration, made.findings, provenance=provenance)
         sources = await self._viewer.attempt(drawings, page)
         if sources is not None:
             self.identity = made.identity
-            with self._place:
+            with self._container:
                 whole(page, sources)
 
 
@@ -102,15 +102,15 @@ def whole(page: Page, sources: Sequence[str]) -> None:
 
 
 def calibration_content(known: ProbeCalibration) -> None:
-    """What the file says of a calibration that this program did not make."""
-    ui.label("It was made before. Make it once more, from the same frames, to see what its fits leave.").classes(
+    """Contents of the file of an earlier calibration."""
+    ui.label("It was computed before. Compute it again from the same frames to see the residuals of its fits.").classes(
         "muted"
     )
     table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(known)))
 
 
 EXERCISE = (
-    "This is an exercise: it is of the virtual bench, whose camera no other page looks through, and cannot be put in "
+    "This is an exercise with the virtual rig, whose camera no other page uses. It cannot be put in "
     "force. The virtual probe of the other pages brings a calibration of its own."
 )
 
@@ -131,9 +131,9 @@ class Making:
     """
 
     def __init__(
-        self, bench: Instrument, viewer: Viewer, session: CalibrationSession, operated: OperatorControls
+        self, instrument: Instrument, viewer: Viewer, session: CalibrationSession, operated: OperatorControls
     ) -> None:
-        self._bench, self._viewer, self._session = bench, viewer, session
+        self._instrument, self._viewer, self._session = instrument, viewer, session
         self._identity = ""
         with ui.element("section").classes("panel stack").props('aria-label="Calibration"'):
             with ui.element("div").classes("row"):
@@ -143,17 +143,17 @@ class Making:
                 self._make = ui.button("Make the calibration", icon="calculate", on_click=self._begin)
                 self._make.props("no-caps unelevated")
             self._bar = ProgressBar("Progress of the calibration")
-            self._words = ui.label().classes("muted").props("role=status")
-            with ui.element("div").classes("row") as self._acts:
-                self._force = ui.button("Put in force", icon="verified", on_click=self._put_in_force)
+            self._text = ui.label().classes("muted").props("role=status")
+            with ui.element("div").classes("row") as self._commands:
+                self._force = ui.button("Activate", icon="verified", on_click=self._put_in_force)
                 operated.add(self._force.props("no-caps unelevated"))
-                self._in_force = ui.label("It is in force.").classes("good")
+                self._in_force = ui.label("It is active.").classes("good")
                 file = ui.button("Download the file", icon="download", on_click=self._download)
                 file.props("no-caps outline")
                 self._cited = ui.label().classes("muted")
                 if session.rig.by_itself:
                     ui.label(EXERCISE).classes("muted")
-        self._acts.set_visibility(False)
+        self._commands.set_visibility(False)
 
     def show(self, state: InstrumentState) -> None:
         """Say whether it is in force."""
@@ -161,7 +161,7 @@ class Making:
         self._in_force.set_visibility(here)
         self._force.set_visibility(not here and not self._session.rig.by_itself)
 
-    def look(self, steps: Sequence[StepState]) -> None:
+    def refresh(self, steps: Sequence[StepState]) -> None:
         """Show what is missing, or how far it is."""
         lacking = [state.step.name for state in steps if state.status != "done" and not state.step.optional]
         self._make.set_enabled(not lacking and not self._session.busy)
@@ -171,18 +171,18 @@ class Making:
         failed = job is not None and job.status in (FAILED, ENDED) and not lacking
         text = f"It needs these steps: {', '.join(lacking)}." if lacking else ""
         if job is not None and job.running:
-            text = "The frames are read and the fits made."
+            text = "Reading the frames and fitting."
         elif job is not None and failed:
             text = job.sentence
-        self._words.text = text
-        self._words.set_visibility(bool(text))
-        set_class(self._words, "doubtful", failed)
+        self._text.text = text
+        self._text.set_visibility(bool(text))
+        set_class(self._text, "doubtful", failed)
 
     def cites(self, identity: str) -> None:
-        """Take the identity of the calibration that was made; empty without one."""
+        """Set the identity of the calibration; empty without one."""
         self._identity = identity
         self._cited.text = f"cited as {identity[:12]}"
-        self._acts.set_visibility(bool(identity))
+        self._commands.set_visibility(bool(identity))
 
     async def _begin(self) -> None:
         await self._viewer.attempt(self._begun)
@@ -193,13 +193,13 @@ class Making:
     async def _put_in_force(self) -> None:
         name = await self._viewer.attempt(self._used)
         if name is not None:
-            self._viewer.tell(f"Calibration {name} is in force.")
+            self._viewer.notify(f"Calibration {name} is active.")
 
     def _used(self) -> str:
         file = self._session.file
         assert file is not None  # the button is there with it
         usable_calibration = read_usable_calibration(file)
-        self._bench.use_calibration(usable_calibration, by=self._viewer.identity)
+        self._instrument.use_calibration(usable_calibration, by=self._viewer.identity)
         return usable_calibration.calibration.name
 
     async def _download(self) -> None:

@@ -47,9 +47,9 @@ class TermsForm:
         Takes the button.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
-        choice = bench.desk.choice
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        choice = instrument.camera_controller.choice
         self._virtual = choice.is_virtual
         shown_tips = ", ".join(number_text_of_field(tip) for tip in TIPS_MM)
         with ui.element("div").classes("stack"):
@@ -61,8 +61,8 @@ class TermsForm:
                 self._pitch_sd = unit_field("Its standard uncertainty", "0", unit="mm")
                 self._tips = unit_field("Radii of the tips", shown_tips, unit="mm", keys="text")
                 self._repeats = unit_field("Loadings of each tip", "1")
-                self._share = unit_field("Relative uncertainty of the gauge", "0.001")
-                self._seed = unit_field("Seed of the virtual bench", str(choice.seed), keys="numeric")
+                self._gauge_uncertainty = unit_field("Relative uncertainty of the gauge", "0.001")
+                self._seed = unit_field("Seed of the virtual rig", str(choice.seed), keys="numeric")
                 self._patch = unit_field("Lamps seen past the probe", unit="pixels", keys="text")
                 self._patch.props('hint="left, top, right, bottom; empty where they are seen nowhere" ')
             with ui.element("div").classes("row"):
@@ -75,7 +75,7 @@ class TermsForm:
         self._seed.set_visibility(self._virtual)
         self._patch.set_visibility(not self._virtual)
         if self._virtual:
-            self._with.text = "With the virtual bench, which does each step by itself at a click."
+            self._with.text = "With the virtual rig, which does each step at a click."
         elif state.camera.running:
             self._with.text = f"With {state.camera.name}, at the settings that it has now."
         else:
@@ -88,7 +88,7 @@ class TermsForm:
 
     def _begun(self) -> CalibrationSession:
         with field_messages(WORDS):
-            return self._bench.calibrating.begin(self._terms(), by=self._viewer.identity)
+            return self._instrument.calibrating.begin(self._terms(), by=self._viewer.identity)
 
     def _terms(self) -> SessionSetup:
         tips = typed_numbers(WORDS["tips_mm"], self._tips.value or "")
@@ -105,10 +105,10 @@ class TermsForm:
         return SessionSetup(
             name=name,
             probe=self._probe.value or "",
-            camera=bench_name(seed) if self._virtual else self._bench.desk.name or "camera",
+            camera=bench_name(seed) if self._virtual else self._instrument.camera_controller.name or "camera",
             pitch_mm=typed_number(WORDS["pitch_mm"], self._pitch.value or ""),
             pitch_sd_mm=typed_number(WORDS["pitch_sd_mm"], self._pitch_sd.value or ""),
-            gauge_share=typed_number(WORDS["gauge_share"], self._share.value or ""),
+            gauge_share=typed_number(WORDS["gauge_share"], self._gauge_uncertainty.value or ""),
             patch_px=None if self._virtual else typed_patch(self._patch.value or ""),
             tips_mm=tips,
             repeats=repeats,
@@ -116,7 +116,7 @@ class TermsForm:
 
 
 def typed_numbers(name: str, text: str) -> tuple[float, ...]:
-    """Numbers that somebody typed one after the other; `InputError` when one is none.
+    """Typed numbers in their order; `InputError` for one that is no number.
 
     Examples
     --------

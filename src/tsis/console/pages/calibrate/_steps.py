@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 async def asked(question: str, *, yes: str, why: str = "") -> bool:
-    """Ask, and say whether the answer was yes; no answer is no."""
+    """Ask for confirmation; False without a response."""
     with ui.dialog() as dialog, ui.card(), ui.element("div").classes("question"):
         ui.label(question).classes("strong")
         if why:
@@ -116,7 +116,7 @@ class TypedLoading:
                 take = ui.button("Take a frame", icon="photo_camera", on_click=self._press).props("no-caps unelevated")
             self._table = ui.element("div").classes("calibrate-forces")
             with ui.element("div").classes("row"):
-                save = ui.button("It is back at 0: keep it", icon="check", on_click=self._keep).props("no-caps outline")
+                save = ui.button("It is back at 0: save it", icon="check", on_click=self._save).props("no-caps outline")
                 undo = ui.button("Remove the last", icon="undo", on_click=self._undo).props("no-caps outline")
         for control in (self._force, take, save, undo):
             operated.add(control)
@@ -145,8 +145,8 @@ class TypedLoading:
     async def _undo(self) -> None:
         await self._viewer.attempt(self._session.unpress, self._step, by=self._viewer.identity)
 
-    async def _keep(self) -> None:
-        await self._viewer.attempt(self._session.keep_presses, self._step, by=self._viewer.identity)
+    async def _save(self) -> None:
+        await self._viewer.attempt(self._session.save_presses, self._step, by=self._viewer.identity)
 
 
 class StepCard:
@@ -165,9 +165,9 @@ class StepCard:
     def __init__(self, viewer: Viewer, session: CalibrationSession, operated: OperatorControls) -> None:
         self._viewer, self._session, self._operated = viewer, session, operated
         self._shown: tuple[object, ...] = ()
-        self._place = ui.element("div").classes("stack")
+        self._container = ui.element("div").classes("stack")
         self._bar = ProgressBar("Frames taken")
-        self._words = ui.label().classes("muted").props("role=status")
+        self._text = ui.label().classes("muted").props("role=status")
         self._typed: TypedLoading | None = None
 
     def show(self, steps: Sequence[StepState], present: str | None) -> None:
@@ -181,8 +181,8 @@ class StepCard:
         if now != self._shown:
             self._shown = now
             self._typed = None
-            self._place.clear()
-            with self._place:
+            self._container.clear()
+            with self._container:
                 self._build(state, number, len(steps))
         if self._typed is not None and state is not None:
             self._typed.show(state.forces_n)
@@ -196,12 +196,12 @@ class StepCard:
         panel_title(f"Step {number} of {total}: {step.name}")
         ui.label(f"{step.instruction}.").classes("calibrate-instruction")
         if self._session.rig.by_itself and state.status != "done":
-            ui.label("This is what a person would do; the virtual bench does it by itself.").classes("muted")
+            ui.label("Instructions for an operator; the virtual rig does this step.").classes("muted")
         with ui.element("div").classes("row"):
             if state.status == "under way":
                 self._under_way(state)
             elif state.status == "done":
-                ui.label(f"Done: {state.frames} frames are kept.").classes("good")
+                ui.label(f"Done: {state.frames} frames are saved.").classes("good")
                 self._button("Repeat this step", "replay", self._repeat, step.name, outline=True)
             elif step.is_loading and not self._session.rig.has_gauge:
                 self._typed = TypedLoading(self._viewer, self._session, self._operated, step.name)
@@ -214,7 +214,7 @@ class StepCard:
     def _under_way(self, state: StepState) -> None:
         if state.step.is_loading and not self._session.rig.by_itself:
             ui.label("Load now, slowly, and back to 0.").classes("strong")
-            self._button("It is back at 0: keep it", "check", self._end_loading, state.step.name)
+            self._button("It is back at 0: save it", "check", self._end_loading, state.step.name)
         self._button("End without keeping", "stop", self._end, state.step.name, outline=True)
 
     def _button(
@@ -228,8 +228,8 @@ class StepCard:
         job = self._session.job
         state = None if job is None else job.state()
         self._bar.show(state)
-        self._words.text = "" if state is None else frames_text(state)
-        set_class(self._words, "doubtful", state is not None and state.status == FAILED)
+        self._text.text = "" if state is None else frames_text(state)
+        set_class(self._text, "doubtful", state is not None and state.status == FAILED)
 
     async def _take(self, name: str) -> None:
         await self._viewer.attempt(self._session.take, name, by=self._viewer.identity)
@@ -245,12 +245,12 @@ class StepCard:
 
     async def _repeat(self, name: str) -> None:
         question = f"Remove the frames of step {name!r} and take it again?"
-        if await asked(question, yes="Remove and repeat", why="A calibration that was made from them is set aside."):
+        if await asked(question, yes="Remove and repeat", why="A calibration computed from them is set aside."):
             await self._viewer.attempt(self._session.repeat, name, by=self._viewer.identity)
 
 
 def frames_text(job: JobState) -> str:
-    """How far the frames of a step are, or why they are not kept."""
+    """Progress of a step's frames, or why they are not saved."""
     if job.running:
         return f"{job.done} of {job.total} frames" if job.total else f"{job.done} frames"
     return "" if job.status == DONE else job.sentence

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class ChosenPanel:
-    """What is looked through now.
+    """The present camera.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ class ChosenPanel:
         Takes the controls.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             with ui.element("div"):
                 panel_title("Camera in use")
@@ -49,7 +49,7 @@ class ChosenPanel:
             ui.element("div").classes("spring")
             select = ui.select({}, label="Mode").props("dense outlined").classes("mode")
             self._mode = ChoiceField(viewer, select, self._in_mode)
-            self._run = RunButton(bench, viewer)
+            self._run = RunButton(instrument, viewer)
             ui.link("Examine", "/")
         operated.add(select)
         operated.add(self._run.element)
@@ -64,7 +64,9 @@ class ChosenPanel:
         self._run.show(camera)
 
     def _in_mode(self, label: str) -> None:
-        choose_and_start(self._bench, replace(self._bench.desk.choice, mode=label), by=self._viewer.identity)
+        choose_and_start(
+            self._instrument, replace(self._instrument.camera_controller.choice, mode=label), by=self._viewer.identity
+        )
 
 
 def camera_text(camera: CameraState) -> str:
@@ -85,7 +87,7 @@ def streaming_text(camera: CameraState) -> str:
 
 
 class FoundPanel:
-    """Search, and use one of those that were found.
+    """Search for cameras, and use one of them.
 
     Parameters
     ----------
@@ -93,8 +95,8 @@ class FoundPanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer, self._operated = bench, viewer, operated
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer, self._operated = instrument, viewer, operated
         self._shown: tuple[str, str] | None = None
         with ui.element("section").classes("panel stack tight"):
             with ui.element("div").classes("row"):
@@ -102,34 +104,36 @@ class FoundPanel:
                 ui.element("div").classes("spring")
                 self._search = ui.button("Search", icon="search", on_click=self._begin).props("no-caps outline")
             self._bar = ProgressBar("Search")
-            self._said = ui.label().classes("muted").props("role=status")
-            self._place = ui.element("div").classes("stack")
+            self._message = ui.label().classes("muted").props("role=status")
+            self._container = ui.element("div").classes("stack")
 
     def show(self, _: InstrumentState) -> None:
-        """Show the last search, whoever began it."""
-        job = self._bench.search.state()
+        """Show the last search."""
+        job = self._instrument.search.state()
         self._bar.show(job)
         self._search.set_enabled(job is None or not job.running)
-        self._said.text = search_text(job)
+        self._message.text = search_text(job)
         now = None if job is None else (job.identity, job.status)
         if now != self._shown:
             self._shown = now
-            self._place.clear()
-            findings = self._bench.search.findings
+            self._container.clear()
+            findings = self._instrument.search.findings
             if job is not None and job.status == DONE and findings is not None:
-                with self._place:
-                    self._show_found(findings)
+                with self._container:
+                    self._show_cameras(findings)
 
     async def _begin(self) -> None:
-        await self._viewer.attempt(self._bench.search.begin)
+        await self._viewer.attempt(self._instrument.search.begin)
 
-    def _show_found(self, findings: CameraListing) -> None:
+    def _show_cameras(self, findings: CameraListing) -> None:
         if findings.cameras:
             with ui.element("div").classes("scroll"), rows_under(("Camera", "Source", "About it", "")):
                 for camera in findings.cameras:
                     self._line(camera)
         if findings.missing:
-            with ui.expansion(f"{len(findings.missing)} sources could not look").props("dense").classes("missing"):
+            with (
+                ui.expansion(f"{len(findings.missing)} sources could not be searched").props("dense").classes("missing")
+            ):
                 for source, message in findings.missing.items():
                     with ui.element("p"):
                         ui.label(source).classes("strong")
@@ -147,30 +151,30 @@ class FoundPanel:
 
     async def _use(self, camera: CameraInfo) -> None:
         await self._viewer.attempt(
-            choose_and_start, self._bench, CameraChoice(spec=camera.spec), by=self._viewer.identity
+            choose_and_start, self._instrument, CameraChoice(spec=camera.spec), by=self._viewer.identity
         )
 
 
 def search_text(job: JobState | None) -> str:
     """How far a search is."""
     if job is None:
-        return "Nobody has searched yet. A search asks every source and takes some seconds."
-    return "Asking every source; this takes some seconds." if job.running else job.sentence
+        return "No search yet. A search asks every source and takes some seconds."
+    return "Searching all sources; this takes some seconds." if job.running else job.sentence
 
 
-def camera_page(bench: Instrument, viewer: Viewer) -> None:
+def camera_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     operated = OperatorControls(viewer)
     with ui.element("div").classes("panel stack"):
-        chosen = ChosenPanel(bench, viewer, operated)
+        chosen = ChosenPanel(instrument, viewer, operated)
         operated.why()
     with ui.element("div").classes("camera-columns"):
         with ui.element("div").classes("stack"):
-            virtual = VirtualPanel(bench, viewer, operated)
-            calibration = CalibrationPanel(bench, viewer, operated)
+            virtual = VirtualPanel(instrument, viewer, operated)
+            calibration = CalibrationPanel(instrument, viewer, operated)
         with ui.element("div").classes("stack"):
-            panel = FoundPanel(bench, viewer, operated)
-            gauge = GaugePanel(bench, viewer, operated)
+            panel = FoundPanel(instrument, viewer, operated)
+            gauge = GaugePanel(instrument, viewer, operated)
 
     def show(state: InstrumentState) -> None:
         for part in (chosen, virtual, panel, calibration, gauge, operated):

@@ -1,4 +1,4 @@
-"""Another camera in place of the present one: chosen and started in one act."""
+"""Change of the camera: chosen and started in one command."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument, InstrumentState
 
 
-def choose_and_start(bench: Instrument, choice: CameraChoice, *, by: str) -> None:
-    """Take another camera and start it; when it does not start it stays chosen, and the error says why.
+def choose_and_start(instrument: Instrument, choice: CameraChoice, *, by: str) -> None:
+    """Choose another camera and start it; a camera that does not start stays chosen.
 
     Raises
     ------
@@ -44,8 +44,8 @@ def choose_and_start(bench: Instrument, choice: CameraChoice, *, by: str) -> Non
     TsisError
         When it does not start.
     """
-    bench.choose(choice, by=by)
-    bench.start(by=by)
+    instrument.choose(choice, by=by)
+    instrument.start(by=by)
 
 
 SHORT = 12
@@ -60,17 +60,17 @@ class CalibrationPanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer, self._calibration = bench, viewer, CalibrationMemory(bench)
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer, self._calibration = instrument, viewer, CalibrationMemory(instrument)
         with ui.element("section").classes("panel stack tight"):
-            panel_title("Calibration in force")
+            panel_title("Active calibration")
             self._name = ui.label()
             self._identity = ui.label().classes("muted wordy")
             refused = f"a calibration file must end in .json and hold at most {LARGEST_BYTES // 2**20} MiB"
             self._upload = one_file(
                 viewer, "Calibration file", accept=".json", refused=refused, most_bytes=LARGEST_BYTES
             )
-            self._upload.on_upload(self._given)
+            self._upload.on_upload(self._uploaded)
             self._none = ui.button("Use none", on_click=self._forgotten).props("no-caps outline")
             operated.add(self._upload)
             operated.add(self._none)
@@ -83,26 +83,26 @@ class CalibrationPanel:
         self._identity.text = "" if given is None and own else calibration_text(given)
         self._none.text = "Use the virtual probe's own" if own else "Use none"
 
-    async def _given(self, event: UploadEventArguments) -> None:
+    async def _uploaded(self, event: UploadEventArguments) -> None:
         content = await event.file.read()
         self._upload.reset()
         done = await self._viewer.attempt(self._used, content, event.file.name)
         if done is not None:
-            self._viewer.tell(f"The calibration {done} is in force.")
+            self._viewer.notify(f"The calibration {done} is active.")
 
     def _used(self, content: bytes, name: str) -> str:
         usable_calibration = parse_usable_calibration(content, name)
-        self._bench.use_calibration(usable_calibration, by=self._viewer.identity)
+        self._instrument.use_calibration(usable_calibration, by=self._viewer.identity)
         return usable_calibration.calibration.name
 
     async def _forgotten(self) -> None:
-        await self._viewer.attempt(self._bench.use_calibration, None, by=self._viewer.identity)
+        await self._viewer.attempt(self._instrument.use_calibration, None, by=self._viewer.identity)
 
 
 def calibration_text(known: UsableCalibration | None) -> str:
     """Its identity and dates."""
     if known is None:
-        return "Without one presses are kept, but nothing can be estimated from them."
+        return "Without one presses are saved, but nothing can be estimated from them."
     created, expires = known.calibration.made, known.calibration.expires
     when = "" if created is None else f", made {time_label(created)}"
     until = "" if expires is None else f", expires {time_label(expires)}"
@@ -124,8 +124,8 @@ class GaugePanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         with ui.element("section").classes("panel stack tight") as self._panel:
             panel_title("Force gauge")
             self._in_use = ui.label().props("role=status")
@@ -145,7 +145,7 @@ class GaugePanel:
         ui.timer(0.0, self._ports, once=True)
 
     def show(self, state: InstrumentState) -> None:
-        """Be there for real cameras, and say what is connected."""
+        """Show for real cameras which gauge is connected."""
         self._panel.set_visibility(not state.camera.choice.is_virtual)
         self._in_use.text = (
             f"Forces are read from the {state.gauge}." if state.gauge else "Forces are typed, or not known."
@@ -168,23 +168,23 @@ class GaugePanel:
             "baud", typed_number("baud", str(self._baud.value or "")), 50, FASTEST, hint="bits per second"
         )
         unit = None if self._unit.value == ITS_OWN else str(self._unit.value)
-        self._bench.control.require(self._viewer.identity)
+        self._instrument.control.require(self._viewer.identity)
         log = connected_gauge(str(self._port.value or ""), unit=unit, baud=baud, sends=bool(self._sends.value))
         try:
-            self._bench.use_gauge(log, by=self._viewer.identity)
+            self._instrument.use_gauge(log, by=self._viewer.identity)
         except Exception:
             log.stop()
             raise
 
     async def _left(self) -> None:
-        await self._viewer.attempt(self._bench.use_gauge, None, by=self._viewer.identity)
+        await self._viewer.attempt(self._instrument.use_gauge, None, by=self._viewer.identity)
 
 
 CHANGED = {"diameter_mm": ("Diameter", "mm"), "depth_mm": ("Depth", "mm"), "young_kpa": ("Modulus", "kPa")}
 
 
 class VirtualPanel:
-    """Choose what the virtual probe is and presses; it is used once the button says so.
+    """Choose the virtual probe and its subject; a button applies the choice.
 
     Parameters
     ----------
@@ -192,9 +192,9 @@ class VirtualPanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
-        choice = bench.desk.choice
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        choice = instrument.camera_controller.choice
         with ui.element("section").classes("panel stack tight"):
             panel_title("Virtual probe")
             ui.label("No hardware: mechanics, light and camera are calculated.").classes("muted")
@@ -221,7 +221,7 @@ class VirtualPanel:
         self._bare()
 
     def show(self, state: InstrumentState) -> None:
-        """Say whether it is the one in use."""
+        """Show whether it is in use."""
         self._use.text = "Use it so" if state.camera.choice.is_virtual else "Use the virtual probe"
 
     def _bare(self) -> None:
@@ -243,14 +243,14 @@ class VirtualPanel:
                 depth_mm=changed["depth_mm"],
                 young_kpa=changed["young_kpa"],
             )
-        choose_and_start(self._bench, choice, by=self._viewer.identity)
+        choose_and_start(self._instrument, choice, by=self._viewer.identity)
 
     def _changed(self) -> dict[str, float | None]:
         return {name: _optional(name, field) for name, field in self._values.items()}
 
 
 def things() -> dict[str, str]:
-    """What the virtual probe can press, in words."""
+    """The subjects of the virtual probe as text."""
     return {name: name for name in list_phantoms()} | {
         name: f"{name} (sphere, for hardness)" for name in list_spheres()
     }

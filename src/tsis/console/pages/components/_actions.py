@@ -77,31 +77,31 @@ class OperatorControls:
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
         self._controls: list[DisableableElement] = []
-        self._judged = False  # before the first look nothing that controls say is true yet
+        self._flags = False  # before the first look nothing that controls say is true yet
 
     def add(self, control: Control) -> Control:
         """Hold a control back from those who watch."""
         self._controls.append(control)
-        control.set_enabled(self._judged and self._viewer.acts)
+        control.set_enabled(self._flags and self._viewer.commands)
         return control
 
     def why(self) -> None:
-        """Place the sentence that says why controls do nothing; it is there only while they do not."""
-        self._sentence = ui.label().classes("muted watching").props("role=status")
+        """Place the message why controls are disabled."""
+        self._message = ui.label().classes("muted watching").props("role=status")
 
     def show(self, _: InstrumentState) -> None:
-        """Enable the controls for who holds the camera."""
-        commands, self._judged = self._viewer.acts, True
+        """Enable the controls for the camera's owner."""
+        commands, self._flags = self._viewer.commands, True
         self._controls = [control for control in self._controls if not control.is_deleted]
         for control in self._controls:
             if control.enabled != commands:
                 control.set_enabled(commands)
-        self._sentence.set_visibility(not commands)
-        self._sentence.text = "You watch: take the camera, at the top of the page, to use what is grey here."
+        self._message.set_visibility(not commands)
+        self._message.text = "You watch: take the camera, at the top of the page, to use what is grey here."
 
 
 class ProgressBar:
-    """The share of a job that is done; there only while it is under way.
+    """Progress bar of a running job.
 
     Parameters
     ----------
@@ -114,11 +114,11 @@ class ProgressBar:
         self._bar.props["aria-label"] = label
 
     def show(self, job: JobState | None) -> None:
-        """Show how far the job is; None is one that was never begun."""
+        """Show the progress of the job; None without one."""
         self._bar.set_visibility(job is not None and job.running)
         if job is not None and job.running:
-            self._bar.value = job.share
-            self._bar.props(remove="indeterminate") if job.share else self._bar.props(add="indeterminate")
+            self._bar.value = job.fraction
+            self._bar.props(remove="indeterminate") if job.fraction else self._bar.props(add="indeterminate")
 
 
 class RunButton:
@@ -132,8 +132,8 @@ class RunButton:
         Who clicks.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._bench, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._runs: bool | None = None  # as the button says; None before anything is known
         self.element = ui.button("Start", on_click=self._clicked).props("no-caps outline").classes("run")
 
@@ -146,7 +146,9 @@ class RunButton:
     async def _clicked(self) -> None:
         if self._runs is None:
             return
-        act = self._bench.stop if self._runs else self._bench.start  # a second click on Start starts nothing more
+        act = (
+            self._instrument.stop if self._runs else self._instrument.start
+        )  # a second click on Start starts nothing more
         with loading(self.element):
             await self._viewer.attempt(act, by=self._viewer.identity)
 

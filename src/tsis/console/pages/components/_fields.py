@@ -1,4 +1,4 @@
-"""What is wrong with a field, in the words that stand beside it and not in those of the program."""
+"""Fields: errors are shown with the labels of the page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FORCE = {"force_n": "force"}
 
 
 def with_field_labels(sentence: str, words: Mapping[str, str]) -> str:
-    """A sentence with a page's words for the parameters that it names.
+    """A message with the page's labels for its parameters.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def with_field_labels(sentence: str, words: Mapping[str, str]) -> str:
 
 @contextmanager
 def field_messages(words: Mapping[str, str]) -> Iterator[None]:
-    """Say an `InputError` about these parameters in these words."""
+    """Show an `InputError` about these parameters with these labels."""
     try:
         yield
     except InputError as error:
@@ -47,7 +47,7 @@ _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re
 
 
 def typed_number(name: str, text: str) -> float:
-    """The number that somebody typed, infinite where it is too large for one.
+    """The typed number, infinite where it is too large.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def unit_field(label: str, value: str = "", *, unit: str = "", keys: str = "deci
 
 
 class NumberField:
-    """A field for one number of the bench.
+    """A field for one number of the instrument.
 
     What is typed but not yet done stays as it is, whatever the bench says meanwhile; Escape gives it up. What is no
     number, or is refused, is said in a sentence, and the field shows the bench's number again.
@@ -133,7 +133,7 @@ class NumberField:
         self.element.on("keydown.esc", self._give_up)
 
     def show(self, value: float | None) -> None:
-        """Show the bench's number, unless another one is being typed."""
+        """Show the instrument's number, unless another one is being typed."""
         if self._just_done.is_old(value):
             return
         self._value = value
@@ -174,7 +174,7 @@ class NumberField:
 
 
 class ChoiceField:
-    """Keeps a select or a toggle in step with the bench.
+    """Synchronises a select or a toggle with the instrument.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ class ChoiceField:
         element.on_value_change(self._chosen)
 
     def show(self, value: str | None, options: Mapping[str, str] | None = None) -> None:
-        """Show the bench's choice and what may be chosen, unless another choice is being made."""
+        """Show the instrument's choice and the options, unless another choice is being made."""
         if self._just_done.is_old(value):
             return
         if options is not None and self.element.options != dict(options):

@@ -63,7 +63,7 @@ def message_list(sentences: Iterable[str] = ()) -> Element:
 
 
 def list_message(sentence: str, look: str = "") -> None:
-    """Place a sentence in a list."""
+    """Place a message in a list."""
     with ui.element("li"):
         ui.label(sentence).classes(look)
 
@@ -124,7 +124,7 @@ def cards(found: Iterable[Card]) -> None:
 
 
 def figure(picture: Picture, source: str) -> None:
-    """A figure, drawn before, with its caption, and words for those who do not see it."""
+    """A drawn figure with its caption, and a text for screen readers."""
     with ui.element("figure").classes("plot wide" if picture.wide else "plot"):
         panel_title(picture.title, level=3)
         show_drawing(drawing(), source, picture.alt)

@@ -1,4 +1,4 @@
-"""What every page says in the same words: a force, a time, a press."""
+"""Texts of all pages: a force, a time, a press."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def force_text(force_n: float | None) -> str:
-    """A force, also one that nobody knows.
+    """A force, also an unknown one.
 
     Examples
     --------
@@ -47,7 +47,7 @@ Seen = TypeVar("Seen")
 
 
 class StatePoller:
-    """Looks at a bench in a thread, for a camera may take its time to tell its settings; used in one event loop.
+    """Reads the instrument's state in a thread, since cameras may be slow; used in one event loop.
 
     Parameters
     ----------
@@ -55,12 +55,12 @@ class StatePoller:
         What is looked at.
     """
 
-    def __init__(self, bench: Instrument) -> None:
-        self._state = _Shared(lambda: bench.state(), FRESH_S)
-        self._entries = _Shared(lambda: bench.store.entries(), ENTRIES_FRESH_S)
+    def __init__(self, instrument: Instrument) -> None:
+        self._state = _Shared(lambda: instrument.state(), FRESH_S)
+        self._entries = _Shared(lambda: instrument.store.entries(), ENTRIES_FRESH_S)
 
     async def state(self) -> InstrumentState | None:
-        """The state as it was at most 0.2 s ago, the same object for all who ask meanwhile; None at the very end."""
+        """The state, at most 0.2 s old, shared by all callers; None at the end."""
         return await self._state.seen()
 
     async def entries(self) -> int | None:
@@ -72,24 +72,24 @@ class StatePoller:
 
 
 class _Shared(Generic[Seen]):
-    """One look for all who ask at the same time, and for a moment longer."""
+    """One reading for all concurrent callers."""
 
     def __init__(self, look: Callable[[], Seen], fresh_s: float) -> None:
-        self._look, self._fresh_s = look, fresh_s
+        self._read, self._fresh_s = look, fresh_s
         self._latest: Seen | None = None
-        self._looked_s = 0.0
+        self._read_s = 0.0
         self._looking: asyncio.Task[None] | None = None
 
     async def seen(self) -> Seen | None:
-        if self._latest is None or time.monotonic() - self._looked_s > self._fresh_s:
+        if self._latest is None or time.monotonic() - self._read_s > self._fresh_s:
             if self._looking is None or self._looking.done():
                 self._looking = asyncio.ensure_future(self._take())
             await asyncio.shield(self._looking)
         return self._latest
 
     async def _take(self) -> None:
-        self._latest = await run.io_bound(self._look)
-        self._looked_s = time.monotonic()
+        self._latest = await run.io_bound(self._read)
+        self._read_s = time.monotonic()
 
 
 NAMED = 1000  # tabs; more than anybody opens while a console runs
@@ -98,7 +98,7 @@ Thing = TypeVar("Thing")
 
 
 class Tabs:
-    """Of each tab the same name, and the same things, when its page is loaded anew; the first ones are forgotten.
+    """Names and saved values of browser tabs; they survive a reload, and the oldest are dropped.
 
     Examples
     --------
@@ -110,19 +110,19 @@ class Tabs:
     def __init__(self) -> None:
         self._names: OrderedDict[str, str] = OrderedDict()
         self._kept: OrderedDict[tuple[str, type[Any]], Any] = OrderedDict()
-        self._given = 0
+        self._own = 0
 
     def name(self, identity: str) -> str:
-        """What a browser without a login is called."""
+        """Name of a browser without a login."""
         if identity not in self._names:
-            self._given += 1
-            self._names[identity] = f"browser {self._given}"
+            self._own += 1
+            self._names[identity] = f"browser {self._own}"
             if len(self._names) > NAMED:
                 self._names.popitem(last=False)
         return self._names[identity]
 
     def kept(self, identity: str, kind: type[Thing]) -> Thing:
-        """What a tab keeps of this kind; a new one at first, and when many others were looked for since."""
+        """The saved value of a tab of this kind; a new one at first."""
         result = self._kept.pop((identity, kind), None) or kind()
         self._kept[identity, kind] = result
         if len(self._kept) > KEPT:

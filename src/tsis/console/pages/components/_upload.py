@@ -53,7 +53,7 @@ class FileField(Upload):
 def one_file(
     viewer: Viewer, label: str, *, accept: str, refused: str, most_bytes: int = LARGEST_MIB * 2**20
 ) -> FileField:
-    """A field that takes one file at a time, as soon as it is chosen.
+    """A field that uploads one file as soon as it is chosen.
 
     Parameters
     ----------

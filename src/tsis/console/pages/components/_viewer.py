@@ -1,4 +1,4 @@
-"""One open page: who looks, what he may do, and how he is told what went wrong."""
+"""The client of an open page: its identity, permissions and notifications."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Thing = TypeVar("Thing")
 
 
 class Viewer:
-    """Who looks at a page.
+    """The client of an open page.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ class Viewer:
         Whether the page can be seen now, and is not behind another tab.
     """
 
-    def __init__(self, client: Client, bench: Instrument, glance: StatePoller, tabs: Tabs) -> None:
-        self._client, self._bench, self._glance, self._tabs = client, bench, glance, tabs
+    def __init__(self, client: Client, instrument: Instrument, glance: StatePoller, tabs: Tabs) -> None:
+        self._client, self._instrument, self._summary, self._tabs = client, instrument, glance, tabs
         self.visible = True
 
     @property
@@ -59,33 +59,33 @@ class Viewer:
 
     @property
     def name(self) -> str:
-        """What other people see."""
+        """Name shown to others."""
         return client_identity(self._client.request).name or self._tabs.name(self.identity)
 
     @property
     def logged_in(self) -> bool:
-        """Whether the name is that of a login, and not one that a browser was given."""
+        """Whether the name belongs to a login."""
         return bool(client_identity(self._client.request).name)
 
     def kept(self, kind: type[Thing]) -> Thing:
-        """What this tab keeps of this kind while it looks at other pages, and when it is loaded anew."""
+        """The saved value of this tab of this kind; it survives changes of page and reloads."""
         return self._tabs.kept(self.identity, kind)
 
     @property
-    def acts(self) -> bool:
-        """Whether he holds the camera."""
-        owner = self._bench.control.holder()
+    def commands(self) -> bool:
+        """Whether the client owns the camera's control."""
+        owner = self._instrument.control.owner()
         return owner is not None and owner.identity == self.identity
 
     async def attempt(self, act: Callable[Given, Made], *given: Given.args, **named: Given.kwargs) -> Made | None:
-        """Do something that may take a while, away from the event loop; say why when it fails, and give None then."""
+        """Run a slow call outside the event loop; show an error, and return None then."""
         try:
             return await run.io_bound(act, *given, **named)
         except TsisError as error:
             self.complain(str(error))
         except Exception as error:
             _log.exception("an act of a page failed")
-            self.complain(f"this failed for a reason that nobody foresaw: {type(error).__name__}: {error}")
+            self.complain(f"this failed for an unexpected reason: {type(error).__name__}: {error}")
         return None
 
     def complain(self, sentence: str) -> None:
@@ -93,7 +93,7 @@ class Viewer:
         with self._client:
             ui.notify(sentence, type="negative", multi_line=True, timeout=TOLD_MS, close_button="Close")
 
-    def tell(self, sentence: str) -> None:
+    def notify(self, sentence: str) -> None:
         """Say what was done."""
         with self._client:
             ui.notify(sentence, type="positive", multi_line=True)
@@ -103,10 +103,10 @@ class Viewer:
 
         None while the program ends; errors as of the store.
         """
-        return await self._glance.entries()
+        return await self._summary.entries()
 
     def every(self, seconds: float, look: Callable[[], Awaitable[None]]) -> None:
-        """Look now and again and again, while the present part of the page is there; never again while nobody sees it.
+        """Repeat a call while the present part of the page exists and is visible.
 
         Parameters
         ----------
@@ -127,14 +127,14 @@ class Viewer:
         ui.timer(seconds, seen)
 
     def follow(self, show: Callable[[InstrumentState], Any]) -> None:
-        """Show the bench's state now and whenever it has changed, while the present part of the page is there.
+        """Show the instrument's state now and after each change, while the present part of the page exists.
 
         A page that nobody sees, because another tab is before it, is not changed until it is seen again.
         """
         shown: list[InstrumentState] = []
 
         async def look() -> None:
-            state = await self._glance.state()
+            state = await self._summary.state()
             if state is None or (shown and (shown[0] is state or shown[0] == state)):
                 return
             shown[:] = [state]
@@ -144,7 +144,7 @@ class Viewer:
 
 
 class CalibrationMemory:
-    """Remembers the calibration of the last state, because the bench judges it by the camera whenever it is asked.
+    """Caches the calibration of the last state, which the instrument checks at each call.
 
     Parameters
     ----------
@@ -152,15 +152,15 @@ class CalibrationMemory:
         Where it is in force.
     """
 
-    def __init__(self, bench: Instrument) -> None:
-        self._bench = bench
-        self._known: UsableCalibration | None = None
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument = instrument
+        self._calibration: UsableCalibration | None = None
 
     def of(self, state: InstrumentState) -> UsableCalibration | None:
-        """The calibration that the state names; None without one, and when another came in force since."""
-        if self._known is None or self._known.identity != state.calibration_identity:
-            self._known = self._bench.calibration if state.calibration_identity else None
-        given = self._known
+        """The state's calibration; None without one, and after a change."""
+        if self._calibration is None or self._calibration.identity != state.calibration_identity:
+            self._calibration = self._instrument.calibration if state.calibration_identity else None
+        given = self._calibration
         return given if given is not None and given.identity == state.calibration_identity else None
 
 

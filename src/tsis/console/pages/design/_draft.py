@@ -1,4 +1,4 @@
-"""Fields that are judged as they are typed, each group with the sentences about it below."""
+"""Fields that are validated while typed, with messages below each group."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 
 
 class FieldMessages:
-    """What is wrong with the fields of a group; nothing is shown while all are right."""
+    """Messages about the fields of a group."""
 
     def __init__(self) -> None:
-        self._said: dict[str, str] = {}
-        self._place = ui.element("div").classes("faults").props('role="status"')
+        self._messages: dict[str, str] = {}
+        self._container = ui.element("div").classes("faults").props('role="status"')
 
     def say(self, field: str, sentence: str) -> None:
-        """Say what is wrong with a field; an empty sentence takes back what was said."""
-        if self._said.get(field, "") == sentence:
+        """Set the message of a field; an empty one removes it."""
+        if self._messages.get(field, "") == sentence:
             return
-        self._said[field] = sentence
-        self._place.clear()
-        with self._place:
-            for item in dict.fromkeys(filter(None, self._said.values())):
+        self._messages[field] = sentence
+        self._container.clear()
+        with self._container:
+            for item in dict.fromkeys(filter(None, self._messages.values())):
                 ui.label(item)
 
 
@@ -95,7 +95,7 @@ NEW_LAYER = {"thickness_mm": "2", "young_kpa": "50", "poisson": "0.49", "refract
 
 @dataclass(slots=True)
 class ProbeDraft:
-    """What is in the fields of the probe.
+    """Contents of the probe's fields.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class ProbeDraft:
         }
 
     def probe(self) -> Probe:
-        """The probe that the fields describe; the one of the catalog, with its name, when nothing was changed.
+        """The probe of the fields; the catalog's probe when nothing was changed.
 
         Raises
         ------
@@ -160,17 +160,17 @@ class ProbeDraft:
     # The sentence beside a field, as it is typed
 
     def layer_fault(self, texts: Mapping[str, str], name: str) -> str:
-        """What is wrong with one field of a layer; empty when nothing is."""
+        """Error of a field of a layer; empty without one."""
         return draft_message(lambda: Layer(**{**ANY_LAYER, name: typed_number(LAYER[name], texts[name])}))
 
     def lamp_fault(self, name: str) -> str:
-        """What is wrong with one field of the lamps; empty when nothing is."""
+        """Error of a field of the lamps; empty without one."""
         if name == "lamps":
             return draft_message(partial(typed_number, "lamps", self.lamps)) or draft_message(self._leds)
         return draft_message(lambda: Led(**{name: typed_number(LAMP[name], self.lamp[name])}))
 
     def face_fault(self, name: str) -> str:
-        """What is wrong with ``"radius_mm"`` or ``"curvature_mm"``; empty when nothing is."""
+        """Error of ``"radius_mm"`` or ``"curvature_mm"``; empty without one."""
         thick = Probe(radius_mm=5.0, layers=(Layer(thickness_mm=200.0, young_kpa=50.0),))  # under any dome
         wrong = draft_message(lambda: replace(thick, radius_mm=typed_number("radius", self.radius_mm)))
         if name == "radius_mm":
@@ -182,18 +182,18 @@ class ProbeDraft:
         return draft_message(lambda: replace(thick, radius_mm=radius, face_curvature_mm=curvature()))
 
     def field_faults(self) -> Iterator[str]:
-        """What is wrong with each field by itself; empty where nothing is."""
+        """Errors of the single fields; empty without one."""
         yield from (self.layer_fault(texts, name) for texts in self.layers for name in LAYER)
         yield from (self.lamp_fault(name) for name in ("lamps", *LAMP))
         yield from (self.face_fault(name) for name in ("radius_mm", "curvature_mm"))
 
     def fault(self) -> str:
-        """What is wrong with the probe as a whole; empty when nothing is."""
+        """Error of the whole probe; empty without one."""
         return draft_message(self.probe)
 
 
 def draft_message(make: Callable[[], object]) -> str:
-    """Why something cannot be made, in the words of the page; empty when it can."""
+    """Error of a construction with the page's labels; empty without one."""
     try:
         make()
     except InputError as error:
@@ -220,7 +220,7 @@ MOST_FORCES = 8
 
 @dataclass(slots=True)
 class QuestionDraft:
-    """What is in the fields of presses and question."""
+    """Contents of the fields of presses and question."""
 
     forces: str = ""
     frames: str = "1"
@@ -232,7 +232,7 @@ class QuestionDraft:
     evaluations: str = str(MOST_EVALUATIONS)
 
     def question(self, probe: Probe) -> DesignQuestion:
-        """The question about a probe; `InputError` when a field holds what cannot be asked."""
+        """The question about a probe; `InputError` for an invalid field."""
         with field_messages(FORCE):
             return DesignQuestion(
                 probe=probe,
@@ -267,5 +267,5 @@ class ProbeEditor:
     """Drafts, and the job that judges them or did so last."""
 
     probe: ProbeDraft = field(default_factory=lambda: draft_of(FIRST))
-    asked: QuestionDraft = field(default_factory=QuestionDraft)
+    question: QuestionDraft = field(default_factory=QuestionDraft)
     job: Job | None = None

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class QuestionForm:
-    """How one would press, what to compare with, and what a good design is.
+    """Presses, comparisons and criterion.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class QuestionForm:
     """
 
     def __init__(self, desk: ProbeEditor) -> None:
-        self._desk, draft = desk, desk.asked
+        self._editor, draft = desk, desk.question
         panel_title("Presses")
         self._presses(draft)
         panel_title("Compare with", level=3).classes("below")
@@ -89,28 +89,28 @@ class QuestionForm:
                 lambda: self._fault(QuestionDraft(frames=draft.frames)),
                 messages,
             )
-            ui.switch("Press plain tissue too", value=draft.with_reference).props("dense").bind_value_to(
+            ui.switch("Reference presses too", value=draft.with_reference).props("dense").bind_value_to(
                 draft, "with_reference"
             )
 
     def _fault(self, alone: QuestionDraft) -> str:
-        """What is wrong with one field, the others being as they are at first."""
-        return draft_message(lambda: alone.question(self._desk.probe.start))
+        """Error of one field, with defaults for the others."""
+        return draft_message(lambda: alone.question(self._editor.probe.start))
 
     def _forces(self, text: str) -> None:
-        self._desk.asked.forces = text
+        self._editor.question.forces = text
 
     def _frames(self, text: str) -> None:
-        self._desk.asked.frames = text
+        self._editor.question.frames = text
 
     def _evaluations(self, text: str) -> None:
-        self._desk.asked.evaluations = text
+        self._editor.question.evaluations = text
 
     def _compare(self, aspect: str, event: ValueChangeEventArguments[bool]) -> None:
         if event.value:
-            self._desk.asked.compared.add(aspect)
+            self._editor.question.compared.add(aspect)
         else:
-            self._desk.asked.compared.discard(aspect)
+            self._editor.question.compared.discard(aspect)
 
 
 HEADINGS = ("Layer", "Thickness / mm", "Modulus / kPa", "Poisson", "Index", "Order")
@@ -129,13 +129,13 @@ class LayerTable:
 
     def __init__(self, draft: ProbeDraft, changed: Callable[[], object]) -> None:
         self._draft, self._changed = draft, changed
-        self._place = ui.element("div").classes("stack")
+        self._container = ui.element("div").classes("stack")
         self._fill()
 
     def _fill(self) -> None:
-        self._place.clear()
+        self._container.clear()
         layers = self._draft.layers
-        with self._place:
+        with self._container:
             body = rows_under(HEADINGS, label="Layers, from the tissue up", look="layers")
             messages = FieldMessages()
             with body:
@@ -211,29 +211,29 @@ class ProbeForm:
     """
 
     def __init__(self, desk: ProbeEditor, changed: Callable[[], object]) -> None:
-        self._desk, self._changed = desk, changed
+        self._editor, self._changed = desk, changed
         panel_title("Probe")
         ui.select(list(list_probes()), value=desk.probe.start.name, label="Start from", on_change=self._start).props(
             "dense outlined options-dense"
         ).classes("start")
-        self._place = ui.element("div").classes("stack")
+        self._container = ui.element("div").classes("stack")
         self._fill()
 
     def _start(self, event: ValueChangeEventArguments[str]) -> None:
-        self._desk.probe = draft_of(event.value)
+        self._editor.probe = draft_of(event.value)
         self._fill()
         self._changed()
 
     def _fill(self) -> None:
-        self._place.clear()
-        with self._place:
+        self._container.clear()
+        with self._container:
             self._face()
             panel_title("Layers, from the tissue up", level=3)
-            LayerTable(self._desk.probe, self._changed)
+            LayerTable(self._editor.probe, self._changed)
             self._lamps()
 
     def _face(self) -> None:
-        draft = self._desk.probe
+        draft = self._editor.probe
 
         def radius(text: str) -> None:
             draft.radius_mm = text
@@ -259,7 +259,7 @@ class ProbeForm:
                 typed_field("Radius of the dome / mm", draft.curvature_mm, curvature, fault, messages)
 
     def _lamps(self) -> None:
-        draft = self._desk.probe
+        draft = self._editor.probe
 
         def lamps(text: str) -> None:
             draft.lamps = text

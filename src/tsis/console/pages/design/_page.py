@@ -1,4 +1,4 @@
-"""Asking what a design would tell: the job, how far it is, and its answer."""
+"""Analysis of a design: the job, its progress and its result."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ SCROLL = 'getHtmlElement({}).scrollIntoView({{behavior: "smooth", block: "start"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignResult:
-    """An answer, and its page with its pictures drawn."""
+    """An analysis, and its page with drawn pictures."""
 
-    answer: DesignAnalysis
+    analysis: DesignAnalysis
     page: Page
     pictures: tuple[str, ...]
 
@@ -44,21 +44,21 @@ def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
 
     def work(job: Job) -> DesignResult:
         result = compared_designs(question, progress=job.advance)
-        job.tell(0, question.evaluations or 0)
+        job.report(0, question.evaluations or 0)
         try:
             optimum = searched_design(question, progress=job.advance)
         except JobCancelled:
             optimum = None
-            job.say("The search was ended; this is what was compared before it.")
+            job.say("The search was ended; these designs were compared before it.")
         response = answer_question(question, result, optimum)
         page = design_page(response)
-        return DesignResult(answer=response, page=page, pictures=drawings(page))
+        return DesignResult(analysis=response, page=page, pictures=drawings(page))
 
     return work
 
 
 class DesignResultPanel:
-    """Button, progress and answer.
+    """Button, progress and result.
 
     Parameters
     ----------
@@ -70,72 +70,72 @@ class DesignResultPanel:
         What is asked about.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, desk: ProbeEditor) -> None:
-        self._bench, self._viewer, self._desk = bench, viewer, desk
+    def __init__(self, instrument: Instrument, viewer: Viewer, desk: ProbeEditor) -> None:
+        self._instrument, self._viewer, self._editor = instrument, viewer, desk
         self._shown: Job | None = None
         self._begun_here = False
         with ui.element("div").classes("row below"):
-            self._ask = ui.button("What would it tell?", on_click=self._asked).props("no-caps")
+            self._start = ui.button("Compute the errors", on_click=self._started).props("no-caps")
             self._end = ui.button("End", on_click=self._ended).props("no-caps outline")
             ui.element("div").classes("spring")
             ui.button("Save the probe", on_click=self._save_probe).props("no-caps flat dense")
         self._bar = ProgressBar("Progress of the designs")
-        self._sentence = ui.label().props('role="status"')
+        self._message = ui.label().props('role="status"')
 
-    def answer_below(self) -> None:
-        """Place the answer here."""
-        self._answer = ui.element("section").classes("panel stack design-answer").props('aria-label="Answer"')
-        self._answer.set_visibility(False)
-        ui.timer(EVERY_S, self._look)
+    def result_container(self) -> None:
+        """Place the result here."""
+        self._result = ui.element("section").classes("panel stack design-answer").props('aria-label="Answer"')
+        self._result.set_visibility(False)
+        ui.timer(EVERY_S, self._refresh)
 
-    def _asked(self) -> None:
+    def _started(self) -> None:
         if self._running():
             return
         try:
-            question = self._desk.asked.question(self._desk.probe.probe())
+            question = self._editor.question.question(self._editor.probe.probe())
         except InputError as error:
             self._viewer.complain(str(error))
             return
-        self._desk.job = self._bench.jobs.begin(f"what {question.planned.described} would tell", judge(question))
-        self._look()
+        self._editor.job = self._instrument.jobs.begin(f"what {question.planned.described} would tell", judge(question))
+        self._refresh()
 
     def _ended(self) -> None:
-        if self._desk.job is not None:
-            self._desk.job.end()
+        if self._editor.job is not None:
+            self._editor.job.end()
 
     def _running(self) -> bool:
-        return self._desk.job is not None and self._desk.job.state().running
+        return self._editor.job is not None and self._editor.job.state().running
 
-    def _look(self) -> None:
-        job = self._desk.job
+    def _refresh(self) -> None:
+        job = self._editor.job
         state = None if job is None else job.state()
         running = state is not None and state.running
-        self._ask.set_enabled(not running)
+        self._start.set_enabled(not running)
         self._end.set_visibility(running)
         self._bar.show(state)
         if job is None or state is None:
             return
         if running:
             self._begun_here = True
-            self._sentence.text = (
+            self._message.text = (
                 f"{state.done} of {state.total} solved" if state.done else "The press of a new probe takes a while."
             )
         elif job is not self._shown:
             self._shown = job
-            self._sentence.text = state.sentence
+            self._message.text = state.sentence
             if state.status == DONE:
                 self._show(job.result)
                 if self._begun_here:
-                    self._answer.client.run_javascript(SCROLL.format(self._answer.id))
+                    self._result.client.run_javascript(SCROLL.format(self._result.id))
 
     def _show(self, told: DesignResult) -> None:
-        self._answer.clear()
-        self._answer.set_visibility(True)
-        with self._answer:
+        self._result.clear()
+        self._result.set_visibility(True)
+        with self._result:
             with ui.element("div").classes("row"):
                 panel_title(f"{told.page.title}: {told.page.subtitle}")
                 ui.element("div").classes("spring")
-                ui.button("Save the answer", on_click=lambda: self._save(told.answer)).props("no-caps flat dense")
+                ui.button("Save the result", on_click=lambda: self._save(told.analysis)).props("no-caps flat dense")
             report_parts(told.page, told.pictures)
 
     def _save(self, answer: DesignAnalysis) -> None:
@@ -143,7 +143,7 @@ class DesignResultPanel:
 
     def _save_probe(self) -> None:
         try:
-            probe = self._desk.probe.probe()
+            probe = self._editor.probe.probe()
         except InputError as error:
             self._viewer.complain(str(error))
             return
@@ -162,13 +162,13 @@ def file_name(name: str) -> str:
 
 
 WHAT = (
-    "Nothing is pressed here and no camera is needed: the model behind the estimates tells how well diameter, depth "
+    "Nothing is pressed here and no camera is needed: the model of the estimates predicts how well diameter, depth "
     "and modulus of inclusions would be known."
 )
 
 
-async def design_tab(bench: Instrument, viewer: Viewer) -> None:
-    """Build the page, with what this tab had on its desk."""
+async def design_tab(instrument: Instrument, viewer: Viewer) -> None:
+    """Build the page with this tab's draft."""
     await ui.context.client.connected()
     controller = viewer.kept(ProbeEditor)
     with ui.element("div").classes("design"):
@@ -178,9 +178,9 @@ async def design_tab(bench: Instrument, viewer: Viewer) -> None:
                 section = Section(controller, viewer)
             with ui.element("section").classes("panel"):
                 QuestionForm(controller)
-                reporting = DesignResultPanel(bench, viewer, controller)
+                reporting = DesignResultPanel(instrument, viewer, controller)
         with probe_panel:
             ProbeForm(controller, lambda: background_tasks.create(section.draw(), name="section of the probe"))
             ui.label(WHAT).classes("muted below")
-    reporting.answer_below()
+    reporting.result_container()
     await section.draw()

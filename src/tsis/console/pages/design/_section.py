@@ -1,4 +1,4 @@
-"""The probe as it is drawn while somebody changes it."""
+"""Drawing of the edited probe."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LEAST_IN, MOST_IN = 1.8, 4.5  # of its height
 
 
 class Section:
-    """The probe from the side; while a field is wrong, the sentence that says why, and the probe as it was before.
+    """The probe from the side; with a wrong field its message and the last valid probe.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ class Section:
     """
 
     def __init__(self, desk: ProbeEditor, viewer: Viewer) -> None:
-        self._desk, self._viewer = desk, viewer
-        self._wanted = 0
+        self._editor, self._viewer = desk, viewer
+        self._requested = 0
         panel_title("Seen from the side")
         with ui.element("div").classes("section"):
             self._picture = drawing()
@@ -47,17 +47,17 @@ class Section:
 
     async def draw(self) -> None:
         """Draw the probe as it is now."""
-        self._wanted += 1
-        turn = self._wanted
+        self._requested += 1
+        turn = self._requested
         try:
-            probe = self._desk.probe.probe()
+            probe = self._editor.probe.probe()
         except InputError as error:
-            beside = any(self._desk.probe.field_faults())  # where it is said already
+            beside = any(self._editor.probe.field_faults())  # where it is said already
             self._fault.text = "Not drawn while a field is wrong." if beside else f"Not drawn: {error}"
             return
         self._fault.text = ""
         source = await self._viewer.attempt(address, picture_of(probe))
-        if source is not None and turn == self._wanted:  # what was typed meanwhile is drawn by who typed it
+        if source is not None and turn == self._requested:  # what was typed meanwhile is drawn by who typed it
             show_drawing(self._picture, source, described(probe))
 
 
@@ -69,7 +69,7 @@ def picture_of(probe: Probe) -> Picture:
 
 
 def described(probe: Probe) -> str:
-    """The probe in words."""
+    """The probe as text."""
     layers = ", ".join(f"{layer.thickness_mm:g} mm of {layer.young_kpa:g} kPa" for layer in probe.layers)
     face = "flat" if probe.face_curvature_mm is None else f"domed by {probe.face_curvature_mm:g} mm"
     return (

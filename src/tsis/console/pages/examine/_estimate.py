@@ -1,4 +1,4 @@
-"""What is kept of this target, and what it tells: diameter, depth and modulus with their doubt, or hardness."""
+"""Saved presses of this target, and its estimate: diameter, depth and modulus with uncertainty, or hardness."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class EstimatePanel:
         As of `PressPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._bench, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._state: InstrumentState | None = None
         self._shown: tuple[object, ...] | None = None
         with ui.element("div").classes("row"):
@@ -55,9 +55,9 @@ class EstimatePanel:
             self._hardness = ui.link("Hardness of this object", "/hardness")
             self._begin = ui.button("Estimate", icon="analytics", on_click=self._estimate).props("no-caps outline")
         self._bar = ProgressBar("Progress of the estimate")
-        self._said = ui.label().classes("muted wordy").props("role=status")
-        self._place = ui.element("div").classes("stack")
-        viewer.every(LOOK_S, self._look)
+        self._message = ui.label().classes("muted wordy").props("role=status")
+        self._container = ui.element("div").classes("stack")
+        viewer.every(LOOK_S, self._refresh)
 
     def show(self, state: InstrumentState) -> None:
         """Show how far the estimate is."""
@@ -68,14 +68,14 @@ class EstimatePanel:
         self._begin.set_visibility(not sphere)
         self._begin.set_enabled(job is None or not job.running)
         self._bar.show(job)
-        self._said.text = job_text(job)
-        set_class(self._said, "doubtful", job is not None and job.status == FAILED)
+        self._message.text = job_text(job)
+        set_class(self._message, "doubtful", job is not None and job.status == FAILED)
 
     async def _estimate(self) -> None:
-        await self._viewer.attempt(self._bench.estimate, self._bench.state().target)
+        await self._viewer.attempt(self._instrument.estimate, self._instrument.state().target)
 
-    async def _look(self) -> None:
-        """Read what is kept when it may have changed: here, in another tab or by a script."""
+    async def _refresh(self) -> None:
+        """Read the store after a possible change, also by another tab or a script."""
         state = self._state
         if state is None:
             return
@@ -83,21 +83,21 @@ class EstimatePanel:
             now = (await self._viewer.entries(), state.target)
             if now == self._shown:
                 return
-            result = await run.io_bound(saved_target, self._bench.store, state.target)
+            result = await run.io_bound(saved_target, self._instrument.store, state.target)
         except TsisError as error:
-            self._tell(str(error))
+            self._notify(str(error))
             return
         if result is None or self._state is None or self._state.target != result.number:  # it ends, or look again
             return
         self._shown = now
         self._show_recorded(result)
 
-    def _tell(self, sentence: str) -> None:
+    def _notify(self, sentence: str) -> None:
         if self._shown == (sentence,):
             return
         self._shown = (sentence,)
-        self._place.clear()
-        with self._place:
+        self._container.clear()
+        with self._container:
             ui.label(sentence).classes("doubtful")
 
     def _show_recorded(self, found: SavedTarget) -> None:
@@ -105,8 +105,8 @@ class EstimatePanel:
         self._title.text = f"Target {found.number}{name}"
         self._report.set_visibility(found.target is not None)
         self._report.props["href"] = f"/records/{found.number}"
-        self._place.clear()
-        with self._place:
+        self._container.clear()
+        with self._container:
             for stored in found.estimates:
                 estimate_parts(stored, {} if found.target is None else found.target.truth)
             for message in found.damaged:
@@ -123,20 +123,16 @@ def estimate_parts(stored: StoredEstimate, truth: Mapping[str, float]) -> None:
 def presses(found: SavedTarget) -> None:
     """The newest presses, one line each."""
     if not found.count:
-        ui.label("Nothing is kept of this target yet. Press it and keep a snapshot: the space bar does.").classes(
-            "muted"
-        )
+        ui.label("No presses of this target yet. Press it and save a snapshot (space bar).").classes("muted")
         return
     more = "" if found.count <= len(found.presses) else f", the last {len(found.presses)}"
-    with rows_under(
-        ("Pressed", "Force", "Kept at (UTC)", "Against it"), caption=f"{count_of(found.count, 'press')}{more}"
-    ):
+    with rows_under(("Pressed", "Force", "Saved at (UTC)", "Flags"), caption=f"{count_of(found.count, 'press')}{more}"):
         for press in found.presses:
             row(press_cells(press))
 
 
 def press_cells(press: StoredPress) -> tuple[str, ...]:
-    """What the list of presses says of one."""
+    """Cells of a press in the list."""
     return (
         ROLE_NAMES[press.role],
         force_text(press.force_n),
@@ -151,5 +147,5 @@ def job_text(job: JobState | None) -> str:
         return ""
     if job.running:
         fraction = f", {job.done} of {job.total} steps" if job.total else ""
-        return f"Estimating{fraction}; the mechanics of a probe are solved once and kept."
+        return f"Estimating{fraction}; the mechanics of a probe are solved once and cached."
     return job.sentence if job.status == FAILED else ""

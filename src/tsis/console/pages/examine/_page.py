@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tsis.console.services import CameraState, Instrument, InstrumentState
 
 
-KEYS = {"Space": "keep a snapshot", "←": "target before", "→": "target after", "F": "live image alone, and back"}
+KEYS = {"Space": "save a snapshot", "←": "target before", "→": "target after", "F": "live image alone, and back"}
 
 
 class Keys(Element, component="keys.js"):
@@ -68,17 +68,17 @@ MAPS = ("grey", "cividis", "inferno", "viridis")
 
 
 class LivePanel:
-    """What the camera sees, for everybody who looks."""
+    """The live image."""
 
     def __init__(self) -> None:
         self._map = FIRST_MAP
         self._surface: SurfaceView | None = None
-        with ui.element("div").classes("panel live-panel") as self.alone:
+        with ui.element("div").classes("panel live-panel") as self.single:
             self._tools()
             with ui.element("div").classes("live-pair") as self._pair:
                 self.view = LiveView(map_name=FIRST_MAP)
-                self._surface_place = ui.element("div").classes("surface-place")
-            self._surface_place.set_visibility(False)
+                self._surface_container = ui.element("div").classes("surface-place")
+            self._surface_container.set_visibility(False)
             self._camera = ui.label().classes("muted camera-line")
         with ui.element("div").classes("panel histogram-panel"):
             self.histogram = Histogram()
@@ -97,10 +97,10 @@ class LivePanel:
 
     def show(self, state: InstrumentState) -> None:
         """Show how the camera is; the frames come by a way of their own."""
-        self.view.tell(state)
-        self.histogram.tell(state)
+        self.view.update_state(state)
+        self.histogram.update_state(state)
         if self._surface is not None:
-            self._surface.tell(state)
+            self._surface.update_state(state)
         self._camera.text = f"{state.busy.capitalize()} …" if state.busy else camera_line(state.camera)
 
     def _colour(self, event: ValueChangeEventArguments[str]) -> None:
@@ -110,12 +110,12 @@ class LivePanel:
             self._surface.colour(event.value)
 
     def _three(self, event: ValueChangeEventArguments[bool | None]) -> None:
-        self._surface_place.set_visibility(bool(event.value))
+        self._surface_container.set_visibility(bool(event.value))
         set_class(self._pair, "two", bool(event.value))
-        self._surface_place.clear()
+        self._surface_container.clear()
         self._surface = None
         if event.value:
-            with self._surface_place:
+            with self._surface_container:
                 self._surface = SurfaceView(map_name=self._map)
 
 
@@ -129,7 +129,7 @@ def camera_line(camera: CameraState) -> str:
     return f"{camera.name}: {camera.frames_per_s:.0f} frames/s, {camera.missed} dropped{breaks}{size}"
 
 
-def examine_page(bench: Instrument, viewer: Viewer) -> None:
+def examine_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     operated = OperatorControls(viewer)
     with ui.element("div").classes("split examine"):
@@ -137,7 +137,7 @@ def examine_page(bench: Instrument, viewer: Viewer) -> None:
             live = LivePanel()
         with ui.element("section").classes("stack").props('aria-label="Press, estimate and camera"'):
             with ui.element("div").classes("panel stack tight"):
-                press = PressPanel(bench, viewer, operated)
+                press = PressPanel(instrument, viewer, operated)
                 with press.force_row:
                     force = ForceRow()
                 flags = FlagList()
@@ -147,12 +147,12 @@ def examine_page(bench: Instrument, viewer: Viewer) -> None:
                     reported, set_up, recorded = ui.tab("Estimate"), ui.tab("Settings"), ui.tab("Sequence")
                 with ui.tab_panels(tabs, value=reported).props("keep-alive").classes("plain-panels"):
                     with ui.tab_panel(reported):
-                        estimate = EstimatePanel(bench, viewer)
+                        estimate = EstimatePanel(instrument, viewer)
                     with ui.tab_panel(set_up):
-                        settings = SettingsPanel(bench, viewer, operated)
+                        settings = SettingsPanel(instrument, viewer, operated)
                     with ui.tab_panel(recorded):
-                        sequence = SequencePanel(bench, viewer, operated)
-    Keys(snapshot=press.snapshot, step=press.step, alone=live.alone)
+                        sequence = SequencePanel(instrument, viewer, operated)
+    Keys(snapshot=press.snapshot, step=press.step, alone=live.single)
 
     def show(state: InstrumentState) -> None:
         for part in (live, press, force, flags, estimate, settings, sequence, operated):

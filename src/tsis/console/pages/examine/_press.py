@@ -1,4 +1,4 @@
-"""What the store holds of the target under examination, read when it may have changed."""
+"""The saved presses of the examined target, and the controls of a press."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SHOWN = 8  # presses, the newest
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedTarget:
-    """A target's number with what is kept of it.
+    """A target's number and its stored record.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def saved_target(store: Store, number: int) -> SavedTarget:
 
 
 class PressPanel:
-    """What the operator does with a press.
+    """Controls of a press.
 
     Parameters
     ----------
@@ -93,11 +93,11 @@ class PressPanel:
         Takes the controls.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer, self._keeping = bench, viewer, False
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer, self._saving = instrument, viewer, False
         with ui.element("div").classes("row"):
-            self._run = RunButton(bench, viewer)
-            self._keep = ui.button("Snapshot", icon="photo_camera", on_click=self.snapshot).props("no-caps unelevated")
+            self._run = RunButton(instrument, viewer)
+            self._save = ui.button("Snapshot", icon="photo_camera", on_click=self.snapshot).props("no-caps unelevated")
             with ui.element("div").classes("stepper"):
                 back = self._stepper("remove", "Target before", -1)
                 self._target = NumberField(viewer, "Target", self._set_target)
@@ -105,44 +105,44 @@ class PressPanel:
         with ui.element("div").classes("row"):
             choice = ui.toggle({}, value=None).props("no-caps unelevated toggle-color=primary").classes("roles")
             choice.props('role=group aria-label="Pressed on"')
-            self._role = ChoiceField(viewer, choice, lambda role: bench.hold(role=role, by=viewer.identity))
+            self._role = ChoiceField(viewer, choice, lambda role: instrument.hold(role=role, by=viewer.identity))
         with ui.element("div").classes("row") as self.force_row:
             self._force = NumberField(
-                viewer, "Force", self._hold, unit="N", emptied=lambda: bench.forget_force(by=viewer.identity)
+                viewer, "Force", self._hold, unit="N", emptied=lambda: instrument.forget_force(by=viewer.identity)
             )
-        for control in (self._run.element, self._keep, back, on, self._target.element, choice, self._force.element):
+        for control in (self._run.element, self._save, back, on, self._target.element, choice, self._force.element):
             operated.add(control)
 
     def show(self, state: InstrumentState) -> None:
-        """Show the bench's press."""
+        """Show the instrument's press."""
         self._run.show(state.camera)
         self._target.show(state.target)
         self._role.show(state.role, {role: ROLE_NAMES[role] for role in state.roles})
         self._force.show(state.force_n)
 
     async def snapshot(self) -> None:
-        """Keep the press; a second key while the first is being kept does nothing."""
-        if self._keeping:
+        """Save the press; a second key during saving does nothing."""
+        if self._saving:
             return
-        self._keeping = True
+        self._saving = True
         try:
-            press: SavedPress | None = await self._viewer.attempt(self._bench.snapshot, by=self._viewer.identity)
+            press: SavedPress | None = await self._viewer.attempt(self._instrument.snapshot, by=self._viewer.identity)
         finally:
-            self._keeping = False
+            self._saving = False
         if press is not None:
-            self._viewer.tell(snapshot_text(press))
+            self._viewer.notify(snapshot_text(press))
 
     async def step(self, by: int) -> None:
         """Go to the target before or after."""
-        await self._viewer.attempt(self._bench.step_target, by, by=self._viewer.identity)
+        await self._viewer.attempt(self._instrument.step_target, by, by=self._viewer.identity)
 
     def _set_target(self, number: float) -> None:
         whole = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
-        self._bench.set_target(whole, by=self._viewer.identity)
+        self._instrument.set_target(whole, by=self._viewer.identity)
 
     def _hold(self, force_n: float) -> None:
         with field_messages(FORCE):
-            self._bench.hold(force_n=force_n, by=self._viewer.identity)
+            self._instrument.hold(force_n=force_n, by=self._viewer.identity)
 
     def _stepper(self, icon: str, label: str, by: int) -> ui.button:
         button = ui.button(icon=icon, on_click=lambda: self.step(by)).props("flat dense round")
@@ -151,12 +151,12 @@ class PressPanel:
 
 
 def snapshot_text(kept: SavedPress) -> str:
-    """What a snapshot says of itself."""
+    """Text of a snapshot."""
     press = kept.press
     against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
     notes = "".join(f" {note}." for note in kept.notes)
     return (
-        f"Kept for target {kept.target.number}: {ROLE_NAMES[press.role]}, {force_text(press.force_n)}{against}.{notes}"
+        f"Saved for target {kept.target.number}: {ROLE_NAMES[press.role]}, {force_text(press.force_n)}{against}.{notes}"
     )
 
 
@@ -173,8 +173,8 @@ class SequencePanel:
         As of `PressPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             self._length = unit_field("Length", number_text_of_field(FIRST_LENGTH)).classes("number-field")
             self._unit = ui.toggle([SECONDS, FRAMES], value=SECONDS).props("no-caps unelevated toggle-color=primary")
@@ -183,10 +183,10 @@ class SequencePanel:
             self._begin.props("no-caps outline")
             self._end = ui.button("End", icon="stop", on_click=self._ended).props("no-caps outline")
         self._bar = ProgressBar("Progress of the sequence")
-        self._said = ui.label().classes("muted wordy").props("role=status")
-        ui.label("Every frame is kept as it came, in the workspace; it goes on when this page is closed.").classes(
-            "muted"
-        )
+        self._message = ui.label().classes("muted wordy").props("role=status")
+        ui.label(
+            "Every frame is saved unchanged in the workspace; the recording continues when this page is closed."
+        ).classes("muted")
         for control in (self._length, self._unit, self._begin, self._end):
             operated.add(control)
 
@@ -197,7 +197,7 @@ class SequencePanel:
         self._begin.set_visibility(not running)
         self._end.set_visibility(running)
         self._bar.show(sequence)
-        self._said.text = sequence_text(sequence)
+        self._message.text = sequence_text(sequence)
 
     async def _record(self) -> None:
         await self._viewer.attempt(self._recorded)
@@ -205,14 +205,14 @@ class SequencePanel:
     def _recorded(self) -> None:
         length = typed_number("length", str(self._length.value or ""))
         if self._unit.value == FRAMES:
-            self._bench.begin_sequence(
+            self._instrument.begin_sequence(
                 frames=require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES), by=self._viewer.identity
             )
         else:
-            self._bench.begin_sequence(seconds=length, by=self._viewer.identity)
+            self._instrument.begin_sequence(seconds=length, by=self._viewer.identity)
 
     async def _ended(self) -> None:
-        await self._viewer.attempt(self._bench.end_sequence, by=self._viewer.identity)
+        await self._viewer.attempt(self._instrument.end_sequence, by=self._viewer.identity)
 
 
 def sequence_text(sequence: JobState | None) -> str:
@@ -220,6 +220,6 @@ def sequence_text(sequence: JobState | None) -> str:
     if sequence is None:
         return ""
     if sequence.running:
-        fraction = f": {sequence.share:.0%}" if sequence.total else ""
+        fraction = f": {sequence.fraction:.0%}" if sequence.total else ""
         return f"Recording {sequence.title}{fraction}"
     return f"{sequence.title.capitalize()}: {sequence.sentence}"

@@ -1,4 +1,4 @@
-"""What the newest frame says of the press: force and its source, settled or not, and what speaks against it."""
+"""The newest frame's press: force and its source, settling, and flags."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ForceRow:
         self._still = ui.label().classes("chip still")
 
     def show(self, state: InstrumentState) -> None:
-        """Show the newest sight."""
+        """Show the newest analysis."""
         analysis = present(state)
         force = None if analysis is None else analysis.force
         self._force.text = "" if force is None else f"{force.value_n:.2f} N"
@@ -36,14 +36,14 @@ class ForceRow:
 
 
 class FlagList:
-    """What speaks against the press, with the advice to each."""
+    """Flags of the press, with advice."""
 
     def __init__(self) -> None:
-        self._flags = ui.element("ul").classes("flags").props('aria-label="What speaks against this press"')
+        self._flags = ui.element("ul").classes("flags").props('aria-label="Flags of this press"')
         self._shown: tuple[tuple[str, str], ...] | None = None
 
     def show(self, state: InstrumentState) -> None:
-        """Show those of the newest sight; a list that is the same stays, so that nobody is told of it again."""
+        """Show the flags of the newest analysis; an unchanged list stays, so that screen readers do not repeat it."""
         result = flags(present(state))
         if result != self._shown:
             self._shown = result
@@ -56,12 +56,12 @@ class FlagList:
 
 
 def present(state: InstrumentState) -> FrameAnalysis | None:
-    """What is seen now; None while nobody can tell, for the camera is stopped or away."""
-    return state.sight if state.camera.running and not state.camera.lost else None
+    """The present analysis; None while the camera is stopped or away."""
+    return state.frame_analysis if state.camera.running and not state.camera.lost else None
 
 
 def flags(sight: FrameAnalysis | None) -> tuple[tuple[str, str], ...]:
-    """Names of what speaks against the press with the advice to each; one line without advice when nothing does."""
+    """Names of the flags with their advice; one line without advice when there are none."""
     if sight is None:
         return ()
-    return tuple((flag.name, flag.advice) for flag in sight.flags) or (("Nothing speaks against this press.", ""),)
+    return tuple((flag.name, flag.advice) for flag in sight.flags) or (("No flags.", ""),)

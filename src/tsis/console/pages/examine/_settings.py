@@ -52,7 +52,7 @@ class SettingLine:
                 span = setting.high - setting.low
                 self._slider = ui.slider(min=setting.low, max=setting.high, step=span / STEPS, value=setting.value)
                 self._slider.props("dense").props["aria-label"] = text
-                self._slider.on("update:model-value", self._moved)
+                self._slider.on("update:model-value", self._changed)
                 self._slider.on("change", self._released)
                 operated.add(self._slider)
                 ui.label(f"{setting.low:g} to {setting.high:.4g} {setting.unit}").classes("muted range")
@@ -63,7 +63,7 @@ class SettingLine:
         if self._slider is not None and not self._moving and self._slider.value != value:
             self._slider.set_value(value)
 
-    def _moved(self) -> None:
+    def _changed(self) -> None:
         self._moving = True
 
     async def _released(self, event: GenericEventArguments) -> None:
@@ -98,8 +98,8 @@ class SettingsPanel:
         As of `PressPanel`.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer, self._operated = bench, viewer, operated
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer, self._operated = instrument, viewer, operated
         self._lines: dict[str, SettingLine] = {}
         self._shape: tuple[object, ...] | None = None
         with ui.element("div").classes("row"):
@@ -109,7 +109,7 @@ class SettingsPanel:
                 )
                 with operated.add(button):
                     ui.tooltip(PRESET_WORDS[name])
-        self._place = ui.element("div").classes("settings")
+        self._container = ui.element("div").classes("settings")
         self._none = ui.label("Start the camera to adjust it.").classes("muted")
 
     def show(self, state: InstrumentState) -> None:
@@ -118,8 +118,8 @@ class SettingsPanel:
         shape = tuple((setting.name, setting.low, setting.high, setting.unit) for setting in settings)
         if shape != self._shape:
             self._shape = shape
-            self._place.clear()
-            with self._place:
+            self._container.clear()
+            with self._container:
                 self._lines = {
                     setting.name: SettingLine(
                         setting, partial(self._adjust, setting.name), self._viewer, self._operated
@@ -132,8 +132,8 @@ class SettingsPanel:
             self._lines[setting.name].show(setting.value)
 
     async def _preset(self, name: str) -> None:
-        await self._viewer.attempt(self._bench.preset, name, by=self._viewer.identity)
+        await self._viewer.attempt(self._instrument.preset, name, by=self._viewer.identity)
 
     def _adjust(self, name: str, value: float) -> None:
         with field_messages({name: setting_label(name).lower()}):
-            self._bench.adjust(name, value, by=self._viewer.identity)
+            self._instrument.adjust(name, value, by=self._viewer.identity)

@@ -1,4 +1,4 @@
-"""What is there of a measurement of hardness, and what is to be done next."""
+"""State of a hardness measurement, and its next step."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ PRESSES = 2  # at different forces, of which the second tests what the first tol
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedPresses:
-    """What the store holds of the object.
+    """The stored presses of the object.
 
     Attributes
     ----------
     number
         Of its target.
-    dossier
+    record
         All of it; None while there is nothing.
     presses
         Those that an estimate would rest on: of each force the newest.
@@ -35,7 +35,7 @@ class SavedPresses:
     """
 
     number: int
-    dossier: TargetRecord | None = None
+    record: TargetRecord | None = None
     presses: tuple[StoredPress, ...] = ()
     estimate: StoredEstimate | None = None
 
@@ -62,7 +62,7 @@ def saved_presses(store: Store, number: int) -> SavedPresses:
         return SavedPresses(number=number)
     record = store.record(target)
     estimate = next((stored for stored in record.in_force if stored.kind == HARDNESS), None)
-    return SavedPresses(number=number, dossier=record, presses=newest_presses(record, HARDNESS), estimate=estimate)
+    return SavedPresses(number=number, record=record, presses=newest_presses(record, HARDNESS), estimate=estimate)
 
 
 def next_free(store: Store, number: int) -> int:
@@ -73,7 +73,7 @@ def next_free(store: Store, number: int) -> int:
 
 
 def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
-    """What is to be done before a press can be estimated, one sentence each; nothing when it can be.
+    """Messages of what an estimate still needs; empty when it can run.
 
     Parameters
     ----------
@@ -100,16 +100,16 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
 
 
 def next_step_text(found: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:
-    """What is to be done next, or what there is, in one sentence."""
+    """The next step, or the state, as a message."""
     count = len(found.on_object)
     if estimating:
-        return "The estimate is being made."
+        return "The estimate is running."
     if found.is_current:
         return "Done. Press again at another force to test it, or begin with another object."
     if missing and count < PRESSES:
         return f"Next: {missing[0]}"
     if count == 0:
-        return "Next: press the object, and keep the press."
+        return "Next: press the object, and save the press."
     if count < PRESSES:
-        return "Next: press it again at another force; the second press tests what the first told."
+        return "Next: press it again at another force; the second press tests the first."
     return "Next: estimate, now that there are presses at two forces."

@@ -58,9 +58,13 @@ class Estimating:
     """
 
     def __init__(
-        self, bench: Instrument, viewer: Viewer, radius: Callable[[], TypedRadius], ball_radius: Callable[[], float]
+        self,
+        instrument: Instrument,
+        viewer: Viewer,
+        radius: Callable[[], TypedRadius],
+        ball_radius: Callable[[], float],
     ) -> None:
-        self._bench, self._viewer, self._radius, self._ball_radius = bench, viewer, radius, ball_radius
+        self._instrument, self._viewer, self._radius, self._ball_radius = instrument, viewer, radius, ball_radius
         with ui.element("div").classes("panel stack tight"):
             with ui.element("div").classes("row"):
                 panel_title("3  Estimate")
@@ -68,7 +72,7 @@ class Estimating:
                 self._button = ui.button("Estimate", icon="analytics", on_click=self._begin)
                 self._button.props("no-caps unelevated")
             self._bar = ProgressBar("Progress of the estimate")
-            self._said = ui.label().classes("muted").props("role=status")
+            self._message = ui.label().classes("muted").props("role=status")
 
     def show(self, job: JobState | None, *, enough: bool, two: bool) -> None:
         """Show whether it can begin, and how far it is."""
@@ -81,21 +85,21 @@ class Estimating:
         elif job is not None and failed:
             text = with_field_labels(job.sentence, WORDS)
         else:
-            text = "" if two or not enough else "One press tells nearly as much, but nothing tests it."
-        self._said.text = text
-        set_class(self._said, "doubtful", failed)
+            text = "" if two or not enough else "One press is nearly as precise, but nothing tests it."
+        self._message.text = text
+        set_class(self._message, "doubtful", failed)
 
     async def _begin(self) -> None:
         await self._viewer.attempt(self._begun)
 
     def _begun(self) -> object:
-        number = self._bench.state().target
-        result = saved_presses(self._bench.store, number)
+        number = self._instrument.state().target
+        result = saved_presses(self._instrument.store, number)
         typed = self._radius()
         options = {"radius_mm": typed.radius_mm, "radius_sd_mm": typed.sd_mm}
         if any(press.role == BALL for press in result.presses):
             options["reference_radius_mm"] = self._ball_radius()
-        return self._bench.estimate(
+        return self._instrument.estimate(
             number,
             kind=HARDNESS,
             presses=[press.id for press in result.presses] or None,
@@ -106,48 +110,48 @@ class Estimating:
 LOOK_S = 0.5  # between two looks into the store
 
 
-def hardness_tab(bench: Instrument, viewer: Viewer) -> None:
+def hardness_tab(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    _Measurement(bench, viewer)
+    _Measurement(instrument, viewer)
 
 
 class _Measurement:
     """The parts of the page, and what they show."""
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._bench, self._viewer, self._calibration = bench, viewer, CalibrationMemory(bench)
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer, self._calibration = instrument, viewer, CalibrationMemory(instrument)
         self._state: InstrumentState | None = None
-        self._found = SavedPresses(number=0)
+        self._results = SavedPresses(number=0)
         self._mark: object = None
         self._trouble = ""
         self._operated = OperatorControls(viewer)
         with ui.element("div").classes("split hardness"):
             with ui.element("section").classes("panel").props('aria-label="Live image"'):
                 self._live = LiveView()
-                self._sight = ui.label().classes("muted")
+                self._analysis = ui.label().classes("muted")
             with ui.element("section").classes("stack").props('aria-label="Steps"'):
                 with ui.element("div").classes("panel hardness-next"):
                     self._next = ui.label().classes("strong").props("role=status")
                     self._operated.why()
-                self._object = ObjectPart(bench, viewer, self._operated)
-                self._presses = PressPart(bench, viewer, self._operated)
-                self._estimating = Estimating(bench, viewer, self._object.radius, self._presses.ball_radius)
+                self._object = ObjectPart(instrument, viewer, self._operated)
+                self._presses = PressPart(instrument, viewer, self._operated)
+                self._estimating = Estimating(instrument, viewer, self._object.radius, self._presses.ball_radius)
         self._result = HardnessPanel(viewer)
-        viewer.every(LOOK_S, self._look)
+        viewer.every(LOOK_S, self._refresh)
         viewer.follow(self._show)
 
     def _show(self, state: InstrumentState) -> None:
         self._state = state
-        self._live.tell(state)
-        analysis = state.sight
-        self._sight.text = "" if analysis is None else "; ".join(flag.advice for flag in analysis.flags)
-        set_class(self._sight, "doubtful", analysis is not None and bool(analysis.flags))
+        self._live.update_state(state)
+        analysis = state.frame_analysis
+        self._analysis.text = "" if analysis is None else "; ".join(flag.advice for flag in analysis.flags)
+        set_class(self._analysis, "doubtful", analysis is not None and bool(analysis.flags))
         self._operated.show(state)
         self._presses.show(state)
-        self._tell(state)
+        self._notify(state)
 
-    async def _look(self) -> None:
-        """Read what is kept when it may have changed: here, in another tab or by a script."""
+    async def _refresh(self) -> None:
+        """Read the store after a possible change, also by another tab or a script."""
         state = self._state
         if state is None:
             return
@@ -157,25 +161,25 @@ class _Measurement:
             now = (await self._viewer.entries(), state.target, touches)
             if now == self._mark:
                 return
-            result = await run.io_bound(saved_presses, self._bench.store, state.target)
+            result = await run.io_bound(saved_presses, self._instrument.store, state.target)
         except TsisError as error:
             self._mark, self._trouble = None, str(error)
-            self._tell(self._state or state)
+            self._notify(self._state or state)
             return
         if result is None:  # the console is being ended
             return
         if not touches and result.estimate is None:  # presses on the virtual tissue tell no hardness
             result = replace(result, presses=())
-        self._mark, self._found, self._trouble = now, result, ""
-        self._tell(self._state or state)
+        self._mark, self._results, self._trouble = now, result, ""
+        self._notify(self._state or state)
         await self._result.show(result)
 
-    def _tell(self, state: InstrumentState) -> None:
+    def _notify(self, state: InstrumentState) -> None:
         """Say what is to be done next; while a target was not yet read, that it is being read."""
-        read = self._found.number == state.target
-        result = self._found if read else SavedPresses(number=state.target)
+        read = self._results.number == state.target
+        result = self._results if read else SavedPresses(number=state.target)
         self._object.show(state, result)
-        self._presses.kept(result)
+        self._presses.saved(result)
         given = self._calibration.of(state)
         missing = missing_text(
             state,

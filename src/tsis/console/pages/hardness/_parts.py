@@ -40,7 +40,7 @@ BARE = "tsis-direct"  # the probe of the catalog that touches objects without ti
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TypedRadius:
-    """Radius of the object and its standard deviation, mm; None where nobody measured them."""
+    """Radius of the object and its standard deviation, mm; None where not measured."""
 
     radius_mm: float | None = None
     sd_mm: float | None = None
@@ -55,8 +55,8 @@ class ObjectPart:
         As of the page's other parts.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._filled: object = None
         with ui.element("div").classes("panel stack tight"):
             with ui.element("div").classes("row"):
@@ -76,28 +76,28 @@ class ObjectPart:
             with ui.element("div").classes("row") as self._size:
                 self._radius = unit_field("Radius of the object", unit="mm").classes("hardness-number")
                 self._sd = unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
-            self._said = ui.label().classes("muted")
+            self._message = ui.label().classes("muted")
 
     def show(self, state: InstrumentState, found: SavedPresses) -> None:
-        """Show the bench's object; what was measured of a virtual one is filled in once."""
+        """Show the instrument's object; known values of a virtual one are filled in once."""
         choice = state.camera.choice
         self._virtual.set_visibility(choice.is_virtual)
         self._real.set_visibility(not choice.is_virtual)
         self._name.text = state.camera.name or "The camera is stopped."
         self._target.text = f"target {state.target}"
-        subject = self._bench.desk.stage
+        subject = self._instrument.camera_controller.subject
         written = None if subject is None else subject.written_radius_mm
         self._size.set_visibility(written is not None or not choice.is_virtual)
         if written is not None:
             self._fill((choice, written), written, RADIUS_SD_MM)
-            self._said.text = f"{choice.phantom} lies under {choice.probe}; its radius is as a calliper measured it."
+            self._message.text = f"{choice.phantom} lies under {choice.probe}; its radius is as a calliper measured it."
         elif not choice.is_virtual:
-            self._said.text = "Leave both empty where nobody knows them; the estimate then says little."
+            self._message.text = "Leave both empty where unknown; the estimate is then wide."
             options = {} if found.estimate is None else found.estimate.options
             if "radius_mm" in options:  # as it was typed for the last estimate
                 self._fill((choice, found.number), options["radius_mm"], options.get("radius_sd_mm"))
         else:
-            self._said.text = ""
+            self._message.text = ""
 
     def radius(self) -> TypedRadius:
         """What was typed; `InputError` when it cannot be that of an object under this probe."""
@@ -107,9 +107,11 @@ class ObjectPart:
                 raise InputError("radius of the object must be given with its standard deviation; got none")
             return TypedRadius()
         radius = typed_number("radius of the object", radius_text)
-        given = self._bench.calibration
+        given = self._instrument.calibration
         name = (
-            self._bench.desk.choice.probe if given is None or not given.calibration.probe else given.calibration.probe
+            self._instrument.camera_controller.choice.probe
+            if given is None or not given.calibration.probe
+            else given.calibration.probe
         )
         with field_messages({"radius_mm": "radius of the object"}):
             require_radius("radius of the object", load_probe(name), radius)
@@ -131,24 +133,24 @@ class ObjectPart:
 
     def _lay_under(self, sphere: str) -> None:
         by = self._viewer.identity
-        seed = self._bench.desk.choice.seed
-        self._bench.choose(CameraChoice(probe=BARE, phantom=sphere, seed=seed), by=by)
-        self._bench.set_target(next_free(self._bench.store, self._bench.state().target), by=by)
-        self._bench.start(by=by)
+        seed = self._instrument.camera_controller.choice.seed
+        self._instrument.choose(CameraChoice(probe=BARE, phantom=sphere, seed=seed), by=by)
+        self._instrument.set_target(next_free(self._instrument.store, self._instrument.state().target), by=by)
+        self._instrument.start(by=by)
 
     async def _another(self) -> None:
         await self._viewer.attempt(self._other)
 
     def _other(self) -> None:
-        number = next_free(self._bench.store, self._bench.state().target)
-        self._bench.set_target(number, by=self._viewer.identity)
+        number = next_free(self._instrument.store, self._instrument.state().target)
+        self._instrument.set_target(number, by=self._viewer.identity)
 
 
 FORCES_N = ("0.7", "1.2")  # that are offered
 
 
 class PressPart:
-    """Takes presses and shows those that are kept.
+    """Takes presses and shows the saved ones.
 
     Parameters
     ----------
@@ -156,8 +158,8 @@ class PressPart:
         As of the page's other parts.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._bench, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._gauge = False
         self._offered = FORCES_N[0]
         self._shown: tuple[str, ...] | None = None
@@ -167,27 +169,27 @@ class PressPart:
             self._none = ui.label(f"None yet; {PRESSES} at different forces are best.").classes("muted")
             with ui.element("div").classes("row") as self._row:
                 self._force = unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
-                self._press = ui.button("Press and keep", icon="photo_camera", on_click=lambda: self._keep(TARGET))
+                self._press = ui.button("Press and save", icon="photo_camera", on_click=lambda: self._save(TARGET))
                 operated.add(self._press.props("no-caps unelevated"))
             self._extra = ui.expansion("Rigid ball, for a soft probe").props("dense").classes("hardness-ball")
             with self._extra:
-                ui.label("A ball that does not give tells how much the probe itself gives.").classes("muted")
+                ui.label("A rigid ball shows how much the probe itself yields.").classes("muted")
                 with ui.element("div").classes("row"):
                     self._ball_mm = unit_field("Radius of the ball", number_text_of_field(BALL_MM), unit="mm")
                     self._ball_force = unit_field("Force on the ball", FORCES_N[0], unit="N")
                     for field in (self._ball_mm, self._ball_force):
                         field.classes("hardness-number")
-                    self._ball = ui.button("Press the ball and keep", on_click=lambda: self._keep(BALL))
+                    self._ball = ui.button("Press the ball and save", on_click=lambda: self._save(BALL))
                     operated.add(self._ball.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
-        """Ask for forces where no gauge tells them."""
-        force = None if state.sight is None else state.sight.force
+        """Ask for forces where there is no gauge."""
+        force = None if state.frame_analysis is None else state.frame_analysis.force
         self._gauge = force is not None and force.source == "gauge"
         self._force.set_visibility(not self._gauge)
         self._ball_force.set_visibility(not self._gauge)
 
-    def kept(self, found: SavedPresses) -> None:
+    def saved(self, found: SavedPresses) -> None:
         """Show the presses that an estimate would rest on, and offer the next force."""
         lines = tuple(press_words(press) for press in found.presses)
         if lines != self._shown:
@@ -203,7 +205,7 @@ class PressPart:
         self._offered = offered
 
     def allow(self, possible: bool) -> None:
-        """Say whether a press can be kept now."""
+        """Show whether a press can be saved now."""
         for part in (self._row, self._extra):
             part.set_visibility(possible)
 
@@ -211,24 +213,24 @@ class PressPart:
         """What was typed; `InputError` when it is no number."""
         return typed_number("radius of the ball", str(self._ball_mm.value or ""))
 
-    async def _keep(self, role: str) -> None:
+    async def _save(self, role: str) -> None:
         button, field = (self._press, self._force) if role == TARGET else (self._ball, self._ball_force)
         with loading(button):
             press: KeptPress | None = await self._viewer.attempt(self._pressed, role, str(field.value or ""))
         if press is not None:
-            self._viewer.tell(snapshot_text(press))
+            self._viewer.notify(snapshot_text(press))
 
     def _pressed(self, role: str, text: str) -> KeptPress:
         force_n = None if self._gauge else typed_number("force", text)
-        state = self._bench.state()
+        state = self._instrument.state()
         if (state.role, state.force_n) != (role, force_n):  # else it is held so already
             with field_messages(FORCE):
-                self._bench.hold(role=role, force_n=force_n, by=self._viewer.identity)
-        return self._bench.snapshot(by=self._viewer.identity)
+                self._instrument.hold(role=role, force_n=force_n, by=self._viewer.identity)
+        return self._instrument.snapshot(by=self._viewer.identity)
 
 
 def press_words(press: StoredPress) -> str:
     """A press in a line."""
     where = "Object" if press.role == TARGET else "Rigid ball"
     against = f"; against it: {', '.join(press.flags)}" if press.flags else ""
-    return f"{where}, {force_text(press.force_n)}, kept at {time_label(press.taken)}{against}"
+    return f"{where}, {force_text(press.force_n)}, saved at {time_label(press.taken)}{against}"

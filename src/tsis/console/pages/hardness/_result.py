@@ -1,4 +1,4 @@
-"""What came out: the modulus with its interval, as Shore hardness, and what limits it."""
+"""The result: modulus with interval, Shore hardness, and limits."""
 
 from __future__ import annotations
 
@@ -31,31 +31,31 @@ class HardnessPanel:
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
         self._shown: tuple[str, bool] | None = None
-        self._place = ui.element("section").classes("panel stack hardness-result").props('aria-label="Result"')
-        self._place.set_visibility(False)
+        self._container = ui.element("section").classes("panel stack hardness-result").props('aria-label="Result"')
+        self._container.set_visibility(False)
 
     async def show(self, found: SavedPresses) -> None:
         """Show the estimate where there is one."""
-        stored, record = found.estimate, found.dossier
+        stored, record = found.estimate, found.record
         now = None if stored is None else (stored.id, found.is_current)
         if now == self._shown:
             return
         self._shown = now
-        self._place.clear()
-        self._place.set_visibility(False)
+        self._container.clear()
+        self._container.set_visibility(False)
         if stored is None or record is None:
             return
         created = await self._viewer.attempt(_made, record, stored)
         if created is None or self._shown != now:
             return
         page, sources = created
-        with self._place:
+        with self._container:
             with ui.element("div").classes("row"):
                 panel_title(page.title)
                 ui.element("div").classes("spring")
                 ui.link(f"Report and export of target {found.number}", f"/records/{found.number}")
             if not found.is_current:
-                ui.label("Presses were kept since: estimate again to count them.").classes("doubtful")
+                ui.label("Presses were saved since: estimate again to include them.").classes("doubtful")
             with ui.element("div").classes("hardness-told"):
                 with ui.element("div").classes("stack"):
                     cards(page.cards)
@@ -65,7 +65,7 @@ class HardnessPanel:
                 with ui.element("div").classes("hardness-figures"):
                     for picture, source in zip(page.pictures, sources, strict=True):
                         figure(picture, source)
-        self._place.set_visibility(True)
+        self._container.set_visibility(True)
 
 
 def _made(dossier: TargetRecord, stored: StoredEstimate) -> tuple[Page, tuple[str, ...]]:

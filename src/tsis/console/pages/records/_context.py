@@ -1,4 +1,4 @@
-"""What the page of a target shows, read at once."""
+"""Contents of a target's page, read at once."""
 
 from __future__ import annotations
 
@@ -36,32 +36,32 @@ class TargetView:
     ----------
     target
         As it is stored.
-    dossier
+    record
         Its estimates and calibrations as they may be shown, without presses: of a subject the pseudonym only.
     presses, offset, total
         A sheet of its presses, how many come before it, and how many there are.
     """
 
     target: Target
-    dossier: TargetRecord
+    record: TargetRecord
     presses: tuple[StoredPress, ...]
     offset: int
     total: int
 
     @property
     def private(self) -> bool:
-        """Whether this is a subject, of whom notes and names are shown to nobody who did not ask for them."""
+        """Whether this is a subject, whose notes and names are hidden at first."""
         return self.target.kind == "subject"
 
     @property
     def sheet(self) -> tuple[object, ...]:
-        """What is told of the presses: two that are equal look alike."""
+        """Fingerprint of the presses: equal ones have the same view."""
         return self.private, self.offset, self.total, self.presses
 
     @property
-    def told(self) -> tuple[object, ...]:
-        """What is told of all: two that are equal look alike."""
-        given = self.dossier
+    def fingerprint(self) -> tuple[object, ...]:
+        """Fingerprint of the whole page: equal ones have the same view."""
+        given = self.record
         created = tuple(estimate.id for estimate in given.estimates)
         return self.target, self.sheet, created, tuple(given.calibrations), given.damaged
 
@@ -81,7 +81,7 @@ def read_target(store: Store, number: str, offset: int) -> TargetView:
     offset = min(offset, max(0, (total - 1) // AT_ONCE * AT_ONCE))
     return TargetView(
         target=target,
-        dossier=without_identity(store.record(target, limit=0)),
+        record=without_identity(store.record(target, limit=0)),
         presses=store.presses(target, limit=AT_ONCE, offset=offset),
         offset=offset,
         total=total,
@@ -113,13 +113,13 @@ class TargetContext(Protocol):
 
     Attributes
     ----------
-    bench, viewer
+    instrument, viewer
         Whose store it is, and the browser tab.
     below, dialogs, compared
         Where messages, dialogs and a comparison are drawn.
     """
 
-    bench: Instrument
+    instrument: Instrument
     viewer: Viewer
     below: ui.element
     dialogs: ui.element
@@ -152,7 +152,7 @@ CUT = "the file did not come: the connection was cut or it took too long; try ag
 
 
 async def fetch_file(viewer: Viewer, address: str) -> bool:
-    """Have the browser fetch a file and keep it; False, after the reason was shown, when there is none."""
+    """Download a file in the browser; False, after a message, when there is none."""
     try:
         message = await ui.run_javascript(FETCH % json.dumps(address), timeout=LONGEST_S)
     except TimeoutError:

@@ -1,4 +1,4 @@
-"""What a dialog says when somebody else has changed a record meanwhile."""
+"""Dialogs of edits, and of conflicts with another editor."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def show_conflict(place: ui.element, found: Edited[Any], *, take: Callable[[], A
     place.clear()
     with place, ui.element("div").classes("conflict").props('role="alert"'):
         ui.label(found.refused).classes("flag")
-        for difference in found.differences or ("What you edit is as it was; something else of it was changed.",):
+        for difference in found.differences or ("Your fields are unchanged; another field has changed.",):
             ui.label(difference)
         with ui.element("div").classes("row"):
             ui.button("Take what is there now", on_click=take).props("dense no-caps outline")
-            ui.button("Save mine over it", on_click=keep).props("dense no-caps outline")
+            ui.button("Overwrite with mine", on_click=keep).props("dense no-caps outline")
 
 
 MOST_SHOWN = 120  # letters of a value
@@ -42,7 +42,7 @@ Record = TypeVar("Record")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edited(Generic[Record]):
-    """What became of a change.
+    """Result of a change.
 
     Attributes
     ----------
@@ -78,13 +78,13 @@ def edit_press(store: Store, target: Target, press: StoredPress, changes: Mappin
 
 
 def differences(before: object, now: object, names: tuple[str, ...]) -> tuple[str, ...]:
-    """What was changed between two versions of a record, one sentence a field."""
+    """Changes between two versions of a record, one message per field."""
     changed = ((name, getattr(before, name), getattr(now, name)) for name in names)
     return tuple(f"{_words(name)}: was {_said(was)}, is {_said(new)} now." for name, was, new in changed if was != new)
 
 
 def changed(record: object, wanted: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the wanted values that a record does not have already."""
+    """The values that differ from the record's."""
     return {name: value for name, value in wanted.items() if getattr(record, name) != value}
 
 
@@ -145,7 +145,7 @@ class Editing(ABC, Generic[Record]):
 
     @abstractmethod
     def _written(self) -> tuple[Any, ...]:
-        """What stands in the fields, for `_edited`."""
+        """Contents of the fields, for `_edited`."""
 
     @abstractmethod
     def _edited(self, *written: Any) -> Edited[Record]:
@@ -169,7 +169,7 @@ class Editing(ABC, Generic[Record]):
             show_conflict(self._conflict, result, take=lambda: self._fill(now), keep=lambda: self._save_over(now))
             return
         self._dialog.close()
-        self._page.viewer.tell(self._saved(now))
+        self._page.viewer.notify(self._saved(now))
         await self._page.load()
 
     async def _save_over(self, now: Record) -> None:
@@ -199,13 +199,13 @@ def open_press(page: TargetContext, seen: TargetView, press: StoredPress) -> Non
 
 async def _tell_why(page: TargetContext, seen: TargetView, press: StoredPress, place: ui.label) -> None:
     """Say why the frame of a press cannot be shown; of a subject without the place, whose name may tell whose it is."""
-    message = await run.io_bound(fault_of, page.bench.store, press)
+    message = await run.io_bound(fault_of, page.instrument.store, press)
     place.text = DAMAGED if seen.private and message else message
 
 
 def _facts(seen: TargetView, press: StoredPress) -> None:
-    """What the store knows of the press and nobody may change."""
-    given = seen.dossier.calibrations.get(press.calibration or "")
+    """Fixed facts of the press."""
+    given = seen.record.calibrations.get(press.calibration or "")
     calibration = "none" if press.calibration is None else press.calibration[:SHORT]
     rows = {
         "taken": time_label(press.taken),
@@ -230,10 +230,10 @@ class _PressEditing(Editing["StoredPress"]):
 
     def _lay_out(self) -> None:
         self._role = ui.select(ROLE_NAMES, label="What was pressed").props("outlined dense")
-        self._force = ui.input("Force in newtons; empty where nobody knows it").props("outlined dense")
+        self._force = ui.input("Force in newtons; empty where unknown").props("outlined dense")
         names = list(dict.fromkeys([*GUARD_FLAGS, *self._record.flags]))
         self._flags = ui.select(
-            names, label="What speaks against it", multiple=True, with_input=True, new_value_mode="add-unique"
+            names, label="Flags", multiple=True, with_input=True, new_value_mode="add-unique"
         ).props("outlined dense use-chips")
         self._note = ui.textarea("Note").props("outlined dense autogrow")
         ui.label("Where force or role are changed, recompute the estimates.").classes("muted")
@@ -254,7 +254,7 @@ class _PressEditing(Editing["StoredPress"]):
         if not changes:
             return Edited(record=self._record)
         with field_messages(FORCE):
-            return edit_press(self._page.bench.store, self._target, self._record, changes)
+            return edit_press(self._page.instrument.store, self._target, self._record, changes)
 
     def _saved(self, record: StoredPress) -> str:
         return f"The press is version {record.version} now."
@@ -312,7 +312,9 @@ class _TargetEditing(Editing["Target"]):
         name, note, truth = written
         lines = (line for line in truth.splitlines() if line.strip())
         changes = changed(self._record, {"name": name, "note": note, "truth": parse_truth(lines)})
-        return edit_target(self._page.bench.store, self._record, changes) if changes else Edited(record=self._record)
+        return (
+            edit_target(self._page.instrument.store, self._record, changes) if changes else Edited(record=self._record)
+        )
 
     def _saved(self, record: Target) -> str:
         return f"Target {record.number} is version {record.version} now."

@@ -1,4 +1,4 @@
-"""What was estimated of a target: the numbers in force, and all that came before them."""
+"""Estimates of a target: the current ones, and all before."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken un
 
 def estimates(seen: TargetView) -> None:
     """Show the estimates in force, and what of the target is damaged."""
-    panel_title("Estimates in force", level=3)
-    result = newest_first(seen.dossier)
+    panel_title("Current estimates", level=3)
+    result = newest_first(seen.record)
     if result:
-        cards(target_cards(seen.dossier))
+        cards(target_cards(seen.record))
     else:
         ui.label(NONE_YET).classes("muted")
     with message_list():
@@ -35,20 +35,20 @@ def estimates(seen: TargetView) -> None:
                 list_message(f"Of the {stored.kind}: {message}" if len(result) > 1 else message)
             if stored.estimate.flags:
                 list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
-        for message in seen.dossier.damaged:
+        for message in seen.record.damaged:
             list_message(f"Left out: {message}", "flag")
     if seen.private:
         ui.label(IDENTITY_NOTE).classes("muted")
 
 
 def history(seen: TargetView) -> None:
-    """Show every estimate that was ever made."""
-    result = history_tables(seen.dossier)
+    """Show all estimates."""
+    result = history_tables(seen.record)
     for item in result:
         table(item)
     if not result:
         panel_title("History", level=3)
-        ui.label("No estimate was made yet.").classes("muted")
+        ui.label("No estimate yet.").classes("muted")
 
 
 NEWEST = "the newest press of each role and force"
@@ -64,7 +64,7 @@ def _ask(page: TargetContext, seen: TargetView) -> None:
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
         panel_title(f"Estimate target {seen.target.number}")
-        last = seen.dossier.estimate
+        last = seen.record.estimate
         kind = ui.select(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What").props(
             "outlined dense"
         )
@@ -82,17 +82,17 @@ def _ask(page: TargetContext, seen: TargetView) -> None:
 
 
 async def _begin(page: TargetContext, seen: TargetView, kind: str, presses: tuple[str, ...] | None) -> None:
-    job = await page.viewer.attempt(page.bench.estimate, seen.target.number, kind=kind, presses=presses)
+    job = await page.viewer.attempt(page.instrument.estimate, seen.target.number, kind=kind, presses=presses)
     if job is not None:
         follow_job(job, page.below, _show)
 
 
 def _show() -> None:
-    ui.label("The estimate is stored and in force.").classes("good").props('role="status"')
+    ui.label("The estimate is stored and current.").classes("good").props('role="status"')
 
 
 EXPLAINED = (
-    "The estimates in force are made again from the stored frames. What comes out otherwise is stored as a new "
+    "The current estimates are recomputed from the stored frames. A different result is stored as a new "
     "estimate that says which one it takes the place of; the old one stays."
 )
 
@@ -100,14 +100,14 @@ EXPLAINED = (
 def recompute_button(page: TargetContext, seen: TargetView) -> None:
     """A button that asks whether to store what comes out, and computes."""
     button = ui.button("Recompute", icon="restart_alt", on_click=lambda: _ask_to_recompute(page, seen))
-    button.props("dense no-caps outline").set_enabled(bool(seen.dossier.estimates))
+    button.props("dense no-caps outline").set_enabled(bool(seen.record.estimates))
 
 
 def _ask_to_recompute(page: TargetContext, seen: TargetView) -> None:
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
         panel_title(f"Recompute target {seen.target.number}")
         ui.label(EXPLAINED)
-        dry = ui.switch("dry run: say what would change, store nothing", value=False)
+        dry = ui.switch("dry run: show changes, store nothing", value=False)
 
         async def begin() -> None:
             dialog.close()
@@ -120,9 +120,9 @@ def _ask_to_recompute(page: TargetContext, seen: TargetView) -> None:
 
 
 async def _begin_recomputation(page: TargetContext, seen: TargetView, *, dry_run: bool) -> None:
-    store, target = page.bench.store, seen.target
+    store, target = page.instrument.store, seen.target
     job: Job | None = await page.viewer.attempt(
-        page.bench.jobs.begin,
+        page.instrument.jobs.begin,
         f"recomputation of target {target.number}",
         lambda job: recompute(store, target, dry_run=dry_run, progress=job.advance),
     )

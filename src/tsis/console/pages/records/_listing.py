@@ -1,4 +1,4 @@
-"""Which targets a list shows: those that were searched for, in the order and on the sheet that was asked for."""
+"""List of targets: search, order and page."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ KEYS: dict[str, Callable[[TargetSummary], Any]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """What was asked for.
+    """The request of a list.
 
     Attributes
     ----------
@@ -59,8 +59,8 @@ class Order:
     rows: int = SHEETS[1]
 
     @classmethod
-    def asked(cls, pagination: Mapping[str, Any], *, search: str, kind: str) -> Order:
-        """What the table in a browser asks for; anything odd in it becomes what a new page shows."""
+    def requested(cls, pagination: Mapping[str, Any], *, search: str, kind: str) -> Order:
+        """The request of a browser's table; invalid values become defaults."""
         column, sheet, rows = (pagination.get(name) for name in ("sortBy", "page", "rowsPerPage"))
         return cls(
             search=search,
@@ -74,22 +74,22 @@ class Order:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
-    """A sheet of a list: its targets, its number, and how many targets all sheets hold."""
+    """A page of a list: its targets, its number, and the number of all targets."""
 
     targets: tuple[TargetSummary, ...]
     sheet: int
-    found: int
+    total: int
 
 
 def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
-    """The targets to show; a sheet behind the last one is the last one."""
+    """The targets to show; a page beyond the last becomes the last."""
     requested = order.search.strip().casefold()
     results = [target for target in targets if _is_wanted(target, requested, order.kind)]
     results.sort(key=lambda item: item.target.number)
     results.sort(key=KEYS[order.column], reverse=order.descending)  # stable: equal ones stay by number
     sheet = min(order.sheet, max(1, -(-len(results) // order.rows)))
     begin = (sheet - 1) * order.rows
-    return Sheet(targets=tuple(results[begin : begin + order.rows]), sheet=sheet, found=len(results))
+    return Sheet(targets=tuple(results[begin : begin + order.rows]), sheet=sheet, total=len(results))
 
 
 def _is_wanted(each: TargetSummary, wanted: str, kind: str) -> bool:
@@ -107,12 +107,12 @@ COLUMNS = (
 )
 LINK = '<q-td :props="props"><a class="link" :href="props.row.address">{{ props.value }}</a></q-td>'
 BEGIN = (
-    "Nothing is kept yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
-    "target. A bundle of another store can be imported here. On the command line, tsis demo --keep fills a store."
+    "Nothing is saved yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
+    "target. A bundle of another store can be imported here. On the command line, tsis demo --save fills a store."
 )
 
 
-def target_listing(bench: Instrument, viewer: Viewer) -> None:
+def target_listing(instrument: Instrument, viewer: Viewer) -> None:
     """Build the list."""
     with ui.element("section").classes("panel stack"):
         with ui.element("div").classes("row"):
@@ -122,25 +122,25 @@ def target_listing(bench: Instrument, viewer: Viewer) -> None:
             buttons = ui.element("div").classes("row")
         below = ui.element("div")
         with buttons:
-            verify_button(bench, viewer, below)
-            import_button(bench, viewer, below)
-        result = _Found(bench, viewer, reported)
+            verify_button(instrument, viewer, below)
+            import_button(instrument, viewer, below)
+        result = _Found(instrument, viewer, reported)
     follow_store(viewer, result.load)
 
 
 class _Found:
     """The table of targets, and what was asked of it."""
 
-    def __init__(self, bench: Instrument, viewer: Viewer, told: ui.label) -> None:
-        self._bench, self._viewer, self._told = bench, viewer, told
+    def __init__(self, instrument: Instrument, viewer: Viewer, told: ui.label) -> None:
+        self._instrument, self._viewer, self._count = instrument, viewer, told
         self._targets: tuple[TargetSummary, ...] = ()
         self._order = Order()
         with ui.element("div").classes("row") as self._asking:
-            self._search = ui.input("Search number or name", on_change=self._asked).props(
+            self._search = ui.input("Search number or name", on_change=self._requested).props(
                 "dense outlined clearable debounce=200"
             )
             self._kind = (
-                ui.select(list(KINDS), value=KINDS[0], label="Show", on_change=self._asked)
+                ui.select(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
                 .props("dense outlined")
                 .classes("asked-kind")
             )
@@ -156,26 +156,26 @@ class _Found:
         ).classes("targets")
         for name in ("number", "name"):
             self._table.add_slot(f"body-cell-{name}", LINK)
-        self._table.on("request", self._turned)
-        self._table.on_pagination_change(self._told_back)
+        self._table.on("request", self._page_changed)
+        self._table.on_pagination_change(self._notified)
         for part in (self._asking, self._empty, self._table):
             part.set_visibility(False)
 
     async def load(self) -> None:
         """Read the list anew."""
-        targets = await self._viewer.attempt(self._bench.store.targets)
+        targets = await self._viewer.attempt(self._instrument.store.targets)
         if targets is None:
             return
         self._targets = targets
         presses = sum(target.presses for target in targets)
-        kind = self._bench.store.kind
-        self._told.text = f"{count_of(len(targets), 'target')} ({kind}s), {count_of(presses, 'press')}"
+        kind = self._instrument.store.kind
+        self._count.text = f"{count_of(len(targets), 'target')} ({kind}s), {count_of(presses, 'press')}"
         self._empty.set_visibility(not targets)
         self._asking.set_visibility(bool(targets))
         self._table.set_visibility(bool(targets))
         self._show()
 
-    def _asked(self) -> None:
+    def _requested(self) -> None:
         self._order = Order(
             search=self._search.value or "",
             kind=self._kind.value,
@@ -185,13 +185,13 @@ class _Found:
         )
         self._show()
 
-    def _turned(self, event: GenericEventArguments) -> None:
+    def _page_changed(self, event: GenericEventArguments) -> None:
         pagination = event.args.get("pagination") if isinstance(event.args, dict) else None
         requested: dict[str, Any] = pagination if isinstance(pagination, dict) else {}
-        self._order = Order.asked(requested, search=self._order.search, kind=self._order.kind)
+        self._order = Order.requested(requested, search=self._order.search, kind=self._order.kind)
         self._show()
 
-    def _told_back(self) -> None:
+    def _notified(self) -> None:
         """A browser that was slow tells how many there were: what is known here stands."""
         pages = self._pages(sheet_of(self._targets, self._order))
         if self._table.pagination != pages:
@@ -203,13 +203,13 @@ class _Found:
         self._table.pagination = self._pages(sheet)
 
     def _pages(self, sheet: Sheet) -> dict[str, Any]:
-        """What the table in the browser is told of the sheet that it shows."""
+        """Pagination for the browser's table."""
         return {
             "sortBy": self._order.column,
             "descending": self._order.descending,
             "page": sheet.sheet,
             "rowsPerPage": self._order.rows,
-            "rowsNumber": sheet.found,
+            "rowsNumber": sheet.total,
         }
 
 

@@ -42,7 +42,7 @@ class Presses:
     """
 
     def __init__(self, page: TargetContext, place: ui.element) -> None:
-        self._page, self._place = page, place
+        self._page, self._container = page, place
         self.offset = 0
         self.chosen: list[str] = []
         self._sheet: tuple[object, ...] = ()
@@ -57,11 +57,11 @@ class Presses:
         if self._sheet != seen.sheet:
             self._sheet = seen.sheet
             self._draw(seen)
-        self._tell()
+        self._notify()
 
     def _draw(self, seen: TargetView) -> None:
-        self._place.clear()
-        with self._place:
+        self._container.clear()
+        with self._container:
             with ui.element("div").classes("row"):
                 panel_title("Presses", level=3)
                 ui.label(_range(seen)).classes("muted")
@@ -117,9 +117,9 @@ class Presses:
 
     def _choose(self, press: StoredPress, event: ValueChangeEventArguments[bool]) -> None:
         self.chosen = [item for item in self.chosen if item != press.id] + ([press.id] if event.value else [])
-        self._tell()
+        self._notify()
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         if self._compare is not None:
             self._compare.set_enabled(len(self.chosen) == TWO)
             self._compare.text = f"Compare two ({len(self.chosen)} chosen)"
@@ -132,7 +132,7 @@ def _range(seen: TargetView) -> str:
 
 
 def _leave_out(frame: ui.element) -> None:
-    """Say in place of a picture that there is none; the press itself tells why."""
+    """Show a message in place of a missing picture."""
     frame.clear()
     with frame:
         ui.label(NO_PICTURE).classes("press-damaged")
@@ -149,7 +149,7 @@ async def compare(page: TargetContext, seen: TargetView, *, same_light: bool = F
     position.clear()
     with position:
         ui.label("Reading and drawing ...").classes("muted").props('role="status"')
-    result = await page.viewer.attempt(_compared, page.bench.store, seen.target, chosen, same_light=same_light)
+    result = await page.viewer.attempt(_compared, page.instrument.store, seen.target, chosen, same_light=same_light)
     position.clear()
     if result is None:
         position.set_visibility(False)

@@ -1,4 +1,4 @@
-"""What can be done with a target: report, estimate, compute again, export."""
+"""The page of a target: report, estimate, recompute, export."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def target_buttons(page: TargetContext, seen: TargetView) -> None:
     ui.link("PDF", f"/files/report/{target.number}.pdf").classes("link button").props("download")
 
 
-def show_target(bench: Instrument, viewer: Viewer, number: str) -> None:
+def show_target(instrument: Instrument, viewer: Viewer, number: str) -> None:
     """Build the page of the target whose number stands in the address."""
-    follow_store(viewer, TargetPage(bench, viewer, number).load)
+    follow_store(viewer, TargetPage(instrument, viewer, number).load)
 
 
 class TargetPage:
@@ -44,14 +44,14 @@ class TargetPage:
 
     Parameters
     ----------
-    bench, viewer
+    instrument, viewer
         Whose store it is, and who looks.
     number
         As it stands in the address, whatever that is.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, number: str) -> None:
-        self.bench, self.viewer, self.number = bench, viewer, number
+    def __init__(self, instrument: Instrument, viewer: Viewer, number: str) -> None:
+        self.instrument, self.viewer, self.number = instrument, viewer, number
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel"):
                 self._head = ui.element("div").classes("row")
@@ -65,23 +65,23 @@ class TargetPage:
                     self._estimates = ui.element("section").classes("panel")
                     self._about = ui.element("section").classes("panel")
             self.dialogs = ui.element("div")
-        self._wanted = 0
-        self._told: tuple[object, ...] = ()
+        self._requested = 0
+        self._fingerprint: tuple[object, ...] = ()
         self.presses = Presses(self, presses)
         self.compared.set_visibility(False)
         self._parts.set_visibility(False)
 
     async def load(self) -> None:
         """Read the target anew; of several readings at once the last to be asked for is shown."""
-        self._wanted += 1
-        turn = self._wanted
+        self._requested += 1
+        turn = self._requested
         target_view: TargetView | None = None
         refusal = ""
         try:
-            target_view = await run.io_bound(read_target, self.bench.store, self.number, self.presses.offset)
+            target_view = await run.io_bound(read_target, self.instrument.store, self.number, self.presses.offset)
         except TsisError as error:
             refusal = str(error)
-        if turn != self._wanted:
+        if turn != self._requested:
             return
         if refusal:
             self._refuse(refusal)
@@ -89,9 +89,11 @@ class TargetPage:
             self._show(target_view)
 
     def _show(self, seen: TargetView) -> None:
-        if self._told == seen.told:  # a change of another target; a button that is being replaced hears no click
+        if (
+            self._fingerprint == seen.fingerprint
+        ):  # a change of another target; a button that is being replaced hears no click
             return
-        self._told = seen.told
+        self._fingerprint = seen.fingerprint
         self._parts.set_visibility(True)
         self._head.clear()
         with self._head:
@@ -107,7 +109,7 @@ class TargetPage:
             history(seen)
 
     def _refuse(self, sentence: str) -> None:
-        self._told = ()
+        self._fingerprint = ()
         self._parts.set_visibility(False)
         self._head.clear()
         with self._head:

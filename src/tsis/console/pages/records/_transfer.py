@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tsis.records.store import ImportedTarget
 
 
-IDENTIFIED = "tell label, names and true times"
+IDENTIFIED = "include label, names and true times"
 MEANT = {
     True: "Masked: label, names and times are left out or shifted, unless you ask for them below.",
     False: "This form masks nothing: notes, names and settings are in it.",
@@ -34,7 +34,7 @@ PAGE = "This form shows what the report shows; of a subject the pseudonym only."
 
 
 def export_button(page: TargetContext, seen: TargetView) -> None:
-    """A button that asks for the form, and has the browser keep the file."""
+    """A button that asks for the form, and downloads the file."""
     ui.button("Export", icon="download", on_click=lambda: _ask(page, seen)).props("dense no-caps outline")
 
 
@@ -58,7 +58,7 @@ def _ask(page: TargetContext, seen: TargetView) -> None:
             begun.disable()
             address = f"/files/export/{seen.target.number}/{form.value}" + ("?identified=true" if with_names else "")
             if await fetch_file(page.viewer, address):
-                page.viewer.tell(f"Exported as {form.value}: the browser keeps the file.")
+                page.viewer.notify(f"Exported as {form.value}: the browser saves the file.")
                 dialog.close()
             waiting.set_visibility(False)
             begun.enable()
@@ -78,8 +78,8 @@ EXPLAINED = (
 TOO_LARGE = f"a bundle must be one zip file of at most {LARGEST_MIB} MiB here; larger ones: tsis records import"
 
 
-def import_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
-    """A button that asks for a bundle, takes it in, and says in ``place`` what became of it."""
+def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
+    """A button that asks for a bundle, imports it, and shows the result in ``place``."""
     with ui.dialog() as dialog, ui.card().classes("asked"):
         panel_title("Import a bundle")
         ui.label(EXPLAINED).classes("muted")
@@ -93,9 +93,9 @@ def import_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
         if folder is None:
             return
         job: Job | None = await viewer.attempt(
-            bench.jobs.begin,
+            instrument.jobs.begin,
             "import of a bundle",
-            lambda job: _take_in(bench, folder, job),
+            lambda job: _take_in(instrument, folder, job),
             after=lambda: _remove(folder),  # also of one that was ended before it began
         )
         if job is None:
@@ -108,7 +108,7 @@ def import_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
 
 
 async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
-    """What was uploaded in a folder of its own; None, after the reason was told, when there is no room for it."""
+    """The upload in its own folder; None, after a message, when the disk is full."""
     folder: Path | None = None
     try:
         folder = Path(tempfile.mkdtemp(prefix="tsis-import-"))
@@ -121,10 +121,10 @@ async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
     return folder
 
 
-def _take_in(bench: Instrument, folder: Path, job: Job) -> ImportedTarget:
+def _take_in(instrument: Instrument, folder: Path, job: Job) -> ImportedTarget:
     """Read what was uploaded and enter it."""
     try:
-        return bench.store.take_in(read_bundle(folder / BUNDLE), progress=job.advance)
+        return instrument.store.take_in(read_bundle(folder / BUNDLE), progress=job.advance)
     except FileInputError as error:  # which names a place that nobody has seen and that is gone in a moment
         raise FileInputError(str(error).replace(f"{folder}/", "")) from error
 
@@ -143,12 +143,12 @@ def _show(job: Job) -> None:
 MOST_SHOWN = 100  # faults; a store that has more has one cause
 
 
-def verify_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
-    """A button that has all of the store compared with its audit, and shows in ``place`` what was found."""
+def verify_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
+    """A button that verifies the store against its audit, and shows the result in ``place``."""
 
     async def begin() -> None:
         job: Job | None = await viewer.attempt(
-            bench.jobs.begin, "verify the store", lambda job: verify_store(bench.store, progress=job.advance)
+            instrument.jobs.begin, "verify the store", lambda job: verify_store(instrument.store, progress=job.advance)
         )
         if job is not None:
             follow_job(job, place, lambda: _show_verification(job, place))

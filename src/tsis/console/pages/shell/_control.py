@@ -1,4 +1,4 @@
-"""What everybody must know: trouble, said at once; who holds the camera, said when there is time."""
+"""Messages for everybody: trouble, and the camera's owner."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class Notices:
         self._viewer = viewer
         self._trouble = ui.element("div").classes("banner").props('role="alert"').mark("banner")
         self._calm = ui.element("div").classes("banner").props('role="status"').mark("watching")
-        self._said: tuple[tuple[str, ...], str] = ((), "")
+        self._message: tuple[tuple[str, ...], str] = ((), "")
 
     def show(self, now: InstrumentState) -> None:
-        """Say what has changed; what stays is not said again."""
+        """Show changes only."""
         watching = ""
-        if now.holder is not None and now.holder.identity != self._viewer.identity:
-            watching = f"{now.holder.name} holds the camera; you watch."
-        trouble, before = self._said
+        if now.owner is not None and now.owner.identity != self._viewer.identity:
+            watching = f"{now.owner.name} holds the camera; you watch."
+        trouble, before = self._message
         if trouble != now.trouble:
             self._trouble.clear()
             with self._trouble:
@@ -49,7 +49,7 @@ class Notices:
             with self._calm:
                 if watching:
                     ui.label(watching).classes("calm")
-        self._said = (now.trouble, watching)
+        self._message = (now.trouble, watching)
 
 
 class PageVisibility(Element, component="presence.js"):
@@ -75,7 +75,7 @@ TOLD_MS = 0  # for which the sentence to who lost the camera stays: until it is 
 
 
 class ControlButtons:
-    """A button that takes the camera and one that gives it back; the other is asked for, and told.
+    """Buttons that take and release the camera.
 
     They are two, so that a click does what the button said when it was clicked, whatever changes meanwhile.
 
@@ -87,11 +87,11 @@ class ControlButtons:
         Who takes it.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._bench, self._viewer = bench, viewer
-        self._gave_back = self._held = False
-        self._take = ui.button(TAKE, on_click=self._asked_for).props("flat dense no-caps")
-        self._release = ui.button(RELEASE, on_click=self._given_back).props("flat dense no-caps")
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self._gave_back = self._in_control = False
+        self._take = ui.button(TAKE, on_click=self._take_control).props("flat dense no-caps")
+        self._release = ui.button(RELEASE, on_click=self._release_control).props("flat dense no-caps")
         self._release.set_visibility(False)
         with (
             ui.dialog().props('role="alertdialog" aria-label="Take the camera over?"') as self._dialog,
@@ -104,49 +104,49 @@ class ControlButtons:
                 ui.button("Leave it", on_click=self._dialog.close).props("dense no-caps outline")
 
     def show(self, now: InstrumentState) -> None:
-        """Show the button that makes sense; tell when somebody else has taken the camera."""
-        mine = now.holder is not None and now.holder.identity == self._viewer.identity
+        """Show the applicable button; notify when somebody else has taken the camera."""
+        mine = now.owner is not None and now.owner.identity == self._viewer.identity
         self._take.set_visibility(not mine)
         self._release.set_visibility(mine)
-        if self._held and now.holder is not None and not mine:
+        if self._in_control and now.owner is not None and not mine:
             ui.notify(
-                f"{now.holder.name} took the camera over; you watch now.",
+                f"{now.owner.name} took the camera over; you watch now.",
                 type="warning",
                 timeout=TOLD_MS,
                 close_button="Close",
             )
-        self._held = mine
+        self._in_control = mine
 
     def heard(self) -> None:
-        """Say that this page is open; a camera that nobody holds is its, unless it was given back here."""
-        control, viewer = self._bench.control, self._viewer
+        """Report that this page is open; it takes a free camera, unless it was released here."""
+        control, viewer = self._instrument.control, self._viewer
         if not ui.context.client.has_socket_connection:
             return
-        if viewer.visible and not self._gave_back and control.holder() is None:
+        if viewer.visible and not self._gave_back and control.owner() is None:
             with suppress(ControlError):  # somebody has taken it meanwhile
                 control.take(viewer.identity, viewer.name)
         control.heard_of(viewer.identity)
 
-    async def _asked_for(self) -> None:
-        owner = self._bench.control.holder()
+    async def _take_control(self) -> None:
+        owner = self._instrument.control.owner()
         if owner is None or owner.identity == self._viewer.identity:
             await self._taken(over=False)
         else:
             self._question.text = _question(owner)
             self._dialog.open()
 
-    def _given_back(self) -> None:
-        self._bench.control.release(self._viewer.identity)
-        self._gave_back, self._held = True, False
+    def _release_control(self) -> None:
+        self._instrument.control.release(self._viewer.identity)
+        self._gave_back, self._in_control = True, False
 
     async def _take_over(self) -> None:
         self._dialog.close()
         await self._taken(over=True)
 
     async def _taken(self, *, over: bool) -> None:
-        """Take the camera; from somebody who holds it only when that was asked for and answered."""
+        """Take the camera; from another owner only after confirmation."""
         self._gave_back = False
-        await self._viewer.attempt(self._bench.control.take, self._viewer.identity, self._viewer.name, over=over)
+        await self._viewer.attempt(self._instrument.control.take, self._viewer.identity, self._viewer.name, over=over)
 
 
 def _question(holder: Owner) -> str:

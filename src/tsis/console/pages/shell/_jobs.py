@@ -21,7 +21,7 @@ SHOWN = 8  # the newest
 
 
 class JobList:
-    """A button that says whether anything is under way, and a list behind it.
+    """A button that shows running jobs, and their list.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ class JobList:
         Who looks; whoever holds the camera may end jobs.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
-        self._bench, self._viewer = bench, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._rows: dict[str, _Row] = {}
         self._button = ui.button("Jobs").props('flat dense no-caps aria-haspopup="true"')
         with self._button, ui.menu().props('anchor="bottom right" self="top right"'):
@@ -58,14 +58,14 @@ class JobList:
             self._rows[state.identity].show(state)
 
     async def _end(self, identity: str) -> None:
-        if not self._viewer.acts:
-            self._viewer.complain("whoever holds the camera may end jobs; take the camera first")
+        if not self._viewer.commands:
+            self._viewer.complain("only the camera's owner may end jobs; take the camera first")
             return
         await self._viewer.attempt(self._ended, identity)
 
     def _ended(self, identity: str) -> None:
         with suppress(InputError):  # it was forgotten meanwhile
-            self._bench.end_job(identity, by=self._viewer.identity)
+            self._instrument.end_job(identity, by=self._viewer.identity)
 
 
 class _Row:
@@ -77,22 +77,22 @@ class _Row:
             with ui.element("div").classes("row"):
                 ui.label(state.title).classes("strong")
                 ui.element("div").classes("spring")
-                self._words = ui.label().classes("muted")
+                self._text = ui.label().classes("muted")
                 self._end = ui.button("End", on_click=lambda: end(state.identity)).props("flat dense no-caps")
                 self._end.props["aria-label"] = f"End {state.title}"
             self._bar = ProgressBar(f"Progress of {state.title}")
-            self._sentence = ui.label().classes("muted")
+            self._message = ui.label().classes("muted")
 
     def show(self, state: JobState) -> None:
         """Show how far it is."""
         if state == self._shown:
             return
         self._shown = state
-        self._words.text = _share(state) or ("under way" if state.running else state.status)
+        self._text.text = _share(state) or ("under way" if state.running else state.status)
         self._end.set_visibility(state.running)
         self._bar.show(state)
-        self._sentence.text = state.sentence
-        self._sentence.set_visibility(bool(state.sentence))
+        self._message.text = state.sentence
+        self._message.set_visibility(bool(state.sentence))
 
 
 def _summary(running: list[JobState]) -> str:
@@ -103,4 +103,4 @@ def _summary(running: list[JobState]) -> str:
 
 
 def _share(state: JobState) -> str:
-    return f"{100 * state.share:.0f} %" if state.total and state.running else ""
+    return f"{100 * state.fraction:.0f} %" if state.total and state.running else ""

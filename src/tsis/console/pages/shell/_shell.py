@@ -51,7 +51,7 @@ class Subpages(ui.sub_pages):
 
     def _render_error(self, _: Exception) -> None:
         _log.exception("a page could not be built")
-        _instead("This page could not be built. What was kept is safe; the other pages work. Try to load it anew.")
+        _instead("This page could not be built. Saved data are safe; the other pages work. Load it again.")
 
 
 def _instead(sentence: str) -> None:
@@ -76,7 +76,7 @@ class LogoutButton:
 LANGUAGE: Final = "en-GB"
 WORDS = {
     "connection_lost": "The connection to the console is lost.",
-    "trying_to_reconnect": "Trying again. What was kept is safe; a sequence or job under way goes on meanwhile.",
+    "trying_to_reconnect": "Trying again. Saved data are safe; a running sequence or job continues.",
     "message_too_long": "This was too much for one message.",
     "message_too_long_body": "It was not done. Try again with less of it.",
 }
@@ -103,14 +103,14 @@ class Navigation:
                 if "{" not in address
             }
         self._path = router.current_path
-        router.on_path_changed(self._moved)
+        router.on_path_changed(self._navigated)
         self._mark()
 
     def heading(self) -> None:
         """The page's first heading: readers of the screen begin with it, the eye has the marked link."""
         self._heading = ui.label(title_of(self._path)).props('role="heading" aria-level="1"').classes("unseen")
 
-    def _moved(self, path: str) -> None:
+    def _navigated(self, path: str) -> None:
         self._path = path
         self._mark()
         if self._heading is not None:
@@ -132,7 +132,7 @@ def address_of(path: str) -> str:
 
 
 def title_of(path: str) -> str:
-    """What the page of a path is called."""
+    """Title of a path's page."""
     return PAGES[address_of(path)][0] if address_of(path) in PAGES else NOWHERE
 
 
@@ -149,25 +149,25 @@ class Shell:
         What the pages show.
     """
 
-    def __init__(self, bench: Instrument) -> None:
-        self._bench, self._glance, self._tabs = bench, StatePoller(bench), Tabs()
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument, self._summary, self._tabs = instrument, StatePoller(instrument), Tabs()
 
     def build(self) -> None:
         """Build the page of the tab that opens now."""
-        viewer = Viewer(ui.context.client, self._bench, self._glance, self._tabs)
+        viewer = Viewer(ui.context.client, self._instrument, self._summary, self._tabs)
         with ui.header(elevated=False).classes("bar"):
             ui.link("Skip to the page", f"#{MAIN}").classes("skip")
             ui.label("tsis").classes("brand")
             navigation = Navigation()
             ui.element("div").classes("spring")
             camera = ui.label().classes("chip").mark("camera state")
-            jobs = JobList(self._bench, viewer)
-            holding = ControlButtons(self._bench, viewer)
+            jobs = JobList(self._instrument, viewer)
+            holding = ControlButtons(self._instrument, viewer)
             ThemeChoice()
         notices = Notices(viewer)
         with ui.element("div").classes("content").props(f'id="{MAIN}" tabindex="-1"'):
             navigation.heading()
-            Subpages({address: partial(build, self._bench, viewer) for address, (_, build) in PAGES.items()})
+            Subpages({address: partial(build, self._instrument, viewer) for address, (_, build) in PAGES.items()})
         with ui.footer(elevated=False).classes("foot"):
             ui.label(RESEARCH_USE_ONLY)
             LogoutButton()

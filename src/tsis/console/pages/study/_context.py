@@ -1,4 +1,4 @@
-"""What a page shows of a study, read at once; of its truth nothing while it is blind."""
+"""Contents of a study's page, read at once, without the truth of a blind study."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ _one = Lock()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceProgress:
-    """How far a device is: readings of one operator, of all that he is to make."""
+    """Progress of a device: an operator's readings, and all expected ones."""
 
     device: str
     operator: str
     read: int
-    wanted: int
+    expected: int
     undecided: int
     threshold: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StudyResult:
-    """What an unblinded study says: its report, the picture of its curves drawn, every target with its truth."""
+    """Results of an unblinded study: report, drawn curves, every target with its truth."""
 
     page: Page
     curves: str
@@ -71,7 +71,7 @@ def view_study(shelf: StudyRepository, name: str) -> StudyView:
             device=device,
             operator=operator,
             read=count,
-            wanted=requested,
+            expected=requested,
             undecided=undecided[device, operator],
             threshold=study.threshold_of(device),
         )
@@ -81,7 +81,7 @@ def view_study(shelf: StudyRepository, name: str) -> StudyView:
 
 
 def study_result(study: Study) -> StudyResult:
-    """What an unblinded study says; kept, for it takes a while and stays the same until the log grows."""
+    """Results of an unblinded study, cached until the log grows."""
     key = (study.folder.resolve(), study.chain.head)
     with _one:
         if key not in _kept:
@@ -103,7 +103,7 @@ class StudyContext(Protocol):
 
     Attributes
     ----------
-    jobs, viewer, shelf
+    jobs, viewer, repository
         What runs, the browser tab, and the folder of studies.
     name
         As it stands in the address, whatever that is.
@@ -111,7 +111,7 @@ class StudyContext(Protocol):
 
     jobs: Jobs
     viewer: Viewer
-    shelf: StudyRepository
+    repository: StudyRepository
     name: str
 
 

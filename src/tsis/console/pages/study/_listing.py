@@ -49,7 +49,7 @@ class CodeTable:
         )
 
     def show(self, found: StudyView, told: StudyResult | None) -> None:
-        """Show codes with what is read, or with the truth where the study says it."""
+        """Show codes with their readings, or with the truth of an unblinded study."""
         if told is None:
             headings, rows = _progress(found.study)
         else:
@@ -93,7 +93,7 @@ MOST_REPEATS = 1000
 
 @dataclass(slots=True)
 class StudyDraft:
-    """What is in the fields of a new study."""
+    """Contents of the fields of a new study."""
 
     name: str = ""
     like: str = "printed"
@@ -107,7 +107,7 @@ class StudyDraft:
     seed: str = ""
 
     def make(self, shelf: StudyRepository, *, actor: str) -> str:
-        """Make the study, and return its name; `InputError` when a field holds what cannot be."""
+        """Create the study, and return its name; `InputError` for an invalid field."""
         name = self.name.strip()
         with field_messages(WORDS):
             shelf.make(
@@ -142,7 +142,7 @@ class StudyDraft:
 
 
 def typed_whole(name: str, text: str) -> int:
-    """The whole number that somebody typed; `InputError` when it is none."""
+    """The typed whole number; `InputError` for other text."""
     value = typed_number(name, text)
     if not value.is_integer():
         raise InputError(f"{name} must be a whole number; got {text.strip()!r:.40}")
@@ -160,9 +160,9 @@ MEANT = (
 )
 
 
-def study_listing(bench: Instrument, viewer: Viewer) -> None:
+def study_listing(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    repository = StudyRepository(bench.terms.workspace)
+    repository = StudyRepository(instrument.terms.workspace)
     with ui.element("div").classes("split"):
         with ui.element("section").classes("panel stack"):
             panel_title("Studies")
@@ -209,7 +209,7 @@ class _NewStudy:
     """The form of a new study."""
 
     def __init__(self, shelf: StudyRepository, viewer: Viewer) -> None:
-        self._shelf, self._viewer = shelf, viewer
+        self._repository, self._viewer = shelf, viewer
         start = StudyDraft()
         panel_title("New study")
         with ui.element("div").classes("study-fields"):
@@ -227,7 +227,7 @@ class _NewStudy:
             self._threshold = unit_field("Threshold", start.threshold)
             self._seed = unit_field("Seed", start.seed, keys="numeric")
             self._seed.props("stack-label").props["placeholder"] = "drawn and sealed"
-        self._reference = ui.checkbox("Press plain tissue nearby for comparison", value=start.with_reference)
+        self._reference = ui.checkbox("Reference presses on tissue nearby", value=start.with_reference)
         ui.label(MEANT).classes("muted")
         with ui.element("div").classes("row"):
             self._button = ui.button("Make the study", icon="add", on_click=self._make).props("no-caps")
@@ -246,6 +246,6 @@ class _NewStudy:
             seed=self._seed.value or "",
         )
         with loading(self._button):
-            created = await self._viewer.attempt(draft.make, self._shelf, actor=name_in(self._viewer, self._who))
+            created = await self._viewer.attempt(draft.make, self._repository, actor=name_in(self._viewer, self._who))
         if created is not None:
             ui.navigate.to(f"/study/{created}")

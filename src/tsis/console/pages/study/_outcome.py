@@ -1,4 +1,4 @@
-"""What an unblinded study says: its numbers with their intervals, its curves, and the way to the report."""
+"""Results of an unblinded study: numbers with intervals, curves, and a link to the report."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Outcome:
 
     def __init__(self, page: StudyContext) -> None:
         self._page = page
-        self._panel = ui.element("section").classes("panel stack").props('aria-label="What the study says"')
+        self._panel = ui.element("section").classes("panel stack").props('aria-label="Results of the study"')
         self._panel.set_visibility(False)
 
     async def show(self, found: StudyView) -> StudyResult | None:
-        """Show the numbers, and give them; None while the study is blind, or when they cannot be told."""
+        """Show and return the numbers; None while the study is blind, or without numbers."""
         if found.study.unblinded is None:
             return None
         self._panel.set_visibility(True)
@@ -44,14 +44,14 @@ class Outcome:
         with self._panel:
             self._head(found)
             if message is None:
-                ui.label("The numbers cannot be told; Verify says what is wrong.").classes("flag")
+                ui.label("The numbers are not available; Verify shows what is wrong.").classes("flag")
             else:
                 self._body(message)
         return message
 
     def _head(self, found: StudyView) -> None:
         with ui.element("div").classes("row"):
-            panel_title("What the study says")
+            panel_title("Results of the study")
             ui.element("div").classes("spring")
             if found.reported:
                 position = f"/files/study/{self._page.name}/report"
@@ -91,7 +91,7 @@ class Unblinding:
 
     def __init__(self, page: StudyContext) -> None:
         self._page, self._blind = page, True
-        self._place = ui.element("div")
+        self._container = ui.element("div")
         self._button = ui.button("Unblind and analyse", icon="visibility", on_click=self._clicked)
         self._button.props("dense no-caps outline")
 
@@ -104,15 +104,15 @@ class Unblinding:
         page = self._page
         with loading(self._button):
             result = await page.viewer.attempt(
-                lambda: (page.shelf.study(page.name), verify_study(page.shelf.place(page.name)))
+                lambda: (page.repository.study(page.name), verify_study(page.repository.path(page.name)))
             )
         if result is not None:
-            self._ask(*result)
+            self._confirm(*result)
 
-    def _ask(self, study: Study, found: StudyVerification) -> None:
+    def _confirm(self, study: Study, found: StudyVerification) -> None:
         page, left = self._page, unread(study)
         blind = study.unblinded is None
-        with self._place, ui.dialog(value=True) as dialog, ui.card().classes("asked study-asked"):
+        with self._container, ui.dialog(value=True) as dialog, ui.card().classes("asked study-asked"):
             panel_title(f"{'Unblind' if blind else 'Analyse'} study {study.plan.name}")
             if blind:
                 ui.label(f"{MEANT} The study has {count_of(len(study.readings), 'reading')}.")
@@ -133,7 +133,7 @@ class Unblinding:
                     job = await page.viewer.attempt(
                         begin_publishing,
                         page.jobs,
-                        page.shelf,
+                        page.repository,
                         page.name,
                         by=name_in(page.viewer, who),
                         although_incomplete=bool(although.value),
@@ -156,12 +156,12 @@ VERIFICATION_MEANING = (
 
 
 def verify_button(page: StudyContext, place: ui.element) -> None:
-    """A button that compares plan, seal, reports and log, and shows in ``place`` what was found."""
+    """A button that verifies plan, seal, reports and log, and shows the result in ``place``."""
 
     async def begin(head: str = "") -> None:
         with loading(button):
             result = await page.viewer.attempt(
-                lambda: verify_study(page.shelf.place(page.name), head=head.strip() or None)
+                lambda: verify_study(page.repository.path(page.name), head=head.strip() or None)
             )
         if result is not None:
             place.clear()
@@ -179,7 +179,7 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
                 ui.label(f"and {len(found.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
             ui.label(f"Head of the log: {found.head}").classes("muted identity")
             with ui.element("div").classes("row"):
-                saved = unit_field("Head that was kept elsewhere", head, keys="text").classes("study-head")
+                saved = unit_field("Head that was saved elsewhere", head, keys="text").classes("study-head")
                 ui.button("Compare", on_click=lambda: begin(saved.value or "")).props("dense no-caps outline")
                 ui.button("Close", on_click=place.clear).props("dense no-caps flat")
             ui.label(VERIFICATION_MEANING).classes("muted")

@@ -1,4 +1,4 @@
-"""How far each device is, and its readings as a table."""
+"""Progress of the devices, and import and export of readings."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def show_devices(page: StudyContext, found: StudyView) -> None:
                 export.props("dense no-caps outline").props["aria-label"] = f"Export readings of {device}"
             for item in stored:
                 undecided = f", {item.undecided} undecided" if item.undecided else ""
-                ui.label(f"{item.operator}: {item.read} of {item.wanted} read{undecided}").classes("wordy")
-                bar = ui.linear_progress(min(1.0, item.read / item.wanted), show_value=False, size="6px")
+                ui.label(f"{item.operator}: {item.read} of {item.expected} read{undecided}").classes("wordy")
+                bar = ui.linear_progress(min(1.0, item.read / item.expected), show_value=False, size="6px")
                 bar.props["aria-label"] = f"Read with {device} by {item.operator}"
 
 
 async def _export(page: StudyContext, device: str) -> None:
-    content = await page.viewer.attempt(lambda: export_readings(page.shelf.study(page.name), device))
+    content = await page.viewer.attempt(lambda: export_readings(page.repository.study(page.name), device))
     if content is not None:
         text = re.sub(r"[^A-Za-z0-9]+", "-", device).strip("-") or "device"
         ui.download.content(content, f"{page.name}-{text[:60]}.csv", "text/csv")
@@ -71,21 +71,21 @@ class JobProgress:
 
     def __init__(self, page: StudyContext) -> None:
         self._page = page
-        with ui.element("div").classes("stack tight") as self._place:
+        with ui.element("div").classes("stack tight") as self._container:
             with ui.element("div").classes("row"):
-                self._sentence = ui.label().classes("wordy").props('role="status"')
+                self._message = ui.label().classes("wordy").props('role="status"')
                 self._end = ui.button("End", on_click=self._ended).props("dense no-caps outline")
             self._bar = ProgressBar("Progress of the study")
-        self._place.set_visibility(False)
+        self._container.set_visibility(False)
 
-    def look(self) -> bool:
+    def refresh(self) -> bool:
         """Show how far it is, and return whether it is under way."""
         state = job_of(self._page.jobs, self._page.name)
-        self._place.set_visibility(state is not None)
+        self._container.set_visibility(state is not None)
         if state is None:
             return False
         count = f" {state.done} of {state.total}." if state.running and state.total else ""
-        self._sentence.text = f"{state.sentence or 'It begins when others are done.'}{count}"
+        self._message.text = f"{state.sentence or 'It begins when others are done.'}{count}"
         self._end.set_visibility(state.running)
         self._bar.show(state)
         return state.running
@@ -121,11 +121,11 @@ class Running:
             self._begin = ui.button("Run on the virtual probe", icon="play_arrow", on_click=self._run).props("no-caps")
 
     def show(self, found: StudyView) -> None:
-        """Go on for who read before, unless somebody has typed already."""
+        """Fill in the last operator, unless the field has text."""
         before = [
             device
             for device in found.devices
-            if device.device == found.study.plan.device and device.read < device.wanted
+            if device.device == found.study.plan.device and device.read < device.expected
         ]
         if before and not self._named and not self._page.viewer.logged_in:
             self._who.set_value(max(before, key=lambda item: item.read).operator)
@@ -139,7 +139,7 @@ class Running:
         page = self._page
         with loading(self._begin):
             await page.viewer.attempt(
-                begin_reading, page.jobs, page.shelf, page.name, operator=name_in(page.viewer, self._who)
+                begin_reading, page.jobs, page.repository, page.name, operator=name_in(page.viewer, self._who)
             )
 
 
@@ -153,7 +153,7 @@ CUT = "the file did not come whole; try again"
 
 
 def import_button(page: StudyContext) -> ui.button:
-    """A button that asks for device, threshold and file, and enters what the file says."""
+    """A button that asks for device, threshold and file, and enters its readings."""
     viewer = page.viewer
     with ui.dialog() as dialog, ui.card().classes("asked study-asked"):
         panel_title("Import readings")
@@ -177,7 +177,7 @@ def import_button(page: StudyContext) -> ui.button:
             _enter, page, content, named, (device.value or "").strip(), threshold.value or "", name_in(viewer, who)
         )
         if entered is not None:
-            viewer.tell(f"{entered} readings entered.")
+            viewer.notify(f"{entered} readings entered.")
             dialog.close()
 
     upload.on_upload(taken)
@@ -185,7 +185,7 @@ def import_button(page: StudyContext) -> ui.button:
 
 
 def _enter(page: StudyContext, content: bytes, file: str, device: str, threshold: str, actor: str) -> int:
-    study = page.shelf.study(page.name)
+    study = page.repository.study(page.name)
     limit = typed_number("threshold", threshold) if threshold.strip() else None
     after = import_table(study, content, file, device=device, threshold=limit, actor=actor)
     return len(after.readings) - len(study.readings)

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 EVERY_S = 0.5
 
 
-def show_study(bench: Instrument, viewer: Viewer, name: str) -> None:
+def show_study(instrument: Instrument, viewer: Viewer, name: str) -> None:
     """Build the page of the study whose name stands in the address."""
-    viewer.every(EVERY_S, StudyPage(bench, viewer, name).look)
+    viewer.every(EVERY_S, StudyPage(instrument, viewer, name).refresh)
 
 
 class StudyPage:
@@ -38,17 +38,17 @@ class StudyPage:
         As it stands in the address, whatever that is.
     """
 
-    def __init__(self, bench: Instrument, viewer: Viewer, name: str) -> None:
-        self.jobs, self.viewer, self.name = bench.jobs, viewer, name
-        self.shelf = StudyRepository(bench.terms.workspace)
-        self._seen: tuple[int, int] | None = None
+    def __init__(self, instrument: Instrument, viewer: Viewer, name: str) -> None:
+        self.jobs, self.viewer, self.name = instrument.jobs, viewer, name
+        self.repository = StudyRepository(instrument.terms.workspace)
+        self._shown: tuple[int, int] | None = None
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel stack"):
                 with ui.element("div").classes("row"):
                     ui.link("All studies", "/study").classes("link")
                     self._title = panel_title("Study").classes("target-title")
                     ui.element("div").classes("spring")
-                    self._acts = ui.element("div").classes("row")
+                    self._commands = ui.element("div").classes("row")
                 self._job = JobProgress(self)
                 self._refusal = ui.label().classes("flag wordy").props('role="alert"')
                 self._below = ui.element("div")
@@ -65,31 +65,31 @@ class StudyPage:
                     with ui.element("section").classes("panel stack"):
                         panel_title("Plan")
                         self._plan = FactList()
-        with self._acts:
+        with self._commands:
             self._import = import_button(self)
             verify_button(self, self._below)
             self._unblinding = Unblinding(self)
-        for part in (self._parts, self._acts, self._refusal):
+        for part in (self._parts, self._commands, self._refusal):
             part.set_visibility(False)
 
-    async def look(self) -> None:
+    async def refresh(self) -> None:
         """Show how far the job is, and the study anew when its log has changed."""
-        self._running.allow(not self._job.look())
-        stamp = self.shelf.stamp(self.name) if self.name.isascii() else (0, 0)
-        if stamp != self._seen:
-            self._seen = stamp
+        self._running.allow(not self._job.refresh())
+        stamp = self.repository.stamp(self.name) if self.name.isascii() else (0, 0)
+        if stamp != self._shown:
+            self._shown = stamp
             await self._load()
 
     async def _load(self) -> None:
         study_view: StudyView | None = None
         refusal = ""
         try:
-            study_view = await run.io_bound(view_study, self.shelf, self.name)
+            study_view = await run.io_bound(view_study, self.repository, self.name)
         except TsisError as error:
             refusal = str(error)
         self._refusal.text = refusal
         self._refusal.set_visibility(bool(refusal))
-        for part in (self._parts, self._acts):
+        for part in (self._parts, self._commands):
             part.set_visibility(study_view is not None)
         if study_view is not None:  # which it is not when the program ends
             await self._show(study_view)
@@ -117,7 +117,7 @@ def _facts(found: StudyView) -> tuple[tuple[str, str], ...]:
         ("Targets", str(len(plan.codes))),
         ("Repeats", str(plan.repeats)),
         ("Threshold", f"{plan.threshold:g}, fixed beforehand"),
-        ("Virtual probe", f"{plan.probe}, {forces} N{', plain tissue too' if plan.with_reference else ''}"),
+        ("Virtual probe", f"{plan.probe}, {forces} N{', reference presses' if plan.with_reference else ''}"),
         ("Seed", "in the seal" if plan.seed is None else str(plan.seed)),
         ("Made", f"{plan.made:%Y-%m-%d %H:%M} UTC"),
         ("Sealed truth", f"SHA-256 {plan.commitment[:16]}"),

@@ -46,7 +46,7 @@ class CalibrationRig(Protocol):
     def shots(self, step: CalibrationStep, over: Callable[[], bool]) -> Iterator[CalibrationFrame]:
         """Yield a step's frames; a loading by the gauge until ``over`` says so."""
 
-    def one(self, force_n: float) -> CalibrationFrame:
+    def frame(self, force_n: float) -> CalibrationFrame:
         """The next frame, with a force that a person read."""
 
 
@@ -67,7 +67,7 @@ class VirtualCalibrationRig:
 
     def __init__(self, terms: SessionSetup, seed: int, *, before: int = 0) -> None:
         self._terms, self._seed, self._before = terms, seed, before
-        self._bench: VirtualBench | None = None
+        self._rig: VirtualBench | None = None
 
     def require(self) -> None:
         """Nothing: it is the session's own."""
@@ -78,14 +78,14 @@ class VirtualCalibrationRig:
 
     def shots(self, step: CalibrationStep, over: Callable[[], bool]) -> Iterator[CalibrationFrame]:
         """Yield a step's frames."""
-        if self._bench is None:
+        if self._rig is None:
             source = np.random.PCG64(self._seed)
             rng = np.random.Generator(source)
-            self._bench = VirtualBench(load_probe(self._terms.probe), rng=rng, pitch_mm=self._terms.pitch_mm)
+            self._rig = VirtualBench(load_probe(self._terms.probe), rng=rng, pitch_mm=self._terms.pitch_mm)
             source.advance(self._before * FAR)
-        return self._bench.shots(step)
+        return self._rig.shots(step)
 
-    def one(self, force_n: float) -> CalibrationFrame:
+    def frame(self, force_n: float) -> CalibrationFrame:
         """Never: it loads by itself."""
         raise CalibrationError("the virtual bench loads by itself; no force is typed (take the step)")
 
@@ -108,7 +108,7 @@ class CameraRig:
     def __init__(
         self, terms: SessionSetup, camera_controller: CameraController, gauge: Callable[[], ForceLog | None]
     ) -> None:
-        self._terms, self._desk, self._gauge = terms, camera_controller, gauge
+        self._terms, self._camera, self._gauge = terms, camera_controller, gauge
 
     @property
     def has_gauge(self) -> bool:
@@ -134,13 +134,13 @@ class CameraRig:
                 raise CameraError(f"{acquisition.name} was lost meanwhile (wait until it is back)")
         self._acquisition()  # the settings may have been changed elsewhere
 
-    def one(self, force_n: float) -> CalibrationFrame:
+    def frame(self, force_n: float) -> CalibrationFrame:
         """The next frame with a typed force, in [-100, 100] N."""
         require_number("force", force_n, -LARGEST_TYPED_N, LARGEST_TYPED_N, hint="newtons")
         return LiveCalibration(self._acquisition()).take_frame(force_n)
 
     def _acquisition(self) -> Acquisition:
-        return acquisition_of(self._desk, self._terms)
+        return acquisition_of(self._camera, self._terms)
 
 
 def acquisition_of(camera_controller: CameraController, terms: SessionSetup) -> Acquisition:

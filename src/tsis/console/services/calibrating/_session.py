@@ -119,7 +119,7 @@ class TypedLoadings:
 class CalibrationResult:
     """A calibration that was made from a session's frames, with what stands behind it and its file."""
 
-    known: ProbeCalibration
+    calibration: ProbeCalibration
     findings: SessionResult
     identity: str
     file: Path
@@ -141,7 +141,7 @@ class CalibrationSession:
     ----------
     job, making
         The steps that are taken or were taken last; the calibration that is made. None before.
-    made
+    result
         What was made from the frames as they are, while this program runs; its `file` stays longer.
     """
 
@@ -157,7 +157,7 @@ class CalibrationSession:
         self._typed = TypedLoadings()
         self.job: Job | None = None
         self.making: Job | None = None
-        self.made: CalibrationResult | None = None
+        self.result: CalibrationResult | None = None
 
     @property
     def name(self) -> str:
@@ -234,7 +234,7 @@ class CalibrationSession:
         with self._lock:
             self._require(by)
             self._typed.require_room(name)
-            return self._typed.add(name, self.rig.one(force_n))
+            return self._typed.add(name, self.rig.frame(force_n))
 
     def unpress(self, name: str, *, by: str) -> None:
         """Forget the last press of a loading whose forces are typed; without one nothing happens."""
@@ -242,7 +242,7 @@ class CalibrationSession:
             self._require(by)
             self._typed.forget_last(name)
 
-    def keep_presses(self, name: str, *, by: str) -> int:
+    def save_presses(self, name: str, *, by: str) -> int:
         """Keep the presses that were typed as the step's frames, and say how many."""
         step = self._open(name)
         with self._lock:
@@ -250,7 +250,7 @@ class CalibrationSession:
             shots = self._typed.shots(name)
             if not shots:
                 raise CalibrationError("a loading must hold presses to be kept; it has none (type the first force)")
-            return self._keep(step, shots)
+            return self._save(step, shots)
 
     def leave_out(self, name: str, *, by: str) -> None:
         """Leave out a step that a calibration can be made without; taking it later is possible."""
@@ -265,7 +265,7 @@ class CalibrationSession:
         with self._lock:
             self._require(by)
             archive_calibration(self.folder)
-            self.made = None
+            self.result = None
             self.folder.forget(step)
             self._left_out.discard(name)
 
@@ -276,9 +276,11 @@ class CalibrationSession:
         def work(job: Job) -> CalibrationResult:
             given, findings = calibrate(self.folder, days=days, progress=job.advance)
             file = save_calibration(self.folder, given)
-            self.made = CalibrationResult(known=given, findings=findings, identity=calibration_sha256(given), file=file)
+            self.result = CalibrationResult(
+                calibration=given, findings=findings, identity=calibration_sha256(given), file=file
+            )
             job.say(f"The calibration is in {file}")
-            return self.made
+            return self.result
 
         with self._lock:
             self._require_idle()
@@ -305,14 +307,14 @@ class CalibrationSession:
         for step in steps:
             self._taking = step.name
             try:
-                saved += self._keep(step, self._told(job, step, saved, total))
+                saved += self._save(step, self._reporting(job, step, saved, total))
             except TsisError as error:
                 raise CalibrationError(f"step {step.name!r} is not kept, those before it are: {error}") from error
             self._left_out.discard(step.name)
         job.say(f"{saved} frames kept")
         return saved
 
-    def _told(self, job: Job, step: CalibrationStep, before: int, total: int) -> Iterator[CalibrationFrame]:
+    def _reporting(self, job: Job, step: CalibrationStep, before: int, total: int) -> Iterator[CalibrationFrame]:
         """The step's frames, each told; asked to end, the job leaves, and nothing of the step is kept."""
 
         def over() -> bool:
@@ -324,7 +326,7 @@ class CalibrationSession:
             job.advance(before + number, total)
             yield shot
 
-    def _keep(self, step: CalibrationStep, shots: Iterable[CalibrationFrame]) -> int:
+    def _save(self, step: CalibrationStep, shots: Iterable[CalibrationFrame]) -> int:
         saved = self.folder.save(step, self._then_set_aside(shots))
         self._typed.forget(step.name)
         return saved
@@ -333,7 +335,7 @@ class CalibrationSession:
         """A step's frames; before the step counts as done, the calibration made from fewer frames is set aside."""
         yield from shots
         archive_calibration(self.folder)
-        self.made = None
+        self.result = None
 
     def _state(self, step: CalibrationStep, taking: str) -> StepState:
         frames = self.folder.count(step)

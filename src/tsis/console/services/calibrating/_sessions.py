@@ -86,7 +86,7 @@ class CalibrationSessions:
         camera_controller: CameraController,
         gauge: Callable[[], ForceLog | None],
     ) -> None:
-        self._folder, self._control, self._jobs, self._desk, self._gauge = (
+        self._folder, self._control, self._jobs, self._camera, self._gauge = (
             folder,
             control,
             jobs,
@@ -94,7 +94,7 @@ class CalibrationSessions:
             gauge,
         )
         self._lock = threading.Lock()
-        self._held: OrderedDict[str, CalibrationSession] = OrderedDict()
+        self._sessions: OrderedDict[str, CalibrationSession] = OrderedDict()
         self._opened: WeakValueDictionary[str, CalibrationSession] = WeakValueDictionary()
 
     def listed(self) -> tuple[SessionSummary, ...]:
@@ -127,7 +127,7 @@ class CalibrationSessions:
             raise InputError(
                 f"name must be new; a session in {folder.path.name!r} exists already (go on with it, or choose another)"
             )
-        folder.begin(self._virtual(terms) if bench_seed(terms.camera) is not None else self._seen(terms))
+        folder.begin(self._virtual(terms) if bench_seed(terms.camera) is not None else self._with_camera(terms))
         return self.open(folder.path.name)
 
     def open(self, name: str) -> CalibrationSession:
@@ -136,8 +136,8 @@ class CalibrationSessions:
             session = self._opened.get(name)
             if session is None or not session.folder.begun:
                 session = self._read(name)
-            self._held[name] = self._opened[name] = session
-            self._held.move_to_end(name)
+            self._sessions[name] = self._opened[name] = session
+            self._sessions.move_to_end(name)
             self._let_go()
             return session
 
@@ -155,22 +155,22 @@ class CalibrationSessions:
         return CalibrationSession(folder, rig=self._rig(folder), control=self._control, jobs=self._jobs)
 
     def _let_go(self) -> None:
-        for name in [name for name, session in self._held.items() if session.idle][:-IDLE]:
-            del self._held[name]
+        for name in [name for name, session in self._sessions.items() if session.idle][:-IDLE]:
+            del self._sessions[name]
 
     def _rig(self, folder: SessionFolder) -> CalibrationRig:
         terms = folder.terms()
         seed = bench_seed(terms.camera)
         if seed is None:
-            return CameraRig(terms, self._desk, self._gauge)
+            return CameraRig(terms, self._camera, self._gauge)
         return VirtualCalibrationRig(terms, seed, before=sum(folder.done(step) for step in folder.plan()))
 
     def _virtual(self, terms: SessionSetup) -> SessionSetup:
         instrument = VirtualBench(load_probe(terms.probe), rng=np.random.default_rng(0))
         return replace(terms, patch_px=instrument.patch_px)
 
-    def _seen(self, terms: SessionSetup) -> SessionSetup:
-        acquisition = self._desk.acquisition
+    def _with_camera(self, terms: SessionSetup) -> SessionSetup:
+        acquisition = self._camera.acquisition
         if acquisition is None or acquisition.lost:
             raise CameraError("the camera must run when a session begins, which remembers its settings (start it)")
         settings = {setting.name: setting.value for setting in acquisition.settings()}
