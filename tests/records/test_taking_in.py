@@ -13,7 +13,8 @@ from sqlalchemy import select
 from tests.records.sample import sample_dossier
 
 from tsis.errors import RecordsError
-from tsis.records import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.files import to_json_value
+from tsis.records import estimate_to_json
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import _tables as tables
 from tsis.records.store import open_store, verify_store
@@ -26,13 +27,13 @@ if TYPE_CHECKING:
 
 
 def require_equal(one: TargetRecord, other: TargetRecord, *, but_frames: bool = False) -> None:
-    assert target_to_plain(one.target) == target_to_plain(other.target)
+    assert to_json_value(one.target) == to_json_value(other.target)
     for mine, theirs in zip(one.presses, other.presses, strict=True):
         np.testing.assert_array_equal(one.levels(mine), other.levels(theirs))
         wanted = replace(mine, frame=theirs.frame) if but_frames else mine
-        assert press_to_plain(wanted) == press_to_plain(theirs)
+        assert to_json_value(wanted) == to_json_value(theirs)
     for mine_made, theirs_made in zip(one.estimates, other.estimates, strict=True):
-        assert estimate_to_plain(mine_made) == estimate_to_plain(theirs_made)
+        assert estimate_to_json(mine_made) == estimate_to_json(theirs_made)
         for name, values in mine_made.estimate.samples.items():
             np.testing.assert_array_equal(values, theirs_made.estimate.samples[name])
     assert sorted(one.calibrations) == sorted(other.calibrations)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError, RecordsError
 from tsis.files._atomic import DISK, Disk, append_durably
-from tsis.files._json import canonical, digest, digest_of_any
+from tsis.files._json import canonical, digest, digest_or_none
 from tsis.files._reading import printable_path, read_bytes
 
 if TYPE_CHECKING:
@@ -22,12 +22,12 @@ FIRST_HASH = "0" * 64  # the previous hash of the first entry
 TEXTS = ("moment", "actor", "action", "previous", "hash")
 
 
-def linked(entry: Mapping[str, Any], number: int, previous: str) -> dict[str, Any]:
+def linked_entry(entry: Mapping[str, Any], number: int, previous: str) -> dict[str, Any]:
     """An entry with its number, the hash of the entry before it, and its own hash, which covers all of them.
 
     Examples
     --------
-    >>> entry = linked({"action": "created"}, 1, FIRST_HASH)
+    >>> entry = linked_entry({"action": "created"}, 1, FIRST_HASH)
     >>> link_faults(entry, 1, FIRST_HASH), link_faults(entry | {"action": "edited"}, 1, FIRST_HASH)
     ((), ('hash',))
     """
@@ -37,7 +37,7 @@ def linked(entry: Mapping[str, Any], number: int, previous: str) -> dict[str, An
 
 def link_faults(entry: Mapping[str, Any], number: int, previous: str) -> tuple[str, ...]:
     """Which of ``"number"``, ``"previous"`` and ``"hash"`` do not fit an entry at its place in the chain."""
-    hashed = digest_of_any({name: value for name, value in entry.items() if name != "hash"})
+    hashed = digest_or_none({name: value for name, value in entry.items() if name != "hash"})
     expected = {"number": number, "previous": previous, "hash": hashed}
     return tuple(name for name, value in expected.items() if entry[name] != value or value is None)
 
@@ -115,7 +115,7 @@ class LogChain:
         return self.entries[-1].hash if self.entries else FIRST_HASH
 
 
-NO_ENTRIES = LogChain()
+EMPTY_CHAIN = LogChain()
 
 
 def link_entries(chain: LogChain, drafts: Iterable[LogDraft], moment: datetime) -> tuple[LogEntry, ...]:
@@ -125,12 +125,12 @@ def link_entries(chain: LogChain, drafts: Iterable[LogDraft], moment: datetime) 
         number += 1
         content = json.loads(canonical(dict(draft.content)))  # as whoever reads the file gets it
         document = {"moment": moment.isoformat(), "actor": draft.actor, "action": draft.action, "content": content}
-        entries.append(LogEntry(**linked(document, number, previous)))
+        entries.append(LogEntry(**linked_entry(document, number, previous)))
         previous = entries[-1].hash
     return tuple(entries)
 
 
-def read_chain(content: bytes, after: LogChain = NO_ENTRIES) -> LogChain:
+def read_chain(content: bytes, after: LogChain = EMPTY_CHAIN) -> LogChain:
     r"""Read a log and find every line that does not fit.
 
     A change, addition or removal of any line shows here, but for two that the file alone cannot tell: lines cut off at
@@ -147,7 +147,7 @@ def read_chain(content: bytes, after: LogChain = NO_ENTRIES) -> LogChain:
     --------
     >>> from datetime import datetime
     >>> drafts = [LogDraft(actor="me", action="said", content={"word": word}) for word in "ab"]
-    >>> first, second = link_entries(NO_ENTRIES, drafts, datetime(2026, 1, 1))
+    >>> first, second = link_entries(EMPTY_CHAIN, drafts, datetime(2026, 1, 1))
     >>> read_chain(f"{first.line()}\n{second.line()}\n".encode()).breaks
     {}
     >>> read_chain(f"{second.line()}\n".encode()).breaks
@@ -195,7 +195,7 @@ def _wrong(entry: LogEntry, line: bytes, number: int, previous: str) -> str:
     return "does not follow the line before it: lines were taken out, put in or moved" if faults else ""
 
 
-def read_chain_file(path: Path, log_chain: LogChain = NO_ENTRIES, *, disk: Disk = DISK) -> LogChain:
+def read_chain_file(path: Path, log_chain: LogChain = EMPTY_CHAIN, *, disk: Disk = DISK) -> LogChain:
     """The log of a file; what follows ``log_chain`` alone is read where the file still has the last line of it.
 
     A change before that line shows when the file is read without ``log_chain``.
@@ -221,7 +221,7 @@ def append_entries(
     drafts_after: Callable[[LogChain], Sequence[LogDraft]],
     moment: datetime,
     *,
-    log_chain: LogChain = NO_ENTRIES,
+    log_chain: LogChain = EMPTY_CHAIN,
     damaged: bool = False,
     cure: str,
     disk: Disk = DISK,

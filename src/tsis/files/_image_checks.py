@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 MOST_ENTRIES, MOST_DIRECTORIES, MOST_NUMBER_BYTES = 4096, 16, 4 * 2**20
 SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
-PLAIN_BYTES = frozenset({1, 2, 6, 7})
+TEXT_TYPES = frozenset({1, 2, 6, 7})
 DECISIVE = frozenset({256, 257, 258, 259, 262, 266, 273, 277, 278, 279, 284, 317, 322, 323, 324, 325, 339})
 WIDTH, HEIGHT, WHOLE_NUMBERS = 256, 257, frozenset({3, 4, 16})
 
@@ -66,8 +66,8 @@ def _directory_fault(entries: list[tuple[int, int, int]], size: int) -> str | No
         return "a directory of it says twice how large or of what kind its picture is"
     if any(tag in (WIDTH, HEIGHT) and (kind not in WHOLE_NUMBERS or count != 1) for tag, kind, count in entries):
         return "a directory of it does not state its width and height as one whole number each"
-    texts = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind in PLAIN_BYTES)
-    numbers = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind not in PLAIN_BYTES)
+    texts = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind in TEXT_TYPES)
+    numbers = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind not in TEXT_TYPES)
     if texts > size or numbers > min(size, MOST_NUMBER_BYTES):
         return f"a directory of it lists {texts + numbers} bytes"
     return None
@@ -132,14 +132,14 @@ def bmp_fault(data: bytes) -> str | None:
     return None
 
 
-def fault(data: bytes) -> str | None:
+def image_fault(data: bytes) -> str | None:
     r"""Say what is missing from a picture's file, or what in it is a trap; None when it is whole or of another kind.
 
     Of TIFF only the directories are walked: its decoder refuses a strip that lies outside the file.
 
     Examples
     --------
-    >>> fault(b"\xff\xd8\xff\xda\x00\x02")
+    >>> image_fault(b"\xff\xd8\xff\xda\x00\x02")
     'it is truncated: it ends at byte 6 before its end-of-image marker'
     """
     if data.startswith(_PNG_SIGNATURE):
@@ -154,27 +154,27 @@ def fault(data: bytes) -> str | None:
 
 
 _SIGNATURE_BYTES = 8
-_PNG_KEPT = frozenset(
+_PNG_COLOUR_CHUNKS = frozenset(
     {b"tRNS", b"acTL", b"fcTL", b"fdAT"}
 )  # beside the critical ones: they tell kind and number of pictures
 _JPEG_ADOBE, _JPEG_SCAN_START, _PICTURES = 0xEE, 0xDA, b"MPF\0"
 _JPEG_NOTES = frozenset({*range(0xE1, 0xF0), 0xFE}) - {_JPEG_ADOBE}
 
 
-def png_pixels(data: bytes) -> bytes:
+def png_without_metadata(data: bytes) -> bytes:
     """A whole PNG file without ancillary chunks; the same object when it has none."""
     saved, position, kind = [data[:_SIGNATURE_BYTES]], _SIGNATURE_BYTES, b""
     while kind != b"IEND":
         (length,) = struct.unpack_from(">I", data, position)
         kind, end = data[position + 4 : position + 8], position + 12 + length
         critical = not kind[0] & 0x20  # a capital letter
-        if critical or kind in _PNG_KEPT:
+        if critical or kind in _PNG_COLOUR_CHUNKS:
             saved.append(memoryview(data)[position:end])  # type: ignore[arg-type]  # joins as bytes do
         position = end
     return data if sum(map(len, saved)) == len(data) else b"".join(saved)
 
 
-def jpeg_pixels(data: bytes) -> bytes:
+def jpeg_without_metadata(data: bytes) -> bytes:
     """A whole JPEG file without segments of notes before its first scan; the same object when it has none."""
     saved, position = [data[:2]], 2
     while True:
@@ -192,11 +192,11 @@ def jpeg_pixels(data: bytes) -> bytes:
     return b"".join([*saved, data[position:]])
 
 
-def pixels_alone(data: bytes) -> bytes:
+def without_metadata(data: bytes) -> bytes:
     """The file as a decoder should see it; it must have been found whole before (`tsis.files._image_checks`)."""
     if data.startswith(b"\x89PNG"):
-        return png_pixels(data)
-    return jpeg_pixels(data) if data.startswith(b"\xff\xd8") else data
+        return png_without_metadata(data)
+    return jpeg_without_metadata(data) if data.startswith(b"\xff\xd8") else data
 
 
 LARGEST_PIXELS = 65_000_000  # sensors sold as 64 million have 64.1 to 64.5

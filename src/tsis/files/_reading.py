@@ -21,7 +21,7 @@ Parsed = TypeVar("Parsed")
 LARGEST_FILE_BYTES = 512 * 2**20
 LARGEST_OBJECT_BYTES = 8 * 2**20
 MOST_VALUES, DEEPEST = 200_000, 64
-_PLAIN_BYTES = 8 * 2**20  # beyond it JSON must be ASCII, as it is when tsis writes it: else a letter may take 4 bytes
+_LARGEST_UTF8_BYTES = 8 * 2**20  # a larger file must be ASCII, as tsis writes it: else a letter may take 4 bytes
 _LONGEST_SHOWN = 120
 
 
@@ -213,8 +213,8 @@ def parse_object(data: bytes, name: str, *, values: int = MOST_VALUES) -> dict[s
         raise FileInputError(f"{name} must be a readable JSON file; got something that begins otherwise")
     if sum(map(data.count, (b"[", b"{", b","))) > values:
         raise FileInputError(f"{name} must hold at most {values} values; it has more brackets and commas")
-    if len(data) > _PLAIN_BYTES and not data.isascii():
-        raise FileInputError(f"{name} must be ASCII where it is larger than {_PLAIN_BYTES} bytes; it is not")
+    if len(data) > _LARGEST_UTF8_BYTES and not data.isascii():
+        raise FileInputError(f"{name} must be ASCII where it is larger than {_LARGEST_UTF8_BYTES} bytes; it is not")
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:

@@ -10,7 +10,7 @@ from importlib import metadata, resources
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
-from tsis.files import free_to_plain
+from tsis.files import free_to_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -68,12 +68,12 @@ def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
     ...     {"tsis": "0.1.0", "libraries": {"numpy": "2.4.5"}}, {"tsis": "0.1.0", "libraries": {"numpy": "2.4.6"}}))
     ['numpy 2.4.5 -> 2.4.6']
     """
-    was, now = _plain_values(before.estimate.provenance), _plain_values(after.estimate.provenance)
+    was, now = _json_values(before.estimate.provenance), _json_values(after.estimate.provenance)
     return (
         *environment_changes(before.environment, after.environment),
         *_differences("the probe", before.probe, after.probe),
         *_frame_changes(was, now),
-        *_option_changes(_plain_values(before.options), _plain_values(after.options)),
+        *_option_changes(_json_values(before.options), _json_values(after.options)),
         *_prior_changes(before, after),
         *_other_changes(was, now),
     )
@@ -120,7 +120,7 @@ def _prior_changes(before: StoredEstimate, after: StoredEstimate) -> Iterator[st
     """The prior as it was given; where it was the default of the release then, as the estimator wrote it down."""
     reported = "options" if all(item.options.get("prior") for item in (before, after)) else "provenance"
     result = (item.options if reported == "options" else item.estimate.provenance for item in (before, after))
-    was, now = (_plain_values({"prior": item.get("prior")})["prior"] for item in result)
+    was, now = (_json_values({"prior": item.get("prior")})["prior"] for item in result)
     if not isinstance(was, Mapping) or not isinstance(now, Mapping):  # a bundle may hold anything there
         yield from _differences("the prior changed", was, now)
         return
@@ -157,9 +157,9 @@ def _shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)[:SHOWN]
 
 
-def _plain_values(value: Mapping[str, Any]) -> Mapping[str, Any]:
+def _json_values(value: Mapping[str, Any]) -> Mapping[str, Any]:
     """As a store gives it back."""
-    document: Mapping[str, Any] = free_to_plain(value, "provenance")
+    document: Mapping[str, Any] = free_to_json(value, "provenance")
     return document
 
 
@@ -168,9 +168,9 @@ def comparison_message(same: bool, causes: Sequence[str]) -> str:
 
     Examples
     --------
-    >>> sentence(True, ())
+    >>> comparison_message(True, ())
     'Nothing changed: bit for bit the same.'
-    >>> sentence(False, ("numpy 2.4.5 -> 2.4.6",))
+    >>> comparison_message(False, ("numpy 2.4.5 -> 2.4.6",))
     'The result changed: numpy 2.4.5 -> 2.4.6.'
     """
     reported = "; ".join(causes)

@@ -10,8 +10,8 @@ import numpy as np
 
 from tsis.errors import CalibrationError, RecordsError
 from tsis.model import INTERVAL_LEVEL
+from tsis.records._estimate_json import estimate_to_json
 from tsis.records._estimation import EstimationRequest, estimate_stored
-from tsis.records._plain import estimate_to_plain
 from tsis.records._provenance import changes, comparison_message, environment
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def _same(before: StoredEstimate, after: StoredEstimate) -> bool:
     item, other = before.estimate, after.estimate
     if list(item.samples) != list(other.samples):
         return False
-    entries: list[dict[str, Any]] = [estimate_to_plain(item)["estimate"] for item in (before, after)]
+    entries: list[dict[str, Any]] = [estimate_to_json(item)["estimate"] for item in (before, after)]
     return all(np.array_equal(item.samples[name], other.samples[name]) for name in item.samples) and all(
         entries[0][name] == entries[1][name] for name in COMPARED
     )

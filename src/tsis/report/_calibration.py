@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.file import calibration_sha256
-from tsis.files import to_plain
+from tsis.files import to_json_value
 from tsis.plots import dot_board, force_residuals, force_sums, hysteresis_loops
 from tsis.report._document import envelope
 from tsis.report._page import Card, Page, Picture, Table, html
@@ -205,7 +205,7 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
                 rows=specification_rows(calibration),
             ),
         ),
-        provenance={**provenance, "line": to_plain(findings.line)},
+        provenance={**provenance, "line": to_json_value(findings.line)},
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from tsis.files import free_to_plain
+from tsis.files import free_to_json
 from tsis.report._page import Table
 from tsis.report.target import count_of
 
@@ -63,7 +63,7 @@ def recomputation_document(target: Target, recomputation: Recomputation) -> dict
         "sentence": recomputation.message,
         "causes": list(recomputation.causes),
         "notes": list(recomputation.notes),
-        "shifts": [free_to_plain(asdict(shift), "shift") for shift in recomputation.shifts],  # moved by so many old sd
+        "shifts": [free_to_json(asdict(shift), "shift") for shift in recomputation.shifts],  # moved by so many old sd
         "flags_gained": list(recomputation.flags_gained),
         "flags_lost": list(recomputation.flags_lost),
         "trusted": {"before": recomputation.before.estimate.trusted, "after": recomputation.after.estimate.trusted},

@@ -10,14 +10,14 @@ from tsis.errors import CalibrationError, FileInputError, InputError
 from tsis.files import (
     as_path,
     content_sha256,
-    from_plain,
+    from_json_value,
     json_bytes,
     parse_object,
     printable_path,
     read_object,
-    require_bounded_maps,
-    to_plain,
-    without_maps,
+    require_bounded_arrays,
+    to_json_value,
+    without_packed_arrays,
     write_durably,
 )
 
@@ -32,7 +32,7 @@ LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
 
 def calibration_sha256(calibration: ProbeCalibration) -> str:
     """SHA-256 of the content: the name under which results cite the calibration."""
-    result = document_sha256(to_plain(calibration, pack=False))
+    result = document_sha256(to_json_value(calibration, pack=False))
     assert result is not None  # values hold neither NaN nor endless nesting
     return result
 
@@ -45,8 +45,8 @@ def calibration_bytes(calibration: ProbeCalibration) -> bytes:
     InputError
         When it would be too large to be read back.
     """
-    reference = to_plain(calibration)
-    require_bounded_maps(reference, "calibration")
+    reference = to_json_value(calibration)
+    require_bounded_arrays(reference, "calibration")
     document = {
         "format": CALIBRATION_FORMAT,
         "version": CALIBRATION_VERSION,
@@ -133,8 +133,8 @@ def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
             "damaged (take the original, or calibrate again)"
         )
     try:
-        require_bounded_maps(content, "calibration")
-        given = from_plain(ProbeCalibration, content, "calibration")
+        require_bounded_arrays(content, "calibration")
+        given = from_json_value(ProbeCalibration, content, "calibration")
     except InputError as error:
         raise FileInputError(f"{name}: {error}") from error
     except CalibrationError as error:
@@ -145,7 +145,7 @@ def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
 def document_sha256(content: Any) -> str | None:
     """SHA-256 of a calibration's JSON values; None for NaN or endless nesting, which nothing here ever wrote."""
     try:
-        return content_sha256(_as_floats(without_maps(content)), escaped=True)  # as in all calibration files so far
+        return content_sha256(_as_floats(without_packed_arrays(content)), escaped=True)  # as in every calibration file
     except (ValueError, OverflowError, RecursionError):
         return None
 

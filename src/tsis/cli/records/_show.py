@@ -11,6 +11,7 @@ from rich.table import Table
 from tsis.cli._options import AsJson
 from tsis.cli._output import estimate_table, people, print_json, print_notice
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
+from tsis.files import to_json_value
 from tsis.report import envelope, estimate_document, estimate_messages
 
 if TYPE_CHECKING:
@@ -131,7 +132,6 @@ def _until(known: ProbeCalibration) -> str:
 
 
 def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
-    from tsis.records import press_to_plain, target_to_plain
 
     truth = dict(dossier.target.truth)
     created = [
@@ -139,8 +139,8 @@ def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
     ]
     return envelope(
         "records show",
-        target=target_to_plain(dossier.target),
-        presses=[press_to_plain(press) for press in dossier.presses],
+        target=to_json_value(dossier.target),
+        presses=[to_json_value(press) for press in dossier.presses],
         presses_in_all=total,
         estimate=created[-1] if created else None,
         in_force=[stored.id for stored in dossier.in_force],
@@ -154,8 +154,8 @@ def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
 
 
 def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
-    from tsis.records import estimate_to_plain
+    from tsis.records import estimate_to_json
 
-    reference = estimate_to_plain(stored)
+    reference = estimate_to_json(stored)
     created = reference.pop("estimate")
     return {**reference, **estimate_document(stored.estimate, truth), "provenance": created["provenance"]}

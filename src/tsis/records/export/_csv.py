@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.files import FORMULA_STARTS, free_to_plain, json_bytes
+from tsis.files import FORMULA_STARTS, free_to_json, json_bytes
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
 from tsis.records.export._whole import export_folder, frame_png
 
@@ -98,7 +98,7 @@ def press_rows(record: TargetRecord, frame_files: Sequence[str]) -> list[Sequenc
         existing = [number, press.role, press.taken.isoformat(), _float(press.force_n), *map(_float, pixel)]
         existing += [*map(_float, press.axis_px), press.rows, press.columns, _float(press.full_scale)]
         messages = [press.probe, " ".join(press.flags), press.name, press.note, file, press.frame, press.calibration]
-        settings = json.dumps(free_to_plain(press.settings, "settings"), sort_keys=True, allow_nan=False)
+        settings = json.dumps(free_to_json(press.settings, "settings"), sort_keys=True, allow_nan=False)
         rows.append([*existing, *messages, settings, press.id, press.version])
     return rows
 

@@ -12,7 +12,7 @@ from sqlalchemy import select
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import FileInputError, InputError
-from tsis.files import free_to_plain, printable_path
+from tsis.files import free_to_json, printable_path
 from tsis.instrument import read_image
 from tsis.records._values import StoredPress
 from tsis.records.store import calibration_table, frame_bytes
@@ -101,7 +101,7 @@ class IncomingPress:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
-        free_to_plain(self.settings, "settings")
+        free_to_json(self.settings, "settings")
         StoredPress(  # which refuses, before anything is stored, what no press may be
             frame=self.frame,
             rows=1,

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError
-from tsis.files import from_plain, printable_path, read_bytes, read_object
+from tsis.files import from_json_value, printable_path, read_bytes, read_object
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
@@ -134,7 +134,7 @@ def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
     for name in ("arrived_s", FORCE):
         if name == "arrived_s" or row.get(name):
             try:
-                from_plain(float, float(row[name]), name)
+                from_json_value(float, float(row[name]), name)
             except ValueError as error:
                 raise FileInputError(
                     f"{printable_path(path)} must hold a finite {name}; line {at} has {row[name]!r:.40}"
@@ -145,7 +145,7 @@ def _full_scale(summary: dict[str, Any] | None) -> float | None:
     mode = (summary or {}).get("mode")
     if not isinstance(mode, dict) or "full_scale" not in mode:
         return None
-    return from_plain(float, mode["full_scale"], "mode.full_scale")
+    return from_json_value(float, mode["full_scale"], "mode.full_scale")
 
 
 def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tuple[datetime, float]:
@@ -153,9 +153,9 @@ def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tu
     if summary is None or "begun" not in summary:
         return written(folder / RECORDING_INDEX), last_s
     try:
-        begun = from_plain(datetime, summary["begun"], f"{RECORDING_SUMMARY}.begun")
+        begun = from_json_value(datetime, summary["begun"], f"{RECORDING_SUMMARY}.begun")
         require_moment("begun", begun)
-        return begun, from_plain(float, summary["begun_s"], f"{RECORDING_SUMMARY}.begun_s")
+        return begun, from_json_value(float, summary["begun_s"], f"{RECORDING_SUMMARY}.begun_s")
     except (ValueError, KeyError) as error:
         raise FileInputError(
             f"{printable_path(folder / RECORDING_SUMMARY)} must tell when it began; {error}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from tsis.calibration.file import CALIBRATION_FILE, read_calibration
 from tsis.catalog import load_probe
 from tsis.errors import FileInputError, InputError
-from tsis.files import from_plain, printable_path, read_object
+from tsis.files import from_json_value, printable_path, read_object
 from tsis.model import grey_sha256
 from tsis.records._provenance import environment
 from tsis.records.importing._found import (
@@ -114,12 +114,11 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         )
     reported = document["estimate"]["provenance"]
     calibration = read_calibration(own_file(folder, CALIBRATION_FILE))
-    probe, phantom = from_plain(str, reported["probe"]["name"], "probe.name"), document["simulated"]["phantom"]
+    probe, phantom = from_json_value(str, reported["probe"]["name"], "probe.name"), document["simulated"]["phantom"]
     presses = list(_presses(folder, reported, calibration, probe, progress))
     inclusion = phantom.get("inclusion")
-    truth = (
-        {} if inclusion is None else {name: from_plain(float, inclusion[name], f"inclusion.{name}") for name in TRUTH}
-    )
+    names = () if inclusion is None else TRUTH
+    truth = {name: from_json_value(float, inclusion[name], f"inclusion.{name}") for name in names}
     requested = RequestedEstimate(
         kind="inclusion", probe=probe, calibration=calibration, options={"prior": dict(reported["prior"])}
     )
@@ -128,7 +127,7 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         source=folder,
         kind="virtual presses",
         presses=tuple(presses),
-        name=from_plain(str, phantom["name"], "phantom.name"),
+        name=from_json_value(str, phantom["name"], "phantom.name"),
         truth=truth,
         simulated=True,
         estimate=requested,
@@ -155,7 +154,7 @@ def _presses(
         )
     scale = None
     for at, (role, entry) in enumerate(entries):
-        path = own_file(folder, from_plain(str, entry["name"], f"{role}.name"))
+        path = own_file(folder, from_json_value(str, entry["name"], f"{role}.name"))
         scale = _optional(tuple[float, float], entry["mm_per_pixel"], f"{role}.mm_per_pixel")
         grey = read_frame(path).grey
         if grey_sha256(grey) != entry["sha256"]:
@@ -190,4 +189,4 @@ def _presses(
 
 
 def _optional(kind: type[Value], document: Any, where: str) -> Value | None:
-    return None if document is None else from_plain(kind, document, where)
+    return None if document is None else from_json_value(kind, document, where)

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import LARGEST_TARGET, from_plain, printable_name, printable_path, read_object
+from tsis.files import LARGEST_TARGET, from_json_value, printable_name, printable_path, read_object
 from tsis.instrument import SIDECAR_FORMAT, SIDECAR_VERSION
 from tsis.model import require_integer, require_one_of
 from tsis.records._values import ROLES
@@ -129,7 +129,7 @@ def _snapshot(
     if ending is None:
         raise InputError(f"sha256 must tell of a raw frame; got {sorted(hashes)!r:.80}")
     raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
-    read = inspect_folder(raw, full_scale=from_plain(float, document["full_scale"], "snapshot.full_scale"))
+    read = inspect_folder(raw, full_scale=from_json_value(float, document["full_scale"], "snapshot.full_scale"))
     if read["sha256"] != hashes[ending]:
         raise FileInputError(f"{printable_path(raw)} must be as it was saved; its content does not match its sidecar")
     known, notes = cited_calibration(sidecar, document.get("calibration"), given)
@@ -140,7 +140,7 @@ def _snapshot(
     press = IncomingPress(
         **read,
         role=given.role if document.get("role") is None else require_one_of("role", document["role"], ROLES),
-        taken=from_plain(datetime, document["taken"], "snapshot.taken"),
+        taken=from_json_value(datetime, document["taken"], "snapshot.taken"),
         name=printable_name(raw),
         force_n=_force_n(document.get("force")),
         mm_per_pixel=scale,
@@ -154,17 +154,17 @@ def _snapshot(
 
 def _probe(document: dict[str, Any]) -> str:
     """The probe that the console was told of, where it did."""
-    return "" if document.get("probe") is None else from_plain(str, document["probe"], "snapshot.probe")
+    return "" if document.get("probe") is None else from_json_value(str, document["probe"], "snapshot.probe")
 
 
 def _force_n(force: Any) -> float | None:
     """What the gauge read; a press does not pull."""
-    return None if force is None else max(0.0, from_plain(float, force["force_n"], "force.force_n"))
+    return None if force is None else max(0.0, from_json_value(float, force["force_n"], "force.force_n"))
 
 
 def _flags(flags: Iterable[Any]) -> Iterator[str]:
     for flag in flags:
-        yield from_plain(str, flag["name"], "flag.name")
+        yield from_json_value(str, flag["name"], "flag.name")
 
 
 def _noted(batch: ImportBatch, note: str) -> ImportBatch:

@@ -15,7 +15,17 @@ from sqlalchemy import insert, select, update
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError, TsisError
-from tsis.files import DISK, FIRST_HASH, Disk, digest, json_bytes, linked, printable_path, read_object, write_durably
+from tsis.files import (
+    DISK,
+    FIRST_HASH,
+    Disk,
+    digest,
+    json_bytes,
+    linked_entry,
+    printable_path,
+    read_object,
+    write_durably,
+)
 from tsis.model import require_integer, require_type
 from tsis.records.store._tables import audit_head_table, audit_table
 
@@ -93,7 +103,7 @@ def append_audit(connection: Connection, head: AuditHead, changes: Iterable[Audi
             "row": change.row,
             "content": digest(change.values),
         }
-        entries.append(linked(entry, head.number + 1, head.hash))
+        entries.append(linked_entry(entry, head.number + 1, head.hash))
         head = AuditHead(number=head.number + 1, hash=entries[-1]["hash"])
     if entries:
         connection.execute(insert(audit_table), entries)

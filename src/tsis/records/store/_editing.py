@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import insert, select, update
 
 from tsis.errors import InputError, RecordsError, StaleRecordError
-from tsis.files import digest_of_any
+from tsis.files import digest_or_none
 from tsis.model import require_one_of
 from tsis.records._values import entered
 from tsis.records.store import _tables as tables
@@ -55,7 +55,7 @@ def update_row(connection: Connection, table: Table, before: Any, changed: Row) 
             f"the {what} must be as it was read to be changed; somebody else has changed it since version "
             f"{before.version} (read it again)"
         )
-    if digest_of_any(result._asdict()) != last_content(connection, table.name, before.id):
+    if digest_or_none(result._asdict()) != last_content(connection, table.name, before.id):
         raise RecordsError(
             f"the {what} must be as it was stored to be changed; it was changed behind the program's back "
             "(tsis records verify tells more; take the store from a backup)"

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import DISK, SHA256, Disk, fault, printable_path, read_bytes, write_durably
+from tsis.files import DISK, SHA256, Disk, image_fault, printable_path, read_bytes, write_durably
 from tsis.instrument import QUICK_PNG, whole_levels
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def frame_levels(content: bytes, name: str) -> NDArray[Any]:
         When it is no such file all the same; ``name`` says which.
     """
     levels = None
-    if fault(content) is None:
+    if image_fault(content) is None:
         levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     if levels is None or levels.ndim != 2:
         raise RecordsError(f"frame {name[:12]} must be a grey PNG file; it is not (tsis records verify)")

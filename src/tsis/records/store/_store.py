@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256
 from tsis.errors import InputError
-from tsis.files import DISK, Disk
+from tsis.files import DISK, Disk, from_json_value, to_json_value
 from tsis.model import TactileImage, require_type
-from tsis.records._plain import press_of_plain, press_to_plain
 from tsis.records._values import StoredEstimate, StoredPress, Target, entered, require_label, require_moment
 from tsis.records.store import _rows as rows
 from tsis.records.store import _tables as tables
@@ -191,7 +190,8 @@ class Store(StoreReader):
             id=uuid.uuid4().hex,
             target=target.id,
         )
-        press = press_of_plain(press_to_plain(press))  # as it will be read again: settings as lists, not as tuples
+        # The value as a reader will get it: settings as lists, not as tuples.
+        press = from_json_value(StoredPress, to_json_value(press), "press", complete=True)
         stored = None if calibration is None else self._calibration_row(calibration)
         frame = {"id": press.frame, "rows": shape[0], "columns": shape[1], "bytes": len(content)}
 

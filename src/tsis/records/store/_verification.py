@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import select
 
 from tsis.errors import RecordsError
-from tsis.files import FIRST_HASH, digest_of_any, link_faults, one_line
+from tsis.files import FIRST_HASH, digest_or_none, link_faults, one_line
 from tsis.records.store._audit import BEFORE, LOST, AuditHead, has_entry, read_anchor
 from tsis.records.store._audit import KIND as ANCHOR
 from tsis.records.store._tables import (
@@ -182,7 +182,7 @@ def _row_faults(connection: Connection) -> tuple[list[str], int]:
             key, shown = (name, row[primary]), one_line(row[primary], 80)
             if key not in last:
                 faults.append(f"{name} {shown}: this row was put in beside the audit")
-            elif last.pop(key) != digest_of_any(row):
+            elif last.pop(key) != digest_or_none(row):
                 faults.append(f"{name} {shown}: this row is not as it was stored")
     faults += [f"{one_line(name, 40)} {one_line(key, 80)}: this row was taken out" for name, key in last]
     return faults, count
