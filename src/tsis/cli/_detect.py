@@ -161,7 +161,7 @@ def _evidence_of(records: Store, number: int) -> TargetEvidence:
 
 def _evidence(dossier: TargetRecord) -> TargetEvidence:
     """What the estimate in force says; `InputError` where there is none that may be used."""
-    results = [stored.estimate for stored in dossier.in_force if stored.kind == "inclusion"]
+    results = [stored.estimate for stored in dossier.active_estimates if stored.kind == "inclusion"]
     if not results:
         raise InputError("it has no estimate of an inclusion")
     try:

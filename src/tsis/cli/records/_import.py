@@ -18,7 +18,7 @@ from tsis.report import entered_text, envelope
 
 if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration
-    from tsis.records.importing import Entered
+    from tsis.records.importing import ImportedBatch
     from tsis.records.store import Store
 
 
@@ -55,7 +55,13 @@ def import_(
     a demo folder is made again from its frames; a bundle brings its own.
     """
     from tsis.calibration.file import read_calibration
-    from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches, require_enterable
+    from tsis.records.importing import (
+        ImportOptions,
+        ImportProgress,
+        find_import_batches,
+        import_batches,
+        require_importable,
+    )
 
     number = None if target in (None, NEW) else target_number(str(target))
     given = ImportOptions(
@@ -68,12 +74,14 @@ def import_(
     )
     with _Calibrations(store, kind, database) as calibrations, waiting("looking through what there is"):
         looked = find_import_batches(paths, replace(given, calibration_of=calibrations.of))
-    require_enterable(looked, kind, number)  # before a store is made for them
+    require_importable(looked, kind, number)  # before a store is made for them
     with opened(store, kind, database, create=True) as records:
-        tally = Entering()
+        tally = ImportProgress()
         try:
             with progress_bar("storing") as advance:
-                entered = enter(records, looked, target=number, difference=target == NEW, tally=tally, progress=advance)
+                entered = import_batches(
+                    records, looked, target=number, difference=target == NEW, tally=tally, progress=advance
+                )
         except KeyboardInterrupt:
             typer.echo(f"Import: {tally.message}.", err=True)
             raise
@@ -116,12 +124,12 @@ class _Calibrations:
         return self._by_name[cited]
 
 
-def _line(each: Entered) -> str:
+def _line(each: ImportedBatch) -> str:
     text = entered_text(each.target, new=each.new, added=each.added, present=each.present, estimates=each.estimates)
     return f"{each.batch.kind} in {each.batch.source}: {text}"
 
 
-def _document(each: Entered) -> dict[str, Any]:
+def _document(each: ImportedBatch) -> dict[str, Any]:
     return {
         "source": str(each.batch.source),
         "kind": each.batch.kind,

@@ -87,7 +87,7 @@ def show(
     if target.note:
         console.print(target.note, markup=False)
     console.print(_presses(presses, total, offset))
-    for stored in sorted(record.in_force, key=lambda item: item.made, reverse=True):
+    for stored in sorted(record.active_estimates, key=lambda item: item.made, reverse=True):
         result = stored.estimate
         truth = target.truth if set(result.samples) <= set(target.truth) else None
         console.print(estimate_table(result, title=f"Estimate in force: {stored.kind}, {stored.probe}", truth=truth))
@@ -143,7 +143,7 @@ def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
         presses=[to_json_value(press) for press in dossier.presses],
         presses_in_all=total,
         estimate=created[-1] if created else None,
-        in_force=[stored.id for stored in dossier.in_force],
+        in_force=[stored.id for stored in dossier.active_estimates],
         history=created[:-1],
         calibrations=[
             {"sha256": identity, "name": calibration.name, "until": _until(calibration)}

@@ -63,7 +63,7 @@ class Stack:
     presses: tuple[StoredPress, ...]
     levels: NDArray[Any]
 
-    def holds(self, presses: Collection[str]) -> bool:
+    def contains(self, presses: Collection[str]) -> bool:
         """Whether a frame is that of one of these presses, given by their identities."""
         return any(press.id in presses for press in self.presses)
 

@@ -8,7 +8,7 @@ from datetime import UTC
 from typing import TYPE_CHECKING
 
 from tsis.errors import RecordsError
-from tsis.records._deidentify import deidentified, shown_identity
+from tsis.records._deidentify import deidentified, public_identity
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -49,7 +49,7 @@ class ExportIdentity:
     @property
     def patient_id(self) -> str:
         """Kind and number of the target, or the pseudonym; never its identity, which stays in the store."""
-        return shown_identity(self.target) if self.identified else self.target.id
+        return public_identity(self.target) if self.identified else self.target.id
 
     @property
     def file_stem(self) -> str:

@@ -36,7 +36,7 @@ OWN = MappingProxyType(
         "no-number": "Parameter without a number",
     }
 )
-MILLIMETRE, KILOPASCAL, NEWTON, ONE = (
+MILLIMETRE, KILOPASCAL, NEWTON, UNITLESS = (
     ("mm", "UCUM", "millimeter"),
     ("kPa", "UCUM", "kilopascal"),
     ("N", "UCUM", "newton"),

@@ -60,7 +60,7 @@ def _numbers(estimate: Estimate) -> list[Any]:
             values += [(codes.FIFTH_PERCENTILE, low), (codes.NINETY_FIFTH_PERCENTILE, high)]
             results += [_number(codes.PARAMETERS[name], value, derivation) for derivation, value in values]
     if estimate.presence is not None:
-        results.append(_number((codes.PROBABILITY, codes.ONE, "presence"), estimate.presence, None))
+        results.append(_number((codes.PROBABILITY, codes.UNITLESS, "presence"), estimate.presence, None))
     return results
 
 
@@ -145,7 +145,7 @@ def has_report(record: TargetRecord) -> bool:
 
 def report(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Dataset:
     """The report on images that are exported with it; it has no UID of its own yet."""
-    created = max([stored.made for stored in record.in_force] or [press.taken for press in record.presses])
+    created = max([stored.made for stored in record.active_estimates] or [press.taken for press in record.presses])
     date, time = cover.moment(created) or (NO_DATE, NO_TIME)
     sr = highdicom("sr")
     document: Dataset = sr.ComprehensiveSR(
@@ -179,8 +179,8 @@ def _content(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple
         id(press): (image, number) for stack, image in images for number, press in enumerate(stack.presses, 1)
     }
     groups = [
-        estimate_group(stored, cover, [image for stack, image in images if stack.holds(stored.presses)])
-        for stored in record.in_force
+        estimate_group(stored, cover, [image for stack, image in images if stack.contains(stored.presses)])
+        for stored in record.active_estimates
     ]
     groups += [
         press_group(press, cover, *positions[id(press)])

@@ -62,7 +62,7 @@ def target_gallery(record: TargetRecord) -> Gallery:
 
 def _frames(record: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
     """Frames in the order of their presses, of many those that estimates rest on, and what cannot be read."""
-    used = {press for stored in record.in_force for press in stored.presses}
+    used = {press for stored in record.active_estimates for press in stored.presses}
     numbered = list(enumerate(record.presses, 1))
     chosen = sorted(numbered, key=lambda pair: (pair[1].id not in used, pair[0]))[:MOST_FRAMES]
     frames, notes = [], []
@@ -159,12 +159,12 @@ def _profiles(record: TargetRecord, frames: list[FrameWithRole]) -> Gallery:
         return Gallery(notes=(f"Profiles in rings are left out: {message}.",))
     scaled = sorted(scaled, key=lambda frame: -force_of(frame.image))[:MOST_PROFILES]
     groups = {text: [frame.image for frame in scaled if frame.role == role] for role, text in GROUPS.items()}
-    rests = any(stored.kind == "inclusion" for stored in record.in_force)
+    rests = any(stored.kind == "inclusion" for stored in record.active_estimates)
     title = "The profiles that the estimate rests on" if rests else "Profiles"
     return Gallery(pictures=(profile_picture(groups, edges, title=title),))
 
 
 def _probe(record: TargetRecord) -> str:
-    if record.in_force:  # that of the inclusion where there is one, which rests on profiles
-        return record.in_force[0].probe
+    if record.active_estimates:  # that of the inclusion where there is one, which rests on profiles
+        return record.active_estimates[0].probe
     return next((press.probe for press in record.presses if press.probe), "")

@@ -74,12 +74,12 @@ def roles(presses: Sequence[StoredPress]) -> str:
 
 def newest_first(record: TargetRecord) -> tuple[StoredEstimate, ...]:
     """The estimates in force, of each kind one."""
-    return tuple(sorted(record.in_force, key=lambda stored: stored.made, reverse=True))
+    return tuple(sorted(record.active_estimates, key=lambda stored: stored.made, reverse=True))
 
 
 def heading(record: TargetRecord, stored: StoredEstimate, title: str) -> str:
     """A title, with the kind of the estimate that it is of where more than one is in force."""
-    return f"{title} ({stored.kind})" if len(record.in_force) > 1 else title
+    return f"{title} ({stored.kind})" if len(record.active_estimates) > 1 else title
 
 
 def target_notes(record: TargetRecord) -> tuple[str, ...]:

@@ -78,7 +78,7 @@ def write_layout(record: TargetRecord, tree: Tree) -> None:
     for position, numbered in _stacks(record).items():
         _write_stack(record, tree, position, numbered)
     for number, stored in enumerate(record.estimates):
-        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored in record.in_force)
+        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored in record.active_estimates)
     for name, calibration in record.calibrations.items():
         _bytes(tree, f"calibrations/{_link(name)}", calibration_bytes(calibration))
 
