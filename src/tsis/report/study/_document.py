@@ -102,17 +102,17 @@ def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
 
 def _fields(value: object, *names: str) -> dict[str, Any]:
     """The named fields as plain values; a number that is not finite is null."""
-    return {name: _plain(getattr(value, name)) for name in names}
+    return {name: _json_value(getattr(value, name)) for name in names}
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     match value:
         case Interval():
             return interval_document(value)
         case Proportion():
             return proportion_document(value)
         case tuple():
-            return [_plain(item) for item in value]
+            return [_json_value(item) for item in value]
         case float() if not math.isfinite(value):
             return None
     return value

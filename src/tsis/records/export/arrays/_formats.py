@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class SpillingFile(io.RawIOBase):
     """A new file that buffers failed writes in memory, for HDF5.
 
-    After a failed write HDF5 cannot close its file, prints tracebacks, and crashes at exit. This file hides the failure;
+    After a failed write HDF5 cannot close its file, prints tracebacks, and crashes at exit. This file hides it;
     the caller checks `require_written` after each step.
     """
 
