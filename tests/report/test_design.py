@@ -84,7 +84,7 @@ def test_a_broken_limit_is_said_in_words() -> None:
     ("wrong", "sentence"),
     [
         ({"forces_n": (-1.0,)}, "force_n must lie in"),
-        ({"frames_each": 0}, "frames_each must lie in"),
+        ({"frames_per_press": 0}, "frames_each must lie in"),
         ({"compared": ("colour",)}, "no aspect is called 'colour'"),
         ({"criterion": "price"}, "no criterion is called 'price'"),
         ({"evaluations": 26}, "evaluations must lie in"),
