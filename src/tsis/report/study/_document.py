@@ -94,7 +94,10 @@ def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
         if device_analysis.recalibration is None
         else _recalibration(device_analysis.recalibration),
         "errors": [_errors(error) for error in device_analysis.errors],
-        "found_by": [_fields(item, "quantity", "low", "high", "found", "undecided") for item in device_analysis.strata],
+        "found_by": [
+            _fields(item, "quantity", "low", "high", "undecided") | {"found": _json_value(item.detected)}
+            for item in device_analysis.strata
+        ],
         "agreement": [_agreement(agreement) for agreement in device_analysis.agreements],
         "missing": dict(device_analysis.missing),
     }
