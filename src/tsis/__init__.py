@@ -1,7 +1,7 @@
 """Open software for optical tactile imaging. Research use only.
 
 A soft transparent probe is pressed on tissue. Light escapes where it is pressed, and a camera records it.
-From the image tsis estimates how big, how deep and how stiff an inclusion under the surface is, with intervals.
+From the image tsis estimates the size, depth and stiffness of an inclusion under the surface, with intervals.
 
 The packages (``tsis.mechanics``, ``tsis.imaging``, ...) load when they are first used.
 """

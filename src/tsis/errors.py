@@ -1,27 +1,27 @@
-"""Every error that tsis raises on purpose.
+"""The errors and warnings of tsis.
 
 ::
 
     TsisError
-    ├── InputError          (also a ValueError) a value outside what the call accepts
-    │   ├── UnknownNameError    a name that no catalog holds; the nearest one is suggested
+    ├── InputError          (also a ValueError) an invalid value
+    │   ├── UnknownNameError    an unknown name; the nearest one is suggested
     │   ├── FileInputError      a file that is missing, corrupt or of an unsupported kind
     │   └── ImageMismatchError  images that do not belong together
-    ├── NotCalibratedError  an estimate that needs a calibration nobody gave
+    ├── NotCalibratedError  an estimate without the calibration that it needs
     ├── MechanicsError      a press that the chosen model cannot describe
-    ├── SweepError          a sweep that cannot go on; what it has computed is kept
+    ├── SweepError          a sweep that cannot continue; its results so far are saved
     ├── MissingExtraError   (also an ImportError) an optional library is not installed
-    ├── CalibrationError    a calibration that cannot be made, or that may not be used
-    ├── RecordsError        a store of records that cannot be opened, written or believed
-    │   └── StaleRecordError    an edit of a record that somebody else has changed meanwhile
-    ├── ControlError        an act of who does not hold the camera, or at a moment when it cannot be done
+    ├── CalibrationError    a calibration that cannot be computed, or must not be used
+    ├── RecordsError        a store of records that cannot be opened, written or verified
+    │   └── StaleRecordError    an edit of a record that another user has changed meanwhile
+    ├── ControlError        a command by a client without control of the camera, or at an impossible moment
     ├── CameraError         a camera that cannot be opened or was lost
-    └── GaugeError          a force gauge that cannot be opened, is silent, or says what is no force
+    └── GaugeError          a force gauge that cannot be opened, is silent, or sends no force
 
-    TsisWarning             (a UserWarning) something to mend that stops nothing
+    TsisWarning             (a UserWarning) a problem that stops nothing
     └── RecordsWarning      a store of records that others can read
 
-A message is one sentence: the name, the requirement, the value received and, where there is one, a cure.
+A message is one sentence: the name, the requirement, the value received and, where possible, a cure.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from typing import Any
 
 
 class TsisError(Exception):
-    """The root of every error that tsis raises on purpose."""
+    """The root of the errors of tsis."""
 
 
 class InputError(TsisError, ValueError):
-    """A value outside what the call accepts."""
+    """An invalid value."""
 
 
 class UnknownNameError(InputError):
-    """A name that no catalog holds; the message suggests the nearest one."""
+    """An unknown name; the message suggests the nearest one."""
 
 
 class FileInputError(InputError):
@@ -51,7 +51,7 @@ class ImageMismatchError(InputError):
 
 
 class NotCalibratedError(TsisError):
-    """An estimate that needs a calibration nobody gave."""
+    """An estimate without the calibration that it needs."""
 
 
 class MechanicsError(TsisError):
@@ -60,11 +60,11 @@ class MechanicsError(TsisError):
     Parameters
     ----------
     message
-        The sentence, with a cure for who chooses the model.
+        The message, with a cure for callers that choose the model.
     problem
-        What is wrong alone, for who tells another cure; empty where it stands in the message only.
+        The message without the cure, for callers with another cure; may be empty.
     largest_n
-        Largest force that the model describes there, newtons; None where nobody has looked for it.
+        Largest force that the model describes there, newtons; None where unknown.
     """
 
     def __init__(self, message: str = "", *, problem: str = "", largest_n: float | None = None) -> None:
@@ -73,7 +73,7 @@ class MechanicsError(TsisError):
 
 
 class SweepError(TsisError):
-    """A sweep that cannot go on; what it has computed is kept."""
+    """A sweep that cannot continue; its results so far are saved."""
 
 
 class MissingExtraError(TsisError, ImportError):
@@ -81,19 +81,19 @@ class MissingExtraError(TsisError, ImportError):
 
 
 class CalibrationError(TsisError):
-    """A calibration that cannot be made from what was given, or that may not be used: expired, foreign, tampered."""
+    """A calibration that cannot be computed, or must not be used: expired, of another probe, or altered."""
 
 
 class RecordsError(TsisError):
-    """A store of records that cannot be opened, written or believed; what was acknowledged is as it was."""
+    """A store of records that cannot be opened, written or verified; saved data stay intact."""
 
 
 class StaleRecordError(RecordsError):
-    """An edit of a record that somebody else has changed since it was read."""
+    """An edit of a record that another user has changed since it was read."""
 
 
 class ControlError(TsisError):
-    """An act in the console of who does not hold the camera, or at a moment when it cannot be done."""
+    """A command by a client without control of the camera, or at an impossible moment."""
 
 
 class CameraError(TsisError):
@@ -101,38 +101,23 @@ class CameraError(TsisError):
 
 
 class GaugeError(TsisError):
-    """A force gauge that cannot be opened, is silent, or says what is no force."""
+    """A force gauge that cannot be opened, is silent, or sends no force."""
 
 
 class TsisWarning(UserWarning):
-    """The root of every warning: something to mend that stops nothing."""
+    """The root of the warnings of tsis: problems that stop nothing."""
 
 
 class RecordsWarning(TsisWarning):
     """A store of records that other users of the machine can read; the message gives the command that closes it."""
 
 
-# What people call a package where its import name says something else; Netgen comes with NGSolve.
+# Product names that differ from import names; Netgen is part of NGSolve.
 PRODUCT_NAMES = {"ngsolve": "NGSolve", "netgen": "NGSolve", "sklearn": "scikit-learn"}
 
 
 def import_extra(name: str, *, feature: str, extra: str) -> Any:
-    """Import ``name``, or say what needs it and which extra brings it.
-
-    Parameters
-    ----------
-    name
-        Of the module.
-    feature
-        What needs it, as the subject of a sentence.
-    extra
-        The extra of this package that brings it.
-
-    Raises
-    ------
-    MissingExtraError
-        When it is not installed.
-    """
+    """Import the module ``name``; `MissingExtraError` names the ``feature`` that needs it and the ``extra`` with it."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -94,7 +94,7 @@ def test_a_name_that_no_store_takes_is_refused_before_anything_is_computed(run: 
     shutil.copy(FRAMES[0], longest)
     finished = run("examine", longest, *KNOWN, "--force-n", "1", "--save", "--store", tmp_path / "records")
     assert finished.code == 2
-    assert "must have at most 200 characters, to be kept" in finished.err
+    assert "must have at most 200 characters, to be saved" in finished.err
     assert not (tmp_path / "records").exists()
     assert not (tmp_path / "tsis-examine").exists()
 

@@ -74,7 +74,7 @@ def test_the_last_estimate_of_each_kind_is_shown(run_tsis: RunTsis, tmp_path: Pa
     (hard,) = with_estimate(given, hardness(), "hardness").estimates
     again = replace(first, id="estimate-c", supersedes=first.id, made=first.made + timedelta(seconds=1))
     with open_store(tmp_path / "records") as store:
-        store.take_in(replace(given, estimates=(first, again, replace(hard, calibration=first.calibration))))
+        store.import_target(replace(given, estimates=(first, again, replace(hard, calibration=first.calibration))))
     shown = json.loads(run_tsis("records", "show", "3", *STORE, "--json").out)
     assert shown["in_force"] == ["estimate-c", "estimate-b"]
     people = run_tsis("records", "show", "3", *STORE).out
@@ -88,7 +88,9 @@ def test_an_estimate_with_numbers_that_json_has_not_is_shown(run_tsis: RunTsis, 
     odd = {"limit": float("inf"), "nothing": float("nan")}
     estimate = replace(stored.estimate, provenance=odd)
     with open_store(tmp_path / "records") as store:
-        store.take_in(replace(given, estimates=(replace(stored, estimate=estimate, options=odd, environment=odd),)))
+        store.import_target(
+            replace(given, estimates=(replace(stored, estimate=estimate, options=odd, environment=odd),))
+        )
     shown = json.loads(run_tsis("records", "show", "3", *STORE, "--json").out)["estimate"]
     for name in ("provenance", "options", "environment"):
         assert shown[name] == {"limit": {"$number": "infinity"}, "nothing": {"$number": "nan"}}

@@ -23,7 +23,7 @@ PRESSES = 30
 def fill(folder: Path) -> None:
     """Three targets: one estimated, one of many presses, one whose hardness can be estimated again."""
     with open_store(folder) as store:
-        store.take_in(sample_dossier())
+        store.import_target(sample_dossier())
         many = store.add_target(number=MANY, name="many presses", note="a long series\nof two lines")
         for at in range(PRESSES):
             image = TactileImage(

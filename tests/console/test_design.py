@@ -15,7 +15,7 @@ from tests.console.contrast import texts
 from tests.console.operator import tab
 
 from tsis.catalog import load_probe, parse_probe
-from tsis.report import DesignQuestion, answer_question, compared_designs
+from tsis.report import DesignQuestion, analyse_designs, compared_designs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -112,7 +112,7 @@ def test_the_answer_is_that_of_the_library_and_is_kept_for_the_tab(page: Page, c
     page.wait_for_function("document.querySelector('.design-answer').getBoundingClientRect().top < 200")
 
     question = DesignQuestion(probe=load_probe("tsis-2011"), forces_n=(0.8,), compared=("reference",))
-    answer = answer_question(question, compared_designs(question))
+    answer = analyse_designs(question, compared_designs(question))
     rows = table.locator("tbody tr").all()
     assert [row.locator("td").first.inner_text() for row in rows] == [one.protocol.name for one in answer.designs]
     shown = float(rows[0].locator("td").nth(2).inner_text())

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[Store]:
     with open_store(tmp_path / "store") as opened:
-        opened.take_in(sample_dossier())
+        opened.import_target(sample_dossier())
         yield opened
 
 
@@ -89,7 +89,7 @@ def test_a_page_of_a_target_is_a_sheet_of_its_presses(store: Store) -> None:
 def test_of_a_subject_pages_show_the_pseudonym_and_known_flags(tmp_path: Path) -> None:
     dossier = sample_dossier(kind="subject")
     with open_store(tmp_path / "subjects", kind="subject") as store:
-        store.take_in(dossier)
+        store.import_target(dossier)
         target = store.target(3)
         store.edit_target(target, note="Jane Doe")
         store.edit_press(store.press(target, "press-1"), flags=("moving", "Jane Doe"))

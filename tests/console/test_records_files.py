@@ -44,7 +44,7 @@ PRESS = "press-1"
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
     with open_store(tmp_path_factory.mktemp("files") / "store") as opened:
-        opened.take_in(sample_dossier())
+        opened.import_target(sample_dossier())
         yield opened
 
 
@@ -208,7 +208,7 @@ def test_paths_lead_nowhere(client: FilesOf, address: str) -> None:
 
 def test_a_damaged_frame_has_no_picture_and_stops_no_other(tmp_path: Path) -> None:
     with open_store(tmp_path / "store") as store:
-        store.take_in(sample_dossier())
+        store.import_target(sample_dossier())
         press = store.press(store.target(NUMBER), PRESS)
         file = store.blobs.path(press.frame, "png")
         content = bytearray(file.read_bytes())

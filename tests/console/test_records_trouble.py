@@ -45,7 +45,7 @@ def test_an_empty_store_says_how_to_begin(browser: Browser, tmp_path: Path) -> N
         assert faults(page) == []
         picture(page, "records-empty")
         with open_store(console.store) as store:
-            store.take_in(sample_dossier())
+            store.import_target(sample_dossier())
         page.get_by_role("link", name="size-10").wait_for()
         with open_store(console.store) as store:
             for number in range(100, 160):
@@ -99,7 +99,7 @@ def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_pa
 
 def test_of_a_subject_the_pseudonym_alone_is_shown(browser: Browser, tmp_path: Path) -> None:
     with open_store(tmp_path / "records", kind="subject") as store:
-        store.take_in(sample_dossier(kind="subject"))
+        store.import_target(sample_dossier(kind="subject"))
         target = store.edit_target(store.target(3), note="Jane Doe, room 7")
         store.edit_press(store.press(target, "press-0"), note="Jane's left", flags=("Jane Doe",))
     with (

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tsis.errors import RecordsError
 from tsis.files import (
+    EMPTY_CHAIN,
     FIRST_HASH,
-    NO_ENTRIES,
     Disk,
     LogChain,
     LogDraft,
@@ -33,7 +33,7 @@ WORDS = st.lists(st.text(max_size=8), min_size=2, max_size=7)
 def written(words: list[str]) -> list[bytes]:
     said = [{"word": word, "at": place} for place, word in enumerate(words)]
     drafts = [LogDraft(actor="Ada", action="said", content=each) for each in said]
-    return [entry.line().encode() for entry in link_entries(NO_ENTRIES, drafts, WHEN)]
+    return [entry.line().encode() for entry in link_entries(EMPTY_CHAIN, drafts, WHEN)]
 
 
 def content(lines: list[bytes]) -> bytes:
@@ -143,7 +143,7 @@ class CountingDisk(Disk):
 
 def long_log(path: Path, entries: int) -> LogChain:
     drafts = [LogDraft(actor="Ada", action="said", content={"word": "same"})] * entries
-    path.write_bytes(content([entry.line().encode() for entry in link_entries(NO_ENTRIES, drafts, WHEN)]))
+    path.write_bytes(content([entry.line().encode() for entry in link_entries(EMPTY_CHAIN, drafts, WHEN)]))
     return read_chain_file(path)
 
 

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import InputError
-from tsis.files import content_sha256, from_plain, json_bytes, to_plain
+from tsis.files import content_sha256, from_json_value, json_bytes, to_json_value
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -75,13 +75,13 @@ WHOLE = Whole(
 
 
 def test_every_declared_type_comes_back_through_json() -> None:
-    back = from_plain(Whole, json.loads(json_bytes(to_plain(WHOLE))), "whole")
+    back = from_json_value(Whole, json.loads(json_bytes(to_json_value(WHOLE))), "whole")
     assert (back.name, back.count, back.sure, back.made, back.sd) == ("a", 3, True, WHOLE.made, None)
     assert (back.parts, back.size_mm, dict(back.limits)) == (WHOLE.parts, WHOLE.size_mm, dict(WHOLE.limits))
     assert back.map.tobytes() == WHOLE.map.tobytes()
     assert math.isnan(back.settings["gain"])
     assert back.settings["roi"] == [0, 8]
-    assert set(to_plain(WHOLE, pack=False)["map"]) == {"shape", "kind", "sha256"}
+    assert set(to_json_value(WHOLE, pack=False)["map"]) == {"shape", "kind", "sha256"}
 
 
 @pytest.mark.parametrize(
@@ -107,11 +107,11 @@ def test_every_declared_type_comes_back_through_json() -> None:
 )
 def test_an_error_names_the_value_its_requirement_and_what_came(change: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=f"^{says}"):
-        from_plain(Whole, to_plain(WHOLE) | change, "whole")
+        from_json_value(Whole, to_json_value(WHOLE) | change, "whole")
 
 
 def test_complete_values_have_their_defaults_too() -> None:
-    plain = to_plain(WHOLE, without=("sd",))
-    assert from_plain(Whole, plain, "whole").sd is None
+    plain = to_json_value(WHOLE, without=("sd",))
+    assert from_json_value(Whole, plain, "whole").sd is None
     with pytest.raises(InputError, match=r"missing \['sd'\]"):
-        from_plain(Whole, plain, "whole", complete=True)
+        from_json_value(Whole, plain, "whole", complete=True)

@@ -15,8 +15,15 @@ from PIL import Image, TiffImagePlugin
 from PIL.PngImagePlugin import PngInfo
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import LARGEST_PIXELS, fault, pixels_alone, rows_missing, size_fault
-from tsis.files._image_checks import FREE_PIXELS, PIXELS_A_BYTE, jpeg_fault, jpeg_pixels, png_pixels, tiff_fault
+from tsis.files import LARGEST_PIXELS, image_fault, rows_missing, size_fault, without_metadata
+from tsis.files._image_checks import (
+    FREE_PIXELS,
+    PIXELS_A_BYTE,
+    jpeg_fault,
+    jpeg_without_metadata,
+    png_without_metadata,
+    tiff_fault,
+)
 from tsis.instrument import png_bytes, read_colour, read_image, whole_levels
 from tsis.model import TactileImage
 
@@ -52,10 +59,10 @@ def _noted_jpeg(colour: NDArray[np.uint8], **options: Any) -> bytes:
 
 def test_notes_are_taken_out_and_pixels_are_not(tmp_path: Path, colour: NDArray[np.uint8]) -> None:
     whole = _noted_png(colour)
-    alone = png_pixels(whole)
+    alone = png_without_metadata(whole)
     assert all(kind in whole for kind in (b"iCCP", b"zTXt", b"iTXt", b"pHYs"))
     assert not any(kind in alone for kind in (b"iCCP", b"zTXt", b"iTXt", b"pHYs"))
-    assert fault(alone) is None
+    assert image_fault(alone) is None
     decoded = cv2.imdecode(np.frombuffer(alone, np.uint8), cv2.IMREAD_UNCHANGED)
     assert decoded is not None
     np.testing.assert_array_equal(decoded[..., ::-1], colour)
@@ -66,7 +73,7 @@ def test_notes_are_taken_out_and_pixels_are_not(tmp_path: Path, colour: NDArray[
 @pytest.mark.parametrize("progressive", [False, True])
 def test_a_jpeg_without_notes_decodes_to_the_same_levels(colour: NDArray[np.uint8], progressive: bool) -> None:
     whole = _noted_jpeg(colour, progressive=progressive)
-    alone = jpeg_pixels(whole)
+    alone = jpeg_without_metadata(whole)
     assert b"secret" not in alone
     assert b"secret" in whole
     assert jpeg_fault(alone) is None
@@ -76,9 +83,9 @@ def test_a_jpeg_without_notes_decodes_to_the_same_levels(colour: NDArray[np.uint
 def test_what_has_no_notes_is_handed_on_as_it_is(colour: NDArray[np.uint8]) -> None:
     for kind in ("PNG", "JPEG", "BMP", "TIFF"):
         whole = _saved(colour, kind)
-        assert len(pixels_alone(whole)) == len(whole)
+        assert len(without_metadata(whole)) == len(whole)
     plain = _saved(colour, "PNG")
-    assert pixels_alone(plain) is plain
+    assert without_metadata(plain) is plain
 
 
 def test_the_colours_of_an_adobe_jpeg_stay(tmp_path: Path, colour: NDArray[np.uint8]) -> None:
@@ -101,8 +108,8 @@ def test_more_scans_than_any_encoder_makes_are_refused(colour: NDArray[np.uint8]
 def test_png_files_of_endless_chunks_are_refused(colour: NDArray[np.uint8]) -> None:
     whole = _saved(colour, "PNG")
     empty = struct.pack(">I", 0) + b"tEXt" + struct.pack(">I", zlib.crc32(b"tEXt"))
-    assert fault(whole[:33] + empty * 1000 + whole[33:]) is None
-    assert "chunks" in str(fault(whole[:33] + empty * 100_001 + whole[33:]))
+    assert image_fault(whole[:33] + empty * 1000 + whole[33:]) is None
+    assert "chunks" in str(image_fault(whole[:33] + empty * 100_001 + whole[33:]))
 
 
 def _tiff(entries: list[tuple[int, int, int, int]], following: int = 0) -> bytes:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hn
 
 from tsis.errors import FileInputError
-from tsis.files import arrays_of, npy_layout
+from tsis.files import npy_layout, read_arrays
 
 NUMBERS = hn.arrays(
     st.sampled_from(["<f8", "<f4", ">f8", "<i8", "u1", "<u2", "?", "<U7"]),
@@ -31,11 +31,11 @@ def _archive(**arrays: Any) -> bytes:
 @given(one=NUMBERS, two=NUMBERS, by_column=st.booleans())
 def test_what_numpy_writes_comes_back(one: Any, two: Any, by_column: bool) -> None:
     one = np.asfortranarray(one) if by_column else one
-    found = arrays_of(_archive(one=one, two=two))
+    found = read_arrays(_archive(one=one, two=two))
     for name, wanted in (("one", one), ("two", two)):
         assert found[name].dtype == wanted.dtype
         np.testing.assert_array_equal(found[name], wanted)
-    assert list(arrays_of(_archive(one=one, two=two), ["two", "three"])) == ["two"]
+    assert list(read_arrays(_archive(one=one, two=two), ["two", "three"])) == ["two"]
 
 
 class _Bad:
@@ -48,15 +48,15 @@ def test_objects_are_never_unpickled() -> None:
     objects[0] = _Bad()
     for content in (_archive(a=objects), pickle.dumps(_Bad())):
         with pytest.raises(FileInputError, match=r"never unpickled|archive of NumPy"):
-            arrays_of(content)
+            read_arrays(content)
 
 
 def test_more_than_is_allowed_is_never_unpacked() -> None:
     content = _archive(a=np.zeros(10_000_000))
     assert len(content) < 200_000
     with pytest.raises(FileInputError, match="at most 1048576 bytes; it declares 80000128"):
-        arrays_of(content, most=2**20)
-    assert arrays_of(content, ["b"], most=2**20) == {}
+        read_arrays(content, most=2**20)
+    assert read_arrays(content, ["b"], most=2**20) == {}
 
 
 def _members(**contents: bytes) -> bytes:
@@ -92,7 +92,7 @@ def _npy(header: str, data: bytes = b"") -> bytes:
 )
 def test_what_is_no_archive_is_one_sentence(content: bytes) -> None:
     with pytest.raises(FileInputError) as refused:
-        arrays_of(content)
+        read_arrays(content)
     assert str(refused.value).isprintable()
 
 

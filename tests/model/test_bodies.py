@@ -41,7 +41,7 @@ CALIBRATION = Calibration(gain_grey_per_kpa=10.0, saturation_kpa=50.0)
         (PROBE, {"layers": ()}, "layers must be a tuple of at least one Layer"),
         (PROBE, {"layers": (1.0,)}, "layers must be a tuple of at least one Layer"),
         (CALIBRATION, {"gain_grey_per_kpa": 0.0}, "gain_grey_per_kpa must lie in"),
-        (CALIBRATION, {"force_sd": 1.5}, r"force_sd must lie in \[0, 1\]; got 1.5 \(a share of one\)"),
+        (CALIBRATION, {"force_sd": 1.5}, r"force_sd must lie in \[0, 1\]; got 1.5 \(a fraction\)"),
     ],
 )
 def test_what_each_value_refuses(value: Any, changes: dict[str, Any], phrase: str) -> None:

@@ -71,5 +71,5 @@ def test_image_and_scale_are_drawn_too() -> None:
     ax = dot_board(found(), figure.subplots(), image=TactileImage(grey=np.zeros((180, 240))), scale=scale)
     assert len(ax.images) == 1
     assert ax.get_title() == "x: 0.05000 ± 0.00020 mm/px, y: 0.05000 ± 0.00020 mm/px"
-    assert labels(figure)[-1] == "the scale's place"
+    assert labels(figure)[-1] == "position of the scale"
     np.testing.assert_allclose(np.array(ax.lines[-1].get_data()).ravel(), [90.0, 100.0])

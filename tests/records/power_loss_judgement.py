@@ -15,7 +15,7 @@ from tests.records.power_loss_scenarios import PLACE, image
 from tests.records.sample import WHEN
 
 from tsis.errors import RecordsError
-from tsis.records import StoredEstimate, StoredPress, Target, estimate_to_plain
+from tsis.records import StoredEstimate, StoredPress, Target, estimate_to_json
 from tsis.records.store import DATABASE_FILE, open_store, verify_store
 from tsis.records.store._audit import ANCHOR_FILE as ANCHOR
 
@@ -195,6 +195,6 @@ def _missing(store: Store, kept: list[Kept]) -> list[str]:
                 store.calibration(record.calibration)
         elif isinstance(record, StoredEstimate):
             estimate = estimates.get(record.id)
-            if estimate is None or estimate_to_plain(estimate) != estimate_to_plain(record):
+            if estimate is None or estimate_to_json(estimate) != estimate_to_json(record):
                 found.append(f"estimate {record.id}")
     return found

@@ -203,7 +203,7 @@ class _Baton:
 
 def _old(bench: Bench) -> None:
     """A store as a program with schema 1 left it."""
-    one = mock.patch.object(database, "wanted_revision", return_value="1")
+    one = mock.patch.object(database, "newest_revision", return_value="1")
     with one, mock.patch.object(command, "upgrade", _first_step), bench.open() as store:
         bench.target(store)
 

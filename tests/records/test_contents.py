@@ -84,7 +84,7 @@ def test_a_clock_that_was_set_back_puts_no_old_estimate_in_force(store: Store, m
 
 def test_presses_are_counted_without_being_read(store: Store) -> None:
     given = sample_dossier()
-    target = store.take_in(given).target
+    target = store.import_target(given).target
     empty = store.add_target()
     assert (store.press_count(target), store.press_count(empty)) == (len(given.presses), 0)
 

@@ -89,7 +89,7 @@ def test_names_are_one_line_and_notes_may_be_more(store: Store) -> None:
 def test_what_earlier_releases_accepted_stays_readable_and_can_be_mended(store: Store) -> None:
     dossier = sample_dossier()
     odd = replace(dossier.target, name="two\nlines", truth={"diameter_mm": -1.0})
-    store.take_in(replace(dossier, target=odd))
+    store.import_target(replace(dossier, target=odd))
     read = store.target(odd.number)
     assert (read.name, dict(read.truth)) == ("two\nlines", {"diameter_mm": -1.0})
     noted = store.edit_target(read, note="mend its truth")

@@ -69,7 +69,7 @@ def test_keeping_under_a_phantom_with_another_truth_says_so(tmp_path: Path) -> N
             assert kept["target"] == number
             assert len(kept["notes"]) == notes
             first, *more = saved_notes(kept)
-            assert first == f"Kept as target {number} in {tmp_path / 'records'}."
+            assert first == f"Saved as target {number} in {tmp_path / 'records'}."
             assert more == kept["notes"]
         assert [(dict(each.target.truth), each.estimates) for each in store.targets()] == [
             ({"diameter_mm": 3.0}, 1),
@@ -89,7 +89,7 @@ def test_what_could_not_be_stored_as_a_whole_says_how_much_was(tmp_path: Path) -
 
 def test_frames_that_no_store_takes_are_refused_before_anything_is_computed() -> None:
     require_savable([frame(0, "a" * 200)])
-    with pytest.raises(InputError, match=r"must have at most 200 characters, to be kept; 'a{40}'\.\.\. has 201"):
+    with pytest.raises(InputError, match=r"must have at most 200 characters, to be saved; 'a{40}'\.\.\. has 201"):
         require_savable([frame(0), frame(0, "a" * 201)])
     between = replace(frame(0, "coloured"), grey=levels(0) * 0.5 + 0.25)
     with pytest.raises(InputError, match="'coloured' must hold the grey levels that the camera gave"):

@@ -12,7 +12,7 @@ from tests.records.sample import WHEN, levels, sample_dossier
 
 from tsis.errors import RecordsError
 from tsis.model import TactileImage
-from tsis.records._deidentify import hidden, pseudonym, shown_identity
+from tsis.records._deidentify import hidden_identity, pseudonym, public_identity
 from tsis.records.dicom import dicom_files
 from tsis.records.export import csv_files, fhir_observations
 from tsis.records.export.arrays import write_hdf5, write_zarr
@@ -60,10 +60,10 @@ def test_who_has_the_identity_does_not_have_the_pseudonym(tmp_path: Path) -> Non
         handed = read_bundle(tmp_path / "bundle")
         assert handed.target.id == dossier.target.id
         assert pseudonym(handed) != pseudonym(read_bundle(tmp_path / "bundle"))
-        other.take_in(handed)
+        other.import_target(handed)
         taken = other.record(other.target(1))
         assert len({pseudonym(each) for each in (dossier, handed, taken)}) == 3
-        assert shown_identity(taken.target) == shown_identity(dossier.target)  # that of identified exports
+        assert public_identity(taken.target) == public_identity(dossier.target)  # that of identified exports
 
 
 def test_no_export_holds_the_secret(tmp_path: Path) -> None:
@@ -113,6 +113,6 @@ def test_a_secret_that_was_taken_out_is_not_made_anew(tmp_path: Path) -> None:
 
 def test_what_stands_for_an_identity_tells_kinds_apart() -> None:
     dossier = sample_dossier()
-    assert hidden(dossier, "press", "a") != hidden(dossier, "estimate", "a")
-    assert hidden(dossier, "press", "a") != hidden(replace(dossier, secret="00" * 32), "press", "a")
-    assert hidden(dossier, "press", "a") == hidden(dossier, "press", "a")
+    assert hidden_identity(dossier, "press", "a") != hidden_identity(dossier, "estimate", "a")
+    assert hidden_identity(dossier, "press", "a") != hidden_identity(replace(dossier, secret="00" * 32), "press", "a")
+    assert hidden_identity(dossier, "press", "a") == hidden_identity(dossier, "press", "a")

@@ -162,7 +162,7 @@ def test_after_the_largest_number_one_must_be_given(store: Store) -> None:
     with pytest.raises(InputError, match=r"holds target 99999, after which there is none.*give one that is free, as 3"):
         store.add_target()
     given = sample_dossier()
-    assert store.take_in(replace(given, target=replace(given.target, number=2))).target.number == 3
+    assert store.import_target(replace(given, target=replace(given.target, number=2))).target.number == 3
     assert store.add_target(number=4).number == 4
 
 

@@ -13,7 +13,8 @@ from sqlalchemy import select
 from tests.records.sample import sample_dossier
 
 from tsis.errors import RecordsError
-from tsis.records import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.files import to_json_value
+from tsis.records import estimate_to_json
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import _tables as tables
 from tsis.records.store import open_store, verify_store
@@ -26,13 +27,13 @@ if TYPE_CHECKING:
 
 
 def require_equal(one: TargetRecord, other: TargetRecord, *, but_frames: bool = False) -> None:
-    assert target_to_plain(one.target) == target_to_plain(other.target)
+    assert to_json_value(one.target) == to_json_value(other.target)
     for mine, theirs in zip(one.presses, other.presses, strict=True):
         np.testing.assert_array_equal(one.levels(mine), other.levels(theirs))
         wanted = replace(mine, frame=theirs.frame) if but_frames else mine
-        assert press_to_plain(wanted) == press_to_plain(theirs)
+        assert to_json_value(wanted) == to_json_value(theirs)
     for mine_made, theirs_made in zip(one.estimates, other.estimates, strict=True):
-        assert estimate_to_plain(mine_made) == estimate_to_plain(theirs_made)
+        assert estimate_to_json(mine_made) == estimate_to_json(theirs_made)
         for name, values in mine_made.estimate.samples.items():
             np.testing.assert_array_equal(values, theirs_made.estimate.samples[name])
     assert sorted(one.calibrations) == sorted(other.calibrations)
@@ -41,7 +42,7 @@ def require_equal(one: TargetRecord, other: TargetRecord, *, but_frames: bool = 
 @pytest.mark.parametrize("full_scale", [255.0, 4095.0])
 def test_everything_keeps_its_identity_and_value(store: Store, full_scale: float) -> None:
     given = sample_dossier(full_scale=full_scale)
-    taken = store.take_in(given)
+    taken = store.import_target(given)
     assert (taken.new, taken.presses, taken.estimates, taken.present, taken.differing) == (True, 4, 1, 0, 0)
     require_equal(given, store.record(store.target(3)), but_frames=True)
     found = verify_store(store)
@@ -50,28 +51,28 @@ def test_everything_keeps_its_identity_and_value(store: Store, full_scale: float
 
 
 def test_a_bundle_of_one_store_is_the_same_target_in_another(tmp_path: Path, store: Store) -> None:
-    target = store.take_in(sample_dossier()).target
+    target = store.import_target(sample_dossier()).target
     write_bundle(store.record(target), tmp_path / "target-3.zip")
     with open_store(tmp_path / "other") as other:
-        taken = other.take_in(read_bundle(tmp_path / "target-3.zip"))
+        taken = other.import_target(read_bundle(tmp_path / "target-3.zip"))
         require_equal(store.record(target), other.record(taken.target))
         assert verify_store(other).sound
 
 
 def test_a_second_time_nothing_is_added(store: Store) -> None:
-    store.take_in(sample_dossier())
+    store.import_target(sample_dossier())
     before = verify_store(store).head
-    taken = store.take_in(sample_dossier())
+    taken = store.import_target(sample_dossier())
     assert (taken.new, taken.presses, taken.estimates, taken.present) == (False, 0, 0, 5)
     assert verify_store(store).head == before
 
 
 def test_what_came_later_finds_its_place_and_what_was_edited_here_stays(store: Store) -> None:
     later = sample_dossier()
-    store.take_in(replace(later, presses=later.presses[:3], estimates=()))
+    store.import_target(replace(later, presses=later.presses[:3], estimates=()))
     store.edit_press(store.presses(store.target(3))[0], force_n=0.75)
     store.edit_target(store.target(3), name="mine")
-    taken = store.take_in(later)
+    taken = store.import_target(later)
     assert (taken.new, taken.presses, taken.estimates, taken.present, taken.differing) == (False, 1, 1, 3, 1)
     assert taken.target.name == "mine"
     assert [press.force_n for press in store.presses(store.target(3))] == [0.75, 1.0, 0.7, 1.0]
@@ -81,21 +82,21 @@ def test_what_came_later_finds_its_place_and_what_was_edited_here_stays(store: S
 def test_frames_that_another_library_packed_otherwise_are_the_same(
     store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    target = store.take_in(sample_dossier()).target
+    target = store.import_target(sample_dossier()).target
     store.edit_press(store.presses(target)[0], note="edited")  # two presses of one frame, one of them only in the store
     write_bundle(store.record(target), tmp_path / "bundle")
     given = read_bundle(tmp_path / "bundle")
     monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    taken = store.take_in(given)
+    taken = store.import_target(given)
     assert (taken.new, taken.presses, taken.present, taken.differing) == (False, 0, 5, 0)
     assert verify_store(store).unnamed == 0
     with open_store(tmp_path / "other") as other:
-        first = other.take_in(given)
+        first = other.import_target(given)
         monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", [cv2.IMWRITE_PNG_COMPRESSION, 1])
         assert {press.frame for press in other.presses(first.target)}.isdisjoint(
             press.frame for press in store.presses(target)
         )
-        again = other.take_in(given)
+        again = other.import_target(given)
         assert (again.presses, again.present, again.differing) == (0, 5, 0)
         found = verify_store(other)
         assert (found.sound, found.unnamed) == (True, 0)
@@ -104,9 +105,9 @@ def test_frames_that_another_library_packed_otherwise_are_the_same(
 
 def test_a_frame_of_other_levels_differs(store: Store) -> None:
     given = sample_dossier()
-    store.take_in(given)
+    store.import_target(given)
     other = replace(given, read=lambda name: 255 - given.read(name))
-    assert store.take_in(other).differing == len(given.presses)
+    assert store.import_target(other).differing == len(given.presses)
 
 
 @pytest.mark.parametrize("reverse", [False, True])
@@ -115,21 +116,21 @@ def test_estimates_come_after_what_they_supersede_however_they_are_handed_in(sto
     (first,) = given.estimates
     later = replace(first, id="estimate-b", supersedes=first.id, made=first.made - timedelta(hours=1))
     estimates = (later, first) if reverse else (first, later)
-    taken = store.take_in(replace(given, estimates=estimates))
+    taken = store.import_target(replace(given, estimates=estimates))
     assert [stored.id for stored in store.estimates(taken.target)] == ["estimate-a", "estimate-b"]
 
 
 def test_a_taken_number_gives_way_to_a_free_one(store: Store) -> None:
     mine = store.add_target(number=3, name="mine")
-    taken = store.take_in(sample_dossier())
+    taken = store.import_target(sample_dossier())
     assert (taken.target.number, taken.target.id) == (4, "target-a")
     assert store.target(3) == mine
-    assert store.take_in(sample_dossier()).target.number == 4
+    assert store.import_target(sample_dossier()).target.number == 4
 
 
 def test_the_audit_tells_an_import_from_what_was_measured_here(store: Store) -> None:
     store.add_target()
-    store.take_in(sample_dossier())
+    store.import_target(sample_dossier())
     with store.database.reading() as connection:
         entries = connection.execute(select(tables.audit_table.c.action, tables.audit_table.c.kind)).all()
     imported = [kind for action, kind in entries if action == "import"]
@@ -138,7 +139,7 @@ def test_the_audit_tells_an_import_from_what_was_measured_here(store: Store) -> 
 
 def test_phantoms_and_subjects_are_kept_apart(store: Store) -> None:
     with pytest.raises(RecordsError, match=r"a store of phantoms must hold nothing else.*--kind subject"):
-        store.take_in(sample_dossier(kind="subject"))
+        store.import_target(sample_dossier(kind="subject"))
     assert store.targets() == ()
 
 
@@ -146,18 +147,18 @@ def test_all_of_it_or_nothing(store: Store) -> None:
     given = sample_dossier()
     (estimate,) = given.estimates
     with pytest.raises(RecordsError):
-        store.take_in(replace(given, estimates=(replace(estimate, supersedes="of another store"),)))
+        store.import_target(replace(given, estimates=(replace(estimate, supersedes="of another store"),)))
     assert store.targets() == ()
     assert verify_store(store).sound
 
 
 def test_an_identity_that_is_another_targets_here_is_refused(store: Store) -> None:
-    store.take_in(sample_dossier())
+    store.import_target(sample_dossier())
     given = sample_dossier()
     other = replace(given.target, id="target-b", number=9)
     presses = tuple(replace(press, target="target-b") for press in given.presses)
     with pytest.raises(RecordsError, match="must be of this target; here it is of another"):
-        store.take_in(replace(given, target=other, presses=presses, estimates=()))
+        store.import_target(replace(given, target=other, presses=presses, estimates=()))
     assert [each.target.number for each in store.targets()] == [3]
 
 
@@ -165,7 +166,7 @@ def test_presses_are_found_by_their_frames_however_many_are_asked_for(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tsis.records.store._reader.MOST_AT_ONCE", 3)
-    store.take_in(sample_dossier())
+    store.import_target(sample_dossier())
     presses = store.presses(store.target(3))
     unknown = [f"{number:064x}" for number in range(5)]
     wanted = [press.frame for press in presses[:3]]

@@ -9,7 +9,7 @@ import pytest
 from tests.records.sample import sample_dossier
 
 from tsis.errors import InputError
-from tsis.records import press_to_plain
+from tsis.files import to_json_value
 
 
 @pytest.mark.parametrize(
@@ -63,4 +63,4 @@ def test_letters_that_join_others_may_be_in_a_name() -> None:
 
 def test_half_a_letter_in_settings_is_refused() -> None:
     with pytest.raises(InputError, match=r"settings\.maker must be text that UTF-8 can hold"):
-        press_to_plain(replace(sample_dossier().presses[0], settings={"maker": "half \ud800"}))
+        to_json_value(replace(sample_dossier().presses[0], settings={"maker": "half \ud800"}))

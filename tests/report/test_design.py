@@ -14,7 +14,7 @@ from tsis.report import (
     HEADINGS,
     DesignAnalysis,
     DesignQuestion,
-    answer_question,
+    analyse_designs,
     compared_designs,
     design_document,
     design_page,
@@ -29,7 +29,7 @@ QUESTION = DesignQuestion(
 
 @pytest.fixture(scope="module")
 def answer() -> DesignAnalysis:
-    return answer_question(QUESTION, compared_designs(QUESTION))
+    return analyse_designs(QUESTION, compared_designs(QUESTION))
 
 
 def test_designs_come_in_the_order_of_the_criterion(answer: DesignAnalysis) -> None:
@@ -75,7 +75,7 @@ def test_a_document_is_json_with_every_design(answer: DesignAnalysis) -> None:
 
 def test_a_broken_limit_is_said_in_words() -> None:
     question = DesignQuestion(probe=load_probe("tsis-2011"), forces_n=(5.0,), compared=())
-    page = design_page(answer_question(question, compared_designs(question)))
+    page = design_page(analyse_designs(question, compared_designs(question)))
     assert any("press less" in note for note in page.notes)
     assert all(card.doubtful for card in page.cards)
 
@@ -84,7 +84,7 @@ def test_a_broken_limit_is_said_in_words() -> None:
     ("wrong", "sentence"),
     [
         ({"forces_n": (-1.0,)}, "force_n must lie in"),
-        ({"frames_each": 0}, "frames_each must lie in"),
+        ({"frames_per_press": 0}, "frames_each must lie in"),
         ({"compared": ("colour",)}, "no aspect is called 'colour'"),
         ({"criterion": "price"}, "no criterion is called 'price'"),
         ({"evaluations": 26}, "evaluations must lie in"),

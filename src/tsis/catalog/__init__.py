@@ -1,4 +1,4 @@
-"""What ships with the package: probes, phantoms, spheres and priors, as TOML files that a user can copy and replace."""
+"""Probes, phantoms, spheres and priors of the package, as TOML files that a user can copy and replace."""
 
 from tsis.catalog._entries import (
     list_phantoms,

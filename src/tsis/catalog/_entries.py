@@ -1,4 +1,4 @@
-"""The dissertation's probes and phantoms, as TOML files that anyone can read and copy."""
+"""Probes, phantoms and spheres of the dissertation, from TOML files."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ def _table(kind: str) -> dict[str, dict[str, Any]]:
 
 
 def list_probes() -> tuple[str, ...]:
-    """Names that `load_probe` knows."""
+    """Names for `load_probe`."""
     return tuple(_table("probes"))
 
 
 def list_phantoms() -> tuple[str, ...]:
-    """Names that `load_phantom` knows."""
+    """Names for `load_phantom`."""
     return tuple(_table("phantoms"))
 
 
 def list_spheres() -> tuple[str, ...]:
-    """Names that `load_sphere` knows."""
+    """Names for `load_sphere`."""
     return tuple(_table("spheres"))
 
 
@@ -53,7 +53,7 @@ def load_probe(name: str = "tsis-2011") -> Probe:
 
 
 def parse_probe(name: str, entry: Mapping[str, Any]) -> Probe:
-    """The probe that a table of a catalog holds under its name; errors as `Probe`."""
+    """The probe of an entry of a catalog; errors as `Probe`."""
     return Probe(
         name=name,
         radius_mm=entry["radius_mm"],
@@ -67,7 +67,7 @@ def parse_probe(name: str, entry: Mapping[str, Any]) -> Probe:
 
 
 def load_phantom(name: str) -> Phantom:
-    """Load a phantom of the catalog: one site of it, with the inclusion under the probe's axis.
+    """Load a phantom of the catalog, with the inclusion on the probe's axis.
 
     Raises
     ------
@@ -111,12 +111,7 @@ UNNAMED = "probe"
 
 
 def probe_toml(probe: Probe) -> str:
-    """The probe under its name, with all that is not as it is when left out.
-
-    Parameters
-    ----------
-    probe
-        Any probe; one without a name is called ``probe``.
+    """The probe as a TOML table under its name, or ``probe`` without one; optional defaults are omitted.
 
     Examples
     --------
@@ -150,9 +145,9 @@ def probe_toml(probe: Probe) -> str:
 
 
 def _changed(led: Led) -> dict[str, float]:
-    """What is not as in any lamp, and always where it stands."""
-    usual = asdict(Led())
-    return {name: value for name, value in asdict(led).items() if name == "azimuth_deg" or value != usual[name]}
+    """The azimuth, and the other fields that differ from their defaults."""
+    default = asdict(Led())
+    return {name: value for name, value in asdict(led).items() if name == "azimuth_deg" or value != default[name]}
 
 
 def _numbers(values: Mapping[str, float]) -> dict[str, float]:
@@ -160,7 +155,7 @@ def _numbers(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def phantom_variant(name: str, diameter_mm: float | None, depth_mm: float | None, young_kpa: float | None) -> Phantom:
-    """The catalog's phantom with the given values of its inclusion replaced."""
+    """A phantom of the catalog with other values of its inclusion."""
     phantom = load_phantom(name)
     if diameter_mm is None and depth_mm is None and young_kpa is None:
         return phantom
@@ -171,16 +166,16 @@ def phantom_variant(name: str, diameter_mm: float | None, depth_mm: float | None
         depth_mm=start.depth_mm if depth_mm is None else depth_mm,
         young_kpa=start.young_kpa if young_kpa is None else young_kpa,
     )
-    # A changed phantom is no longer the catalog's, so it may not carry the catalog's name alone.
+    # A changed phantom must not have the plain name of the catalog.
     return replace(phantom, name=f"{name} (changed)", inclusion=inclusion)
 
 
 def probe_variant(name: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
-    """The catalog's probe with the given values of all its lamps replaced."""
+    """A probe of the catalog with other values of all its lamps."""
     probe = load_probe(name)
-    changes = {"half_angle_deg": half_angle_deg, "height_mm": height_mm, "aim_deg": aim_deg}
-    given: dict[str, Any] = {what: value for what, value in changes.items() if value is not None}
-    if not given:
+    options = {"half_angle_deg": half_angle_deg, "height_mm": height_mm, "aim_deg": aim_deg}
+    changes: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+    if not changes:
         return probe
-    leds = tuple(replace(led, **given) for led in probe.leds)
+    leds = tuple(replace(led, **changes) for led in probe.leds)
     return replace(probe, name=f"{name} (lamps changed)", leds=leds)

@@ -1,4 +1,4 @@
-"""Priors as files: those that ship with the package, and a user's file in their place."""
+"""Priors as TOML files: those of the package, and a user's file that replaces one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LARGEST_FILE_BYTES = 64 * 2**10
 
 
 def default_prior_toml(kind: str = "inclusion") -> str:
-    """The default prior of an estimate as a TOML file to start from, with the meaning and the unit of each key.
+    """The default prior of an estimate as a TOML template with the meaning and the unit of each key.
 
     Parameters
     ----------
@@ -41,31 +41,31 @@ def default_prior_toml(kind: str = "inclusion") -> str:
 
 
 def read_prior_file(path: str | os.PathLike[str], kind: type[Prior]) -> Prior:
-    """A prior from a TOML file whose keys are its fields; a key that is left out keeps its default.
+    """A prior from a TOML file whose keys are its fields; a missing key has its default.
 
     Parameters
     ----------
     path
-        As `default_prior_toml` shows it; at most 64 KiB.
+        A file in the form of `default_prior_toml`, at most 64 KiB.
     kind
         `tsis.inclusion.InclusionPrior` or `tsis.hardness.HardnessPrior`.
 
     Raises
     ------
     FileInputError
-        When the file is missing or no TOML, or a key or a value is none of the prior's.
+        When the file is missing or no TOML, or a key or a value is invalid.
     """
     return read_parsed(as_path(path), lambda text: parse_prior(text, kind), most=LARGEST_FILE_BYTES)
 
 
 def parse_prior(text: str, kind: type[Prior]) -> Prior:
-    """The same from the text of such a file; `InputError` says what is wrong."""
-    given = parse_toml(text, what="a prior")
-    existing = [field.name for field in fields(kind)]  # type: ignore[arg-type] # a dataclass
-    for name, value in given.items():
-        require_one_of("value of the prior", name, existing)
+    """A prior from the text of such a file, or `InputError`."""
+    values = parse_toml(text, what="a prior")
+    names = [field.name for field in fields(kind)]  # type: ignore[arg-type] # a dataclass
+    for name, value in values.items():
+        require_one_of("value of the prior", name, names)
         _require_numbers(name, value)
-    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})
+    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})
 
 
 def _require_numbers(name: str, value: Any) -> None:

@@ -22,7 +22,7 @@ from tsis.report import (
     HEADINGS,
     QUICK_DEGREES,
     DesignQuestion,
-    answer_question,
+    analyse_designs,
     compared_designs,
     design_caption,
     design_document,
@@ -112,7 +112,7 @@ def design(
     if search:
         with progress_bar("searching layers and forces") as progress:
             best = searched_design(question, progress=progress)
-    response = answer_question(question, result, best)
+    response = analyse_designs(question, result, best)
     show_result(
         CommandResult(
             document=design_document(response),

@@ -159,7 +159,7 @@ def _evidence_of(records: Store, number: int) -> TargetEvidence:
 
 def _evidence(record: TargetRecord) -> TargetEvidence:
     """The current estimate; `InputError` where none may be used."""
-    results = [stored.estimate for stored in record.in_force if stored.kind == "inclusion"]
+    results = [stored.estimate for stored in record.active_estimates if stored.kind == "inclusion"]
     if not results:
         raise InputError("it has no estimate of an inclusion")
     try:

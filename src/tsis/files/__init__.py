@@ -1,6 +1,6 @@
-"""Bytes on disk: atomic writes, bounded decoding of images and archives, canonical JSON, SHA-256, safe names."""
+"""Files: atomic writes, bounded decoding of images and archives, canonical JSON, SHA-256, safe names."""
 
-from tsis.files._archive import arrays_of, npy_layout
+from tsis.files._archive import npy_layout, read_arrays
 from tsis.files._atomic import (
     DISK,
     PRIVATE_FILE,
@@ -23,25 +23,25 @@ from tsis.files._cache import (
     write_cached,
     write_cached_arrays,
 )
-from tsis.files._codec import free_to_plain, from_plain, to_plain
+from tsis.files._codec import free_to_json, from_json_value, to_json_value
 from tsis.files._csv import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows
 from tsis.files._hash_chain import (
+    EMPTY_CHAIN,
     FIRST_HASH,
-    NO_ENTRIES,
     LogChain,
     LogDraft,
     LogEntry,
     append_entries,
     link_entries,
     link_faults,
-    linked,
+    linked_entry,
     read_chain,
     read_chain_file,
 )
-from tsis.files._image_checks import LARGEST_PIXELS, fault, pixels_alone, png_fault, rows_missing, size_fault
-from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_of_any, json_bytes, parsed
+from tsis.files._image_checks import LARGEST_PIXELS, image_fault, png_fault, rows_missing, size_fault, without_metadata
+from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_or_none, json_bytes, parse_canonical
 from tsis.files._names import LARGEST_TARGET, snapshot_stems, target_folder
-from tsis.files._packed import require_bounded_maps, without_maps
+from tsis.files._packed import require_bounded_arrays, without_packed_arrays
 from tsis.files._reading import (
     as_path,
     file_size,
@@ -60,12 +60,12 @@ from tsis.files._reading import (
 __all__ = [
     "DIGEST_BYTES",
     "DISK",
+    "EMPTY_CHAIN",
     "FIRST_HASH",
     "FORMULA_STARTS",
     "LARGEST_CSV_BYTES",
     "LARGEST_PIXELS",
     "LARGEST_TARGET",
-    "NO_ENTRIES",
     "PRIVATE_FILE",
     "PRIVATE_FOLDER",
     "SHA256",
@@ -77,7 +77,6 @@ __all__ = [
     "LogEntry",
     "add_files",
     "append_entries",
-    "arrays_of",
     "as_path",
     "atomic_file",
     "atomic_folder",
@@ -87,26 +86,26 @@ __all__ = [
     "content_key",
     "content_sha256",
     "digest",
-    "digest_of_any",
-    "fault",
+    "digest_or_none",
     "file_size",
-    "free_to_plain",
-    "from_plain",
+    "free_to_json",
+    "from_json_value",
+    "image_fault",
     "json_bytes",
     "link_entries",
     "link_faults",
-    "linked",
+    "linked_entry",
     "make_folder_durably",
     "npy_layout",
     "one_line",
+    "parse_canonical",
     "parse_csv_rows",
     "parse_object",
     "parse_toml",
-    "parsed",
-    "pixels_alone",
     "png_fault",
     "printable_name",
     "printable_path",
+    "read_arrays",
     "read_bytes",
     "read_cached_arrays",
     "read_chain",
@@ -116,14 +115,15 @@ __all__ = [
     "read_object",
     "read_parsed",
     "remove_unfinished",
-    "require_bounded_maps",
+    "require_bounded_arrays",
     "rows_missing",
     "size_fault",
     "snapshot_stems",
     "target_folder",
     "text_lines",
-    "to_plain",
-    "without_maps",
+    "to_json_value",
+    "without_metadata",
+    "without_packed_arrays",
     "write_cached",
     "write_cached_arrays",
     "write_durably",

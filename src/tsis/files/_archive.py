@@ -1,4 +1,4 @@
-"""Arrays from NumPy's files, whatever the bytes: what they declare is checked before anything is unpacked."""
+"""Arrays from NumPy files of untrusted content: the declared sizes are checked before anything is unpacked."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ENDING = ".npy"
 _NUMBERS = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U[0-9]{1,4})")
 
 
-def arrays_of(
+def read_arrays(
     content: bytes, names: Collection[str] | None = None, *, most: int = LARGEST_UNPACKED_BYTES
 ) -> dict[str, NDArray[Any]]:
     """Arrays of an archive by name; objects are never unpickled.
@@ -37,20 +37,20 @@ def arrays_of(
     content
         The whole archive.
     names
-        Which arrays; those that are not there are left out. None for all.
+        Arrays to read; missing names are skipped. None for all.
     most
-        Bytes that the chosen arrays may take together.
+        Largest total size of these arrays in bytes.
 
     Raises
     ------
     FileInputError
-        When it is no such archive, damaged, or declares more; the sentence says what it must be and not which file.
+        When it is no such archive, is damaged, or declares more; the message does not name the file.
 
     Examples
     --------
     >>> stream = io.BytesIO()
     >>> np.savez(stream, allow_pickle=False, depth=np.arange(3.0))
-    >>> arrays_of(stream.getvalue())
+    >>> read_arrays(stream.getvalue())
     {'depth': array([0., 1., 2.])}
     """
     try:
@@ -65,7 +65,7 @@ def arrays_of(
             return {name: _array(_member_bytes(archive, member)) for name, member in chosen.items()}
     except FileInputError:
         raise
-    except Exception as error:  # hostile bytes make the parsers of archives and headers raise nearly anything
+    except Exception as error:  # on hostile bytes the parsers raise nearly anything
         raise FileInputError("it must be a whole archive of NumPy arrays; it is damaged or something else") from error
 
 
@@ -78,7 +78,7 @@ def _require_small(members: list[zipfile.ZipInfo], declared: int, most: int) -> 
 
 def _member_bytes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
     with archive.open(member) as stream:
-        stored = stream.read(member.file_size + 1)  # what is declared may be a lie
+        stored = stream.read(member.file_size + 1)  # the declared size may be false
     if len(stored) != member.file_size:
         raise FileInputError(f"an array must take the {member.file_size} bytes that it declares; it takes others")
     return stored
@@ -86,17 +86,7 @@ def _member_bytes(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """What the header of a ``.npy`` file says.
-
-    Attributes
-    ----------
-    shape, dtype
-        Of the array.
-    by_column
-        Whether the first axis changes fastest.
-    start
-        Where the numbers begin in the file.
-    """
+    """Header of a ``.npy`` file: shape, type, Fortran order, and the offset of the numbers in bytes."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
@@ -104,18 +94,20 @@ class Layout:
     start: int
 
     def values(self, content: bytes) -> NDArray[Any]:
-        """The array, sharing the file's bytes, whose number must have been checked."""
+        """The array as a view of the content, whose size the caller has checked."""
         flat = np.frombuffer(content, dtype=self.dtype, offset=self.start)
         return flat.reshape(self.shape, order="F" if self.by_column else "C")
 
 
 def npy_layout(content: bytes) -> Layout:
-    """Read the header of a ``.npy`` file; NumPy's own reader takes more than it writes, and complains on the terminal.
+    """Read the header of a ``.npy`` file.
+
+    NumPy's own reader accepts more than NumPy writes, and prints warnings.
 
     Raises
     ------
     FileInputError
-        When it is none, or of objects or records.
+        When the header is invalid, or of objects or records.
     """
     try:
         width = 2 if content[6] == 1 else 4

@@ -1,4 +1,4 @@
-"""Files that are whole or absent, whenever the machine or the program stops."""
+"""Atomic and durable writes: a file is whole or absent, whenever the machine or the program stops."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 
 UNFINISHED = ".unfinished"
-PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700  # modes that let in the owner alone
-_NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)  # of file systems as that of memory cards
+PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700  # modes for the owner alone
+_NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)  # file systems without links, e.g. FAT
 
 if sys.platform == "darwin":
     import fcntl
 
     def _sync(handle: int) -> None:
-        """Sync a file; macOS' own fsync leaves it in the drive's cache."""
+        """Sync a file; macOS' fsync leaves it in the cache of the drive."""
         try:
             fcntl.fcntl(handle, fcntl.F_FULLFSYNC)
-        except OSError:  # a file system that has no such call
+        except OSError:  # not supported by the file system
             os.fsync(handle)
 
 else:
@@ -39,45 +39,42 @@ def _open_private(path: str, flags: int) -> int:
 
 
 class Disk:
-    """Every step by which a file gets onto the disk, one call a step, so that a test can make any of them fail."""
+    """The steps of a durable write, one call each, so that a test can make any of them fail."""
 
     def create(self, path: Path, *, private: bool = False) -> IO[bytes]:
-        """Create an empty file and open it for writing; `FileExistsError` where there is one.
-
-        A private file has mode 0600 from the start.
-        """
+        """Create a file, of mode 0600 if private, and open it for writing; `FileExistsError` when it exists."""
         return open(path, "xb", opener=_open_private if private else None)
 
     def write(self, file: IO[bytes], content: bytes) -> None:
-        """Hand the content to the operating system."""
+        """Write the content to the operating system."""
         file.write(content)
         file.flush()
 
     def sync(self, file: IO[bytes]) -> None:
-        """Return when what was written to the file is on the disk."""
+        """Return when the content of the file is on the disk."""
         _sync(file.fileno())
 
     def sync_again(self, path: Path) -> None:
-        """Return when a file that somebody else wrote is on the disk, whether it already was or not."""
+        """Return when a file of another writer is on the disk."""
         with path.open("rb" if os.name == "posix" else "r+b") as file:
             self.sync(file)
 
     def reopen(self, path: Path) -> IO[bytes]:
-        """Open a file that there is for more writing."""
+        """Open an existing file for writing."""
         return path.open("r+b")
 
     def read_from(self, path: Path, start: int) -> bytes:
-        """The content of a file from a place on."""
+        """The content of a file from a position on."""
         with path.open("rb") as file:
             file.seek(start)
             return file.read()
 
     def rename(self, draft: Path, path: Path) -> None:
-        """Give the file its name, in place of what had it."""
+        """Move the draft to its path, replacing another file."""
         draft.replace(path)
 
     def name(self, draft: Path, path: Path) -> None:
-        """Give the file its name, which nothing has yet; `FileExistsError` where something has it."""
+        """Move the draft to a new path; `FileExistsError` when it is taken."""
         try:
             path.hardlink_to(draft)
         except FileExistsError:
@@ -91,7 +88,7 @@ class Disk:
 
     def sync_folder(self, folder: Path) -> None:
         """Return when the names in the folder are on the disk."""
-        # A rename lasts only when the folder itself is on the disk; other systems have no such call.
+        # A rename is durable only when the folder is synced; other systems have no such call.
         if os.name == "posix":
             handle = os.open(folder, os.O_RDONLY)
             try:
@@ -100,11 +97,11 @@ class Disk:
                 os.close(handle)
 
     def make_folder(self, folder: Path, *, private: bool = False) -> None:
-        """Make a folder where there is none; a private one has mode 0700."""
+        """Create a folder unless it exists; a private one has mode 0700."""
         folder.mkdir(mode=PRIVATE_FOLDER if private else 0o777, exist_ok=True)
 
     def remove(self, path: Path) -> None:
-        """Take a file away."""
+        """Remove a file."""
         path.unlink()
 
 
@@ -120,26 +117,26 @@ def write_durably(
     replace: bool = True,
     private: bool = False,
 ) -> None:
-    """Write ``content``; when this returns it is on the disk, and readers never see a part of it.
+    """Write a file durably; readers never see a part of it.
 
     Parameters
     ----------
     path, content
-        Which file, and all of what it shall hold.
+        The file and its whole content.
     disk
-        By which steps it gets there.
+        Write operations, which tests replace.
     drafts
-        Folder of the same disk in which it is written before it gets its name; by default that of ``path``.
+        Folder on the same disk for the draft; by default that of ``path``.
     replace
-        Whether it may take the place of what has that name.
+        Whether to replace an existing file.
     private
-        Whether its owner alone may read it.
+        Whether the owner alone may read it.
 
     Raises
     ------
     OSError
-        When it cannot be written, or nobody knows whether it would last. Then either nothing is left of it, or, where
-        only the folder could not be synced, all of it. `FileExistsError` when the name is taken.
+        When it cannot be written durably. No file remains, or the whole file where only the sync of the folder failed.
+        `FileExistsError` when the name is taken.
     """
     draft = (drafts or path.parent) / f".{path.name}-{secrets.token_hex(8)}{UNFINISHED}"
     try:
@@ -158,21 +155,21 @@ def write_durably(
 
 
 def append_durably(path: Path, content: bytes, *, after: int | None = None, disk: Disk = DISK) -> None:
-    """Write ``content`` at the end of a file; when this returns it is on the disk.
+    """Append to a file durably.
 
     Parameters
     ----------
     path, content
-        Which file, and what to add to it.
+        The file and the bytes to append.
     after
-        How many of its bytes stay; None for all of them.
+        Number of bytes to preserve; None for all.
     disk
-        By which steps it gets there.
+        Write operations, which tests replace.
 
     Raises
     ------
     OSError
-        When it cannot be written; then the file ends as before. A power loss may leave a part of ``content``.
+        When it cannot be written; the file is then as before. A power loss may leave a part of ``content``.
     """
     with disk.reopen(path) as file:
         end = file.seek(0, os.SEEK_END) if after is None else file.seek(after)
@@ -187,15 +184,9 @@ def append_durably(path: Path, content: bytes, *, after: int | None = None, disk
 
 
 def make_folder_durably(folder: Path, *, disk: Disk = DISK, private: bool = False) -> None:
-    """Make a folder and those above it that are missing; when this returns they are on the disk.
+    """Create a folder and its missing parents durably, all private or none; OSError on failure.
 
-    Those that were there are synced too: who made them may have been killed before they lasted. Of a private folder
-    the missing parents are private as well.
-
-    Raises
-    ------
-    OSError
-        When one cannot be made.
+    Existing folders are synced too: their creator may have been killed before the sync.
     """
     folder = folder.absolute()
     for parent in (*reversed(folder.parents), folder):
@@ -205,12 +196,12 @@ def make_folder_durably(folder: Path, *, disk: Disk = DISK, private: bool = Fals
         try:
             disk.sync_folder(parent.parent)
         except OSError:
-            if created or parent == folder:  # others, up to the root, need not let themselves be synced
+            if created or parent == folder:  # other parents may refuse a sync
                 raise
 
 
 def remove_unfinished(folder: Path, *, age_s: float = 0.0) -> None:
-    """Remove what killed writers left, where it is at least as old as a living one would let it become."""
+    """Remove drafts of killed writers that are at least ``age_s`` old."""
     for draft in folder.glob(f".*{UNFINISHED}"):
         with suppress(OSError):
             if time.time() - draft.stat().st_mtime >= age_s:
@@ -219,14 +210,9 @@ def remove_unfinished(folder: Path, *, age_s: float = 0.0) -> None:
 
 @contextmanager
 def atomic_file(requested: Path, *, disk: Disk = DISK) -> Iterator[Path]:
-    """A draft to write beside ``requested``; it gets that name when the block ends well, else nothing is left.
+    """A draft of the file ``requested``: durably renamed when the block succeeds, else removed.
 
-    Raises
-    ------
-    FileExistsError
-        When there is something of that name.
-    OSError
-        When it cannot be written.
+    Raises OSError when it cannot be written, `FileExistsError` when the name is taken.
     """
     draft = _draft_of(requested, disk)
     try:
@@ -242,19 +228,12 @@ def atomic_file(requested: Path, *, disk: Disk = DISK) -> Iterator[Path]:
 
 @contextmanager
 def atomic_folder(requested: Path, *, disk: Disk = DISK) -> Iterator[Path]:
-    """A folder to fill beside ``requested``; it gets that name when the block ends well, else nothing is left.
+    """A draft of the folder ``requested``: durably renamed when the block succeeds, else removed.
 
-    When the block has ended, all that is in it is on the disk.
-
-    Raises
-    ------
-    FileExistsError
-        When there is something of that name.
-    OSError
-        When it cannot be written.
+    Raises OSError when it cannot be written, `FileExistsError` when the name is taken.
     """
     draft = _draft_of(requested, disk)
-    draft.mkdir()  # others may read it as they may read any new folder: the user's mask says
+    draft.mkdir()  # with the mode of any new folder of the user
     try:
         yield draft
         for path in sorted(draft.rglob("*")):
@@ -263,7 +242,7 @@ def atomic_folder(requested: Path, *, disk: Disk = DISK) -> Iterator[Path]:
             else:
                 disk.sync_again(path)
         disk.sync_folder(draft)
-        _require_new(requested)  # a rename would take the place of an empty folder
+        _require_new(requested)  # a rename would replace an empty folder
         disk.rename(draft, requested)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
@@ -272,17 +251,10 @@ def atomic_folder(requested: Path, *, disk: Disk = DISK) -> Iterator[Path]:
 
 
 def add_files(folder: Path, files: Mapping[str, bytes], *, disk: Disk = DISK) -> None:
-    """Put all ``files`` (name -> bytes) into a folder, which is made where it is missing, or none of them.
+    """Add all ``files`` (name -> bytes) to a folder, created where missing, or none of them.
 
-    They get their names when the last of them is on the disk. Only where the power goes while they get them, some may
-    have theirs and others not.
-
-    Raises
-    ------
-    FileExistsError
-        When there is something of one of the names.
-    OSError
-        When one cannot be written.
+    They are renamed when all are on the disk; only a power loss during the renaming can leave a part of them.
+    Raises OSError when a file cannot be written, `FileExistsError` when a name is taken.
     """
     if not os.path.lexists(folder):
         with atomic_folder(folder, disk=disk) as draft:
@@ -291,7 +263,7 @@ def add_files(folder: Path, files: Mapping[str, bytes], *, disk: Disk = DISK) ->
         return
     if not files:
         return
-    given: list[Path] = []
+    named: list[Path] = []
     draft = _draft_of(folder / "files", disk)
     draft.mkdir()
     try:
@@ -299,10 +271,10 @@ def add_files(folder: Path, files: Mapping[str, bytes], *, disk: Disk = DISK) ->
             write_durably(draft / name, content, disk=disk)
         for name in files:
             disk.name(draft / name, folder / name)
-            given.append(folder / name)
+            named.append(folder / name)
         disk.sync_folder(folder)
     except BaseException:
-        for path in given:
+        for path in named:
             with suppress(OSError):
                 disk.remove(path)
         raise

@@ -1,7 +1,7 @@
-"""Results that are slow to compute, kept on disk under the hash of what they were computed from.
+"""A cache on disk of slow results, under the hash of their inputs.
 
-Each file starts with the SHA-256 of its key and the rest. A file that does not match, or that belongs to another key,
-is never used. A cache that cannot be written is no error: the result is computed again next time.
+Each file starts with the SHA-256 of its key and payload; a file that does not match is never used. A cache that cannot
+be written is no error: the result is computed again next time.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 import platformdirs
 
 from tsis.errors import FileInputError
-from tsis.files._archive import arrays_of
+from tsis.files._archive import read_arrays
 from tsis.files._atomic import write_durably
-from tsis.files._codec import free_to_plain
+from tsis.files._codec import free_to_json
 from tsis.files._json import content_sha256
 
 if TYPE_CHECKING:
@@ -34,17 +34,17 @@ LARGEST_CACHED_BYTES = 512 * 2**20
 
 
 def cache_folder() -> Path:
-    """Where the cache lies: ``$TSIS_CACHE_DIR``, else the platform's folder for caches."""
+    """The folder of the cache: ``$TSIS_CACHE_DIR``, else the cache folder of the platform."""
     return Path(os.environ.get("TSIS_CACHE_DIR") or platformdirs.user_cache_dir("tsis"))
 
 
 def content_key(content: Mapping[str, Any]) -> str:
     """A name for ``content`` (JSON values): equal content gives an equal name on every machine."""
-    return content_sha256(free_to_plain(content, "content"))[:32]
+    return content_sha256(free_to_json(content, "content"))[:32]
 
 
 def read_cached(kind: str, key: str) -> bytes | None:
-    """The stored bytes, or None when there are none or they are damaged."""
+    """The cached bytes, or None when they are missing or damaged."""
     path = cache_folder() / kind / key
     try:
         status = path.stat()
@@ -58,25 +58,25 @@ def read_cached(kind: str, key: str) -> bytes | None:
 
 
 def read_cached_arrays(kind: str, key: str) -> dict[str, NDArray[Any]] | None:
-    """The stored arrays, or None when there are none, they are damaged, or the file holds something else."""
+    """The cached arrays, or None when they are missing or damaged, or the file has other content."""
     stored = read_cached(kind, key)
     if stored is None:
         return None
     try:
-        return arrays_of(stored)
+        return read_arrays(stored)
     except FileInputError:
         return None
 
 
 def write_cached_arrays(kind: str, key: str, arrays: Mapping[str, ArrayLike]) -> None:
-    """Store arrays by name as one npz file; readers see all of it or nothing."""
+    """Store arrays by name as one npz file, atomically."""
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **{name: np.asarray(values) for name, values in arrays.items()})
     write_cached(kind, key, buffer.getvalue())
 
 
 def write_cached(kind: str, key: str, payload: bytes) -> None:
-    """Store ``payload``; readers see all of it or nothing."""
+    """Store ``payload`` atomically."""
     path = cache_folder() / kind / key
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
-"""The JSON codec of frozen dataclass values: the declared type of a field decides how it is written and read.
+"""The JSON codec of frozen dataclasses: the declared type of a field decides how it is written and read.
 
 Numbers, text and small arrays stay readable; large arrays become compressed text. Both directions are exact.
-docs/decisions/0012-json-codec.md gives the reasons.
+See docs/decisions/0012-json-codec.md.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsis.errors import InputError, TsisError
-from tsis.files._packed import READABLE, array_of_plain, array_to_plain
+from tsis.files._packed import READABLE, array_from_json, array_to_json
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Hashable, Sized
@@ -31,26 +31,26 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter, ValidationError
 
 
-NUMBER = "$number"  # {"$number": "infinity"}: a free value for which JSON has no number
+NUMBER = "$number"  # {"$number": "infinity"}: a number that JSON lacks
 INFINITIES = {"infinity": math.inf, "-infinity": -math.inf}
-NUMBER_WORDS = INFINITIES | {"nan": math.nan}
+SPECIAL_NUMBERS = INFINITIES | {"nan": math.nan}
 DEEPEST, WIDEST_INTEGER = 32, 2**63
 _SURROGATE = re.compile(r"[\ud800-\udfff]")
 Value = TypeVar("Value")
 
 
-def to_plain(value: Any, *, pack: bool = True, without: Collection[str] = ()) -> dict[str, Any]:
+def to_json_value(value: Any, *, pack: bool = True, without: Collection[str] = ()) -> dict[str, Any]:
     """JSON values of a frozen dataclass value.
 
     Parameters
     ----------
     value
-        A dataclass value of numbers, text, times, arrays, other such values, and mappings and tuples of them. A field
-        of the type ``Mapping[str, Any]`` is written by `free_to_plain`.
+        A dataclass of numbers, text, times, arrays, other dataclasses, and mappings and tuples of them. A field of
+        the type ``Mapping[str, Any]`` is written by `free_to_json`.
     pack
-        Whether the content of large arrays is included; else their hash stands for it.
+        Whether to write the content of large arrays, or only their hash.
     without
-        Names of fields to leave out.
+        Fields to omit.
 
     Raises
     ------
@@ -64,50 +64,52 @@ def to_plain(value: Any, *, pack: bool = True, without: Collection[str] = ()) ->
     ... class Line:
     ...     slope: float
     ...     range_n: tuple[float, float]
-    >>> to_plain(Line(2, (0.5, math.inf)))
+    >>> to_json_value(Line(2, (0.5, math.inf)))
     {'slope': 2.0, 'range_n': [0.5, 'infinity']}
     """
     hints = declared_types(cast("Any", type(value)))
-    return {name: _plain(hints[name], getattr(value, name), name, pack) for name in hints if name not in without}
+    named = {name: kind for name, kind in hints.items() if name not in without}
+    return {name: _field_to_json(kind, getattr(value, name), name, pack) for name, kind in named.items()}
 
 
-def _plain(kind: Any, value: Any, where: str, pack: bool) -> Any:
+def _field_to_json(kind: Any, value: Any, where: str, pack: bool) -> Any:
     kind = _present(kind)
     origin = get_origin(kind)
     if value is None or kind in (str, bool):
         return value
     if kind is float:
-        return _number_to_plain(float(value), where)
+        return _number_to_json(float(value), where)
     if kind is int:
         return int(value)
     if kind is datetime:
         return value.isoformat()
     if origin is tuple:
-        return [_plain(_item, item, where, pack) for _item, item in zip(_items(kind, value), value, strict=True)]
+        typed = zip(_item_types(kind, value), value, strict=True)
+        return [_field_to_json(item_kind, item, where, pack) for item_kind, item in typed]
     if origin is np.ndarray:
         if value.size > READABLE:
-            return array_to_plain(value, pack=pack)
-        return _list_to_plain(value.tolist(), where)
+            return array_to_json(value, pack=pack)
+        return _list_to_json(value.tolist(), where)
     if origin is not None:
         item = get_args(kind)[1]
         if item is Any:
-            return free_to_plain(value, where)
-        return {str(name): _plain(item, entry, f"{where}.{name}", pack) for name, entry in value.items()}
-    return to_plain(value, pack=pack)
+            return free_to_json(value, where)
+        return {str(name): _field_to_json(item, entry, f"{where}.{name}", pack) for name, entry in value.items()}
+    return to_json_value(value, pack=pack)
 
 
-def _items(kind: Any, value: Sized) -> tuple[Any, ...]:
+def _item_types(kind: Any, value: Sized) -> tuple[Any, ...]:
     args = get_args(kind)
     return args[:1] * len(value) if args[1:] == (Ellipsis,) else args
 
 
-def _list_to_plain(values: Any, where: str) -> Any:
+def _list_to_json(values: Any, where: str) -> Any:
     if isinstance(values, list):
-        return [_list_to_plain(value, where) for value in values]
-    return _number_to_plain(values, where) if isinstance(values, float) else values
+        return [_list_to_json(value, where) for value in values]
+    return _number_to_json(values, where) if isinstance(values, float) else values
 
 
-def _number_to_plain(value: float, where: str) -> float | str:
+def _number_to_json(value: float, where: str) -> float | str:
     if math.isfinite(value):
         return value
     if math.isnan(value):
@@ -115,8 +117,8 @@ def _number_to_plain(value: float, where: str) -> float | str:
     return "infinity" if value > 0 else "-infinity"
 
 
-def from_plain(kind: type[Value], document: Any, where: str, *, complete: bool = False) -> Value:
-    """The value of the type ``kind`` of which `to_plain` made ``document``; ``where`` names it in errors.
+def from_json_value(kind: type[Value], document: Any, where: str, *, complete: bool = False) -> Value:
+    """The value that `to_json_value` wrote.
 
     Parameters
     ----------
@@ -125,14 +127,14 @@ def from_plain(kind: type[Value], document: Any, where: str, *, complete: bool =
     document
         Parsed JSON.
     where
-        What errors call it.
+        Name of the value in errors.
     complete
-        Whether every field must be given, those with a default included.
+        Whether fields with a default are required too.
 
     Raises
     ------
     InputError
-        When it is no such value. What the value itself refuses passes through.
+        When ``document`` does not fit ``kind``. Errors of the class itself pass through.
     """
     from pydantic import ValidationError
 
@@ -144,7 +146,7 @@ def from_plain(kind: type[Value], document: Any, where: str, *, complete: bool =
 
 
 class _RequirementError(ValueError):
-    """What a JSON value must be, after the path that names it, and the kind of error to raise."""
+    """A requirement that follows the path of a value in the message, and the class of the error."""
 
     def __init__(self, requirement: str, kind: type[TsisError] = InputError) -> None:
         super().__init__(requirement)
@@ -152,7 +154,7 @@ class _RequirementError(ValueError):
 
 
 def _refusal(error: ValidationError, where: str) -> TsisError:
-    """One sentence on the first thing that is wrong."""
+    """The error for the first fault."""
     result = error.errors(include_url=False)
     first = result[0]
     cause = first.get("ctx", {}).get("error")
@@ -182,7 +184,7 @@ def _adapter(kind: Hashable, complete: bool) -> TypeAdapter[Any]:
 
 
 def _json_type(kind: Any, complete: bool) -> Any:
-    """The type by which pydantic checks the JSON form of a declared type and makes the value of it."""
+    """The type by which pydantic checks the JSON form of a declared type and builds the value."""
     from typing import NotRequired
 
     from pydantic import AfterValidator, BeforeValidator, ConfigDict, PlainValidator
@@ -192,21 +194,23 @@ def _json_type(kind: Any, complete: bool) -> Any:
     if origin in (types.UnionType, typing.Union):
         return _json_type(_present(kind), complete) | None
     if origin is np.ndarray or kind in _READERS:
-        return Annotated[Any, PlainValidator(_array_of_plain if origin is np.ndarray else _READERS[kind])]
+        return Annotated[Any, PlainValidator(_array_from_json if origin is np.ndarray else _READERS[kind])]
     if origin is tuple:
         inner: Any = tuple(
             argument if argument is Ellipsis else _json_type(argument, complete) for argument in arguments
         )
-        return Annotated[tuple[inner], BeforeValidator(partial(_list_of, None if Ellipsis in inner else len(inner)))]
+        return Annotated[
+            tuple[inner], BeforeValidator(partial(_require_list, None if Ellipsis in inner else len(inner)))
+        ]
     if origin is not None:
         if arguments[1] is Any:
-            return Annotated[Any, PlainValidator(_free_of_plain)]
+            return Annotated[Any, PlainValidator(_free_from_json)]
         values: Any = _json_type(arguments[1], complete)
-        return Annotated[dict[str, values], BeforeValidator(_mapping_of)]
+        return Annotated[dict[str, values], BeforeValidator(_require_mapping)]
     hints: dict[str, Any] = {name: _json_type(hint, complete) for name, hint in declared_types(kind).items()}
     if not complete:
-        given = {field.name for field in fields(kind) if field.default is field.default_factory is MISSING}
-        hints = {name: hint if name in given else NotRequired[hint] for name, hint in hints.items()}
+        required = {field.name for field in fields(kind) if field.default is field.default_factory is MISSING}
+        hints = {name: hint if name in required else NotRequired[hint] for name, hint in hints.items()}
     named: Any = cast("Any", TypedDict)(kind.__name__, hints)
     named.__pydantic_config__ = ConfigDict(extra="forbid")
     return Annotated[named, AfterValidator(lambda values: kind(**values))]
@@ -214,7 +218,8 @@ def _json_type(kind: Any, complete: bool) -> Any:
 
 @cache
 def declared_types(kind: Any) -> dict[str, Any]:
-    """Types of a class's fields; some modules import these two names for type checkers alone."""
+    """Types of the fields of a class."""
+    # Some modules import these two names for type checkers alone.
     hints = get_type_hints(kind, localns={"NDArray": NDArray, "Mapping": Mapping})
     return {field.name: hints[field.name] for field in fields(kind)}
 
@@ -233,7 +238,7 @@ def _exactly(kind: type[Any], what: str, document: Any) -> Any:
     return document
 
 
-def _number_of_plain(document: Any) -> float:
+def _number_from_json(document: Any) -> float:
     if isinstance(document, str) and document in INFINITIES:
         return INFINITIES[document]
     if isinstance(document, bool) or not isinstance(document, (int, float)):
@@ -243,7 +248,7 @@ def _number_of_plain(document: Any) -> float:
     return float(document)
 
 
-def _moment_of_plain(document: Any) -> datetime:
+def _time_from_json(document: Any) -> datetime:
     try:
         return datetime.fromisoformat(document)
     except (TypeError, ValueError) as error:
@@ -256,48 +261,48 @@ _READERS: Mapping[Any, Callable[[Any], Any]] = {
     int: partial(_exactly, int, "a whole number of at most 64 bits"),
     str: partial(_exactly, str, "text"),
     bool: partial(_exactly, bool, "true or false"),
-    float: _number_of_plain,
-    datetime: _moment_of_plain,
+    float: _number_from_json,
+    datetime: _time_from_json,
 }
 
 
-def _list_of(length: int | None, document: Any) -> Any:
+def _require_list(length: int | None, document: Any) -> Any:
     if not isinstance(document, list) or (length is not None and len(document) != length):
         raise _RequirementError(f" must be a list{'' if length is None else f' of {length}'}; got {_shown(document)}")
     return document
 
 
-def _mapping_of(document: Any) -> Any:
+def _require_mapping(document: Any) -> Any:
     if not isinstance(document, dict):
         raise _RequirementError(f" must be a mapping; got {_shown(document)}")
     return document
 
 
-def _array_of_plain(document: Any) -> NDArray[Any]:
+def _array_from_json(document: Any) -> NDArray[Any]:
     try:
-        return array_of_plain(document, "")
+        return array_from_json(document, "")
     except TsisError as error:
         raise _RequirementError(str(error), type(error)) from error
 
 
-def _free_of_plain(document: Any) -> Any:
+def _free_from_json(document: Any) -> Any:
     try:
-        return free_of_plain(_mapping_of(document), "")
+        return free_from_json(_require_mapping(document), "")
     except InputError as error:
         raise _RequirementError(str(error)) from error
 
 
-def free_to_plain(value: Any, where: str, depth: int = DEEPEST) -> Any:
-    """What JSON can hold of a value of any shape; ``where`` names it in errors.
+def free_to_json(value: Any, where: str, depth: int = DEEPEST) -> Any:
+    """JSON values of a value of any structure; ``where`` names it in errors.
 
     Raises
     ------
     InputError
-        When it is neither a number, text, a time, a path, nor lists, arrays and mappings of them, or nested too deep.
+        When it is not a number, text, a time, a path, or lists, arrays and mappings of them, or is nested too deeply.
 
     Examples
     --------
-    >>> free_to_plain({"gain": np.float64(2.5), "roi": (0, 8), "until": math.inf}, "settings")
+    >>> free_to_json({"gain": np.float64(2.5), "roi": (0, 8), "until": math.inf}, "settings")
     {'gain': 2.5, 'roi': [0, 8], 'until': {'$number': 'infinity'}}
     """
     if depth < 0:
@@ -317,18 +322,18 @@ def free_to_plain(value: Any, where: str, depth: int = DEEPEST) -> Any:
     if isinstance(value, (datetime, PurePath)):
         return value.isoformat() if isinstance(value, datetime) else str(value)
     if isinstance(value, np.ndarray):
-        return free_to_plain(value.tolist(), where, depth)
+        return free_to_json(value.tolist(), where, depth)
     if is_dataclass(value) and not isinstance(value, type):
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, Mapping):
-        return _mapping_to_plain(value, where, depth)
+        return _mapping_to_json(value, where, depth)
     if isinstance(value, (tuple, list)):
-        return [free_to_plain(item, f"{where}[{at}]", depth - 1) for at, item in enumerate(value)]
+        return [free_to_json(item, f"{where}[{at}]", depth - 1) for at, item in enumerate(value)]
     raise InputError(f"{where} must be a number, text, or lists and mappings of them; got a {type(value).__name__}")
 
 
-def _mapping_to_plain(value: Mapping[Any, Any], where: str, depth: int) -> dict[str, Any]:
-    document = {str(name): free_to_plain(item, f"{where}.{name}"[:120], depth - 1) for name, item in value.items()}
+def _mapping_to_json(value: Mapping[Any, Any], where: str, depth: int) -> dict[str, Any]:
+    document = {str(name): free_to_json(item, f"{where}.{name}"[:120], depth - 1) for name, item in value.items()}
     if len(document) != len(value) or NUMBER in document:
         raise InputError(f"{where} must have names that differ, none of them {NUMBER!r}; got {sorted(document)!r:.200}")
     return document
@@ -340,25 +345,19 @@ def _free_number(value: float) -> float | dict[str, str]:
     return {NUMBER: "nan" if math.isnan(value) else "infinity" if value > 0 else "-infinity"}
 
 
-def free_of_plain(document: Any, where: str, depth: int = DEEPEST) -> Any:
-    """The value that `free_to_plain` made ``document`` of.
-
-    Raises
-    ------
-    InputError
-        When nothing can have become that.
-    """
+def free_from_json(document: Any, where: str, depth: int = DEEPEST) -> Any:
+    """The value that `free_to_json` wrote as ``document``; `InputError` when it cannot have written it."""
     if depth < 0:
         raise InputError(f"{where} must be nested at most {DEEPEST} deep; got more")
     if isinstance(document, dict):
         if NUMBER in document:
-            term = document[NUMBER]
-            if len(document) > 1 or not isinstance(term, str) or term not in NUMBER_WORDS:
-                raise InputError(f"{where} must hold a number as {sorted(NUMBER_WORDS)}; got {document!r:.80}")
-            return NUMBER_WORDS[term]
-        return {name: free_of_plain(item, f"{where}.{name}"[:120], depth - 1) for name, item in document.items()}
+            name = document[NUMBER]
+            if len(document) > 1 or not isinstance(name, str) or name not in SPECIAL_NUMBERS:
+                raise InputError(f"{where} must hold a number as {sorted(SPECIAL_NUMBERS)}; got {document!r:.80}")
+            return SPECIAL_NUMBERS[name]
+        return {name: free_from_json(item, f"{where}.{name}"[:120], depth - 1) for name, item in document.items()}
     if isinstance(document, list):
-        return [free_of_plain(item, f"{where}[{at}]"[:120], depth - 1) for at, item in enumerate(document)]
+        return [free_from_json(item, f"{where}[{at}]"[:120], depth - 1) for at, item in enumerate(document)]
     if isinstance(document, float) and not math.isfinite(document):
         raise InputError(f"{where} must be a number that a file can hold; got {document}")
     return document

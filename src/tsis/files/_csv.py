@@ -1,4 +1,4 @@
-"""Small tables of comma-separated values from elsewhere, every cell under its heading."""
+"""Tables of comma-separated values, with each cell by its heading."""
 
 from __future__ import annotations
 
@@ -16,26 +16,18 @@ if TYPE_CHECKING:
 
 
 LARGEST_CSV_BYTES, MOST_ROWS, LONGEST_CELL = 32 * 2**20, 1_000_000, 500
-# A spreadsheet takes text that begins so for a formula; an apostrophe before it guards it.
+# A spreadsheet takes text with such a start for a formula; an apostrophe before it prevents that.
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "＝", "＋", "－", "＠", "'")
 
 
 class CsvRow:
-    """A row; every error names the file and the line.
-
-    Parameters
-    ----------
-    where
-        File and line.
-    cells
-        Text by heading.
-    """
+    """A row: text by heading; errors name ``where``, the file and line."""
 
     def __init__(self, where: str, cells: dict[str, str]) -> None:
         self.where, self._cells = where, cells
 
     def text(self, name: str) -> str:
-        """What was entered, without the apostrophe that guards it from spreadsheets."""
+        """Text of a cell without the apostrophe that guards it from spreadsheets."""
         text = self._cells.get(name, "").strip()
         guarded = text.startswith("'") and text[1:].lstrip().startswith(FORMULA_STARTS)
         return text[1:] if guarded else text
@@ -54,30 +46,30 @@ class CsvRow:
         return value
 
     def refused(self, name: str, requested: str, got: str) -> FileInputError:
-        """What to raise where a cell will not do."""
+        """The error for an invalid cell."""
         return FileInputError(f"{name} must be {requested}; got {got!r:.60} ({self.where})")
 
 
 def read_csv_rows(path: Path, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[CsvRow]:
-    """Rows of a file of UTF-8 whose first line names its columns, in any order.
+    """Rows of a UTF-8 file whose first line names its columns, in any order.
 
     Parameters
     ----------
     path
         The file.
     needed, optional
-        Columns that it must and may have; it has no others.
+        Columns that it must and may have; others are refused.
 
     Raises
     ------
     FileInputError
-        When it cannot be read as such a table; the sentence names the line.
+        When the file is no such table; the message names the line.
     """
     return parse_csv_rows(read_bytes(path, most=LARGEST_CSV_BYTES), printable_path(path), needed, optional)
 
 
 def parse_csv_rows(content: bytes, name: str, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[CsvRow]:
-    """The same from the content of such a file, as somebody uploaded it under a name."""
+    """Rows of the content of such a file, e.g. of an upload; errors call it ``name``."""
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

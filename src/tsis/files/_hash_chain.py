@@ -1,4 +1,4 @@
-"""An append-only log whose entries are bound to each other: each contains the hash of the one before, and its own."""
+"""An append-only hash-chained log: each entry contains the hash of the previous one, and its own."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError, RecordsError
 from tsis.files._atomic import DISK, Disk, append_durably
-from tsis.files._json import canonical, digest, digest_of_any
+from tsis.files._json import canonical, digest, digest_or_none
 from tsis.files._reading import printable_path, read_bytes
 
 if TYPE_CHECKING:
@@ -22,12 +22,12 @@ FIRST_HASH = "0" * 64  # the previous hash of the first entry
 TEXTS = ("moment", "actor", "action", "previous", "hash")
 
 
-def linked(entry: Mapping[str, Any], number: int, previous: str) -> dict[str, Any]:
-    """An entry with its number, the hash of the entry before it, and its own hash, which covers all of them.
+def linked_entry(entry: Mapping[str, Any], number: int, previous: str) -> dict[str, Any]:
+    """An entry with its number, the previous hash, and its own hash over all fields.
 
     Examples
     --------
-    >>> entry = linked({"action": "created"}, 1, FIRST_HASH)
+    >>> entry = linked_entry({"action": "created"}, 1, FIRST_HASH)
     >>> link_faults(entry, 1, FIRST_HASH), link_faults(entry | {"action": "edited"}, 1, FIRST_HASH)
     ((), ('hash',))
     """
@@ -36,8 +36,8 @@ def linked(entry: Mapping[str, Any], number: int, previous: str) -> dict[str, An
 
 
 def link_faults(entry: Mapping[str, Any], number: int, previous: str) -> tuple[str, ...]:
-    """Which of ``"number"``, ``"previous"`` and ``"hash"`` do not fit an entry at its place in the chain."""
-    hashed = digest_of_any({name: value for name, value in entry.items() if name != "hash"})
+    """Those of ``"number"``, ``"previous"`` and ``"hash"`` that do not fit the position in the chain."""
+    hashed = digest_or_none({name: value for name, value in entry.items() if name != "hash"})
     expected = {"number": number, "previous": previous, "hash": hashed}
     return tuple(name for name, value in expected.items() if entry[name] != value or value is None)
 
@@ -49,17 +49,17 @@ class LogEntry:
     Attributes
     ----------
     number
-        From 1.
+        Position, from 1.
     moment
-        When, ISO 8601 with its offset from UTC.
+        Time in ISO 8601 with its offset from UTC.
     actor
-        Who.
+        The user.
     action
-        What was done, e.g. ``"reading"``.
+        The event, e.g. ``"reading"``.
     content
-        What of, plain values.
+        JSON values.
     previous, hash
-        Hashes of the entry before and of this one.
+        Hashes of the previous entry and of this one.
     """
 
     number: int
@@ -71,17 +71,17 @@ class LogEntry:
     hash: str
 
     def line(self) -> str:
-        """As the file holds it."""
-        return canonical(self.plain())
+        """The line of the file."""
+        return canonical(self.to_json())
 
-    def plain(self) -> dict[str, Any]:
-        """Its fields by name."""
+    def to_json(self) -> dict[str, Any]:
+        """The fields by name."""
         return {name: getattr(self, name) for name in ("number", "content", *TEXTS)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogDraft:
-    """An entry without its place in the log."""
+    """An entry without its position in the log."""
 
     actor: str
     action: str
@@ -90,16 +90,16 @@ class LogDraft:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogChain:
-    """The lines of a log as they were read.
+    """The lines of a log.
 
     Attributes
     ----------
     entries
-        Those that can be read, in their order.
+        The readable entries in order.
     lines
         Number of lines in the file.
     breaks
-        What does not fit, by the number of the line.
+        Faults by the number of the line.
     size
         Bytes of the complete lines.
     """
@@ -111,11 +111,11 @@ class LogChain:
 
     @property
     def head(self) -> str:
-        """Hash of the last line that can be read."""
+        """Hash of the last readable line."""
         return self.entries[-1].hash if self.entries else FIRST_HASH
 
 
-NO_ENTRIES = LogChain()
+EMPTY_CHAIN = LogChain()
 
 
 def link_entries(chain: LogChain, drafts: Iterable[LogDraft], moment: datetime) -> tuple[LogEntry, ...]:
@@ -123,31 +123,31 @@ def link_entries(chain: LogChain, drafts: Iterable[LogDraft], moment: datetime) 
     number, previous, entries = chain.lines, chain.head, list[LogEntry]()
     for draft in drafts:
         number += 1
-        content = json.loads(canonical(dict(draft.content)))  # as whoever reads the file gets it
+        content = json.loads(canonical(dict(draft.content)))  # as a reader of the file gets it
         document = {"moment": moment.isoformat(), "actor": draft.actor, "action": draft.action, "content": content}
-        entries.append(LogEntry(**linked(document, number, previous)))
+        entries.append(LogEntry(**linked_entry(document, number, previous)))
         previous = entries[-1].hash
     return tuple(entries)
 
 
-def read_chain(content: bytes, after: LogChain = NO_ENTRIES) -> LogChain:
-    r"""Read a log and find every line that does not fit.
+def read_chain(content: bytes, after: LogChain = EMPTY_CHAIN) -> LogChain:
+    r"""Read a log and report every line that does not fit.
 
-    A change, addition or removal of any line shows here, but for two that the file alone cannot tell: lines cut off at
-    the end, and a log that was written anew from some line to its end. A hash that was noted elsewhere shows them.
+    This detects any change, addition or removal of a line, except a truncated end and an end that was rewritten. A copy
+    of the last hash elsewhere detects these.
 
     Parameters
     ----------
     content
-        The log, or what follows the lines of ``after`` in it.
+        The log, or its part after the lines of ``after``.
     after
-        The lines that were read before.
+        The lines before.
 
     Examples
     --------
     >>> from datetime import datetime
     >>> drafts = [LogDraft(actor="me", action="said", content={"word": word}) for word in "ab"]
-    >>> first, second = link_entries(NO_ENTRIES, drafts, datetime(2026, 1, 1))
+    >>> first, second = link_entries(EMPTY_CHAIN, drafts, datetime(2026, 1, 1))
     >>> read_chain(f"{first.line()}\n{second.line()}\n".encode()).breaks
     {}
     >>> read_chain(f"{second.line()}\n".encode()).breaks
@@ -167,7 +167,7 @@ def read_chain(content: bytes, after: LogChain = NO_ENTRIES) -> LogChain:
         entry = _entry(line)
         if entry is None:
             breaks.setdefault(number, "cannot be read")
-            continue  # what follows is linked to the last line that can be read
+            continue  # later lines are linked to the last readable line
         if wrong := _wrong(entry, line, number, previous):
             breaks.setdefault(number, wrong)
         entries.append(entry)
@@ -186,7 +186,7 @@ def _entry(line: bytes) -> LogEntry | None:
 
 def _wrong(entry: LogEntry, line: bytes, number: int, previous: str) -> str:
     try:
-        faults = link_faults(entry.plain(), number, previous)
+        faults = link_faults(entry.to_json(), number, previous)
         same = "hash" not in faults and entry.line().encode() == line
     except (ValueError, RecursionError):
         same = False
@@ -195,15 +195,11 @@ def _wrong(entry: LogEntry, line: bytes, number: int, previous: str) -> str:
     return "does not follow the line before it: lines were taken out, put in or moved" if faults else ""
 
 
-def read_chain_file(path: Path, log_chain: LogChain = NO_ENTRIES, *, disk: Disk = DISK) -> LogChain:
-    """The log of a file; what follows ``log_chain`` alone is read where the file still has the last line of it.
+def read_chain_file(path: Path, log_chain: LogChain = EMPTY_CHAIN, *, disk: Disk = DISK) -> LogChain:
+    """The log of a file, or `FileInputError`.
 
-    A change before that line shows when the file is read without ``log_chain``.
-
-    Raises
-    ------
-    FileInputError
-        When there is no file that can be read.
+    Where the file still has the last line of ``log_chain``, only the rest is read; this does not detect a change before
+    that line.
     """
     if log_chain.entries and not log_chain.breaks:
         last = f"{log_chain.entries[-1].line()}\n".encode()
@@ -221,40 +217,40 @@ def append_entries(
     drafts_after: Callable[[LogChain], Sequence[LogDraft]],
     moment: datetime,
     *,
-    log_chain: LogChain = NO_ENTRIES,
+    log_chain: LogChain = EMPTY_CHAIN,
     damaged: bool = False,
     cure: str,
     disk: Disk = DISK,
 ) -> LogChain:
-    """Append entries to a log and return it; they are on the disk by then. Nobody else may write it meanwhile.
+    """Append entries to a log durably and return it; the caller must be the only writer.
 
-    A line that is cut short at the end is what a power loss leaves of an append that did not return; it is removed.
+    A truncated line at the end, which a power loss leaves of an unconfirmed append, is removed.
 
     Parameters
     ----------
     path
         The file.
     drafts_after
-        Given the log as it is at that moment, what to append; it may refuse by raising.
+        Returns the entries to append after the present log; may raise to refuse.
     moment
-        When they are appended, with its offset from UTC.
+        Time of the entries, with its offset from UTC.
     log_chain
-        The log as it was read before: then the cost does not depend on its length.
+        The log of an earlier reading, which makes the cost independent of its length.
     damaged
-        Whether entries may follow a log that does not fit.
+        Whether to append to a damaged log.
     cure
-        What the error of a log that does not fit advises.
+        Advice in the error on a damaged log.
     disk
-        By which steps they get onto the disk.
+        Write operations, which tests replace.
 
     Raises
     ------
     FileInputError
-        When the log cannot be read.
+        When the log is unreadable.
     RecordsError
-        When it does not fit.
+        When it is damaged.
     OSError
-        When it cannot be written; then it is as it was.
+        When it cannot be written; it is then as before.
     """
     chain = read_chain_file(path, log_chain, disk=disk)
     torn = {line for line, wrong in chain.breaks.items() if wrong == CUT_SHORT}
@@ -268,7 +264,7 @@ def append_entries(
     added = "".join(f"{entry.line()}\n" for entry in link_entries(chain, drafts_after(chain), moment)).encode()
     if not added:
         return chain
-    if chain.breaks:  # the rest of a line that is cut short stays, as a line of its own
+    if chain.breaks:  # a truncated line stays as a separate line
         append_durably(path, b"\n" * len(torn) + added, disk=disk)
         return read_chain(read_bytes(path))
     append_durably(path, added, after=chain.size, disk=disk)

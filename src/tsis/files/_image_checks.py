@@ -1,4 +1,4 @@
-"""Is an image file whole, and no trap? Checked by its own structure, however lenient or greedy a decoder is."""
+"""Structural checks of image files before decoding: whole, and without oversized declarations."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 MOST_ENTRIES, MOST_DIRECTORIES, MOST_NUMBER_BYTES = 4096, 16, 4 * 2**20
 SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
-PLAIN_BYTES = frozenset({1, 2, 6, 7})
+TEXT_TYPES = frozenset({1, 2, 6, 7})
 DECISIVE = frozenset({256, 257, 258, 259, 262, 266, 273, 277, 278, 279, 284, 317, 322, 323, 324, 325, 339})
 WIDTH, HEIGHT, WHOLE_NUMBERS = 256, 257, frozenset({3, 4, 16})
 
 
 @dataclass(frozen=True, slots=True)
 class _Form:
-    """How offsets are written: classic files in 4 bytes, large ones in 8."""
+    """Format of offsets: 4 bytes in classic files, 8 in large ones."""
 
     order: str
     large: bool
@@ -32,14 +32,14 @@ class _Form:
 
 
 def tiff_fault(data: bytes) -> str | None:
-    """Walk the directories of a TIFF file; None when they may be given to a decoder."""
+    """The fault in the directories of a TIFF file, or None."""
     order = "<" if data.startswith(b"II") else ">"
     try:
         form = _Form(order, large=struct.unpack_from(order + "H", data, 2)[0] == 43)
-        position, observed = form.number(data, 8 if form.large else 4), 0
+        position, directories = form.number(data, 8 if form.large else 4), 0
         while position:
-            observed += 1
-            if observed > MOST_DIRECTORIES:
+            directories += 1
+            if directories > MOST_DIRECTORIES:
                 return f"it lists more than {MOST_DIRECTORIES} pictures"
             entries = struct.unpack_from(order + ("Q" if form.large else "H"), data, position)[0]
             if not 0 < entries <= MOST_ENTRIES:
@@ -47,7 +47,7 @@ def tiff_fault(data: bytes) -> str | None:
             if (broken := _directory_fault(list(_entries(data, position, entries, form)), len(data))) is not None:
                 return broken
             position = form.number(data, position + (8 + 20 * entries if form.large else 2 + 12 * entries))
-    except (struct.error, OverflowError):  # beyond the end, or beyond any place in a file
+    except (struct.error, OverflowError):  # a position beyond the end
         return f"it is truncated: it ends at byte {len(data)} before a directory that it names"
     return None
 
@@ -61,13 +61,13 @@ def _entries(data: bytes, index: int, entries: int, form: _Form) -> Iterator[tup
 
 
 def _directory_fault(entries: list[tuple[int, int, int]], size: int) -> str | None:
-    decisive = [tag for tag, _, _ in entries if tag in DECISIVE]  # honest programs describe a picture twice
+    decisive = [tag for tag, _, _ in entries if tag in DECISIVE]  # other tags may occur twice in valid files
     if len(set(decisive)) < len(decisive):
         return "a directory of it says twice how large or of what kind its picture is"
     if any(tag in (WIDTH, HEIGHT) and (kind not in WHOLE_NUMBERS or count != 1) for tag, kind, count in entries):
         return "a directory of it does not state its width and height as one whole number each"
-    texts = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind in PLAIN_BYTES)
-    numbers = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind not in PLAIN_BYTES)
+    texts = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind in TEXT_TYPES)
+    numbers = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind not in TEXT_TYPES)
     if texts > size or numbers > min(size, MOST_NUMBER_BYTES):
         return f"a directory of it lists {texts + numbers} bytes"
     return None
@@ -75,13 +75,13 @@ def _directory_fault(entries: list[tuple[int, int, int]], size: int) -> str | No
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _JPEG_END, _JPEG_SCAN = 0xD9, 0xDA
-_JPEG_MARKER = re.compile(rb"\xff[\x02-\xcf\xd9-\xfe]")  # the others have no length: stuffing, restarts, fill bytes
-MOST_CHUNKS, MOST_SEGMENTS, MOST_SCANS, MOST_SCANNED = 100_000, 4000, 100, 1_000_000_000  # no encoder comes near
+_JPEG_MARKER = re.compile(rb"\xff[\x02-\xcf\xd9-\xfe]")  # others have no length: stuffing, restarts, fill bytes
+MOST_CHUNKS, MOST_SEGMENTS, MOST_SCANS, MOST_SCANNED = 100_000, 4000, 100, 1_000_000_000  # far above any encoder
 _JPEG_FRAMES = frozenset({*range(0xC0, 0xD0)}) - {0xC4, 0xC8, 0xCC}
 
 
 def png_fault(data: bytes) -> str | None:
-    """Walk the chunks of a PNG file to IEND, checking each checksum; None when it is whole."""
+    """The fault in the chunks and checksums of a PNG file, or None."""
     position, chunks = len(_PNG_SIGNATURE), 0
     while position + 12 <= len(data):
         chunks += 1
@@ -101,9 +101,9 @@ def png_fault(data: bytes) -> str | None:
 
 
 def jpeg_fault(data: bytes) -> str | None:
-    """Walk the markers of a JPEG file to its end-of-image marker; None when it is whole.
+    """The fault in the markers of a JPEG file, or None.
 
-    Segments are skipped by their length, so that the end marker of an embedded thumbnail is not taken for the file's.
+    Segments are skipped by their length, so the end marker of an embedded thumbnail does not count.
     """
     position, segments, scans, pixels = 2, 0, 0, 0
     while (match := _JPEG_MARKER.search(data, position)) is not None:
@@ -123,7 +123,7 @@ def jpeg_fault(data: bytes) -> str | None:
 
 
 def bmp_fault(data: bytes) -> str | None:
-    """Compare the size that a BMP file declares with its real one; None when it is whole."""
+    """The fault in the declared size of a BMP file, or None."""
     if len(data) < 26:
         return f"it is truncated: it ends at byte {len(data)} inside its header"
     (declared,) = struct.unpack_from("<I", data, 2)
@@ -132,14 +132,14 @@ def bmp_fault(data: bytes) -> str | None:
     return None
 
 
-def fault(data: bytes) -> str | None:
-    r"""Say what is missing from a picture's file, or what in it is a trap; None when it is whole or of another kind.
+def image_fault(data: bytes) -> str | None:
+    r"""The fault in the structure of an image file; None when it is whole or of another format.
 
-    Of TIFF only the directories are walked: its decoder refuses a strip that lies outside the file.
+    For TIFF only the directories are checked: its decoder refuses a strip outside the file.
 
     Examples
     --------
-    >>> fault(b"\xff\xd8\xff\xda\x00\x02")
+    >>> image_fault(b"\xff\xd8\xff\xda\x00\x02")
     'it is truncated: it ends at byte 6 before its end-of-image marker'
     """
     if data.startswith(_PNG_SIGNATURE):
@@ -154,27 +154,27 @@ def fault(data: bytes) -> str | None:
 
 
 _SIGNATURE_BYTES = 8
-_PNG_KEPT = frozenset(
+_PNG_COLOUR_CHUNKS = frozenset(
     {b"tRNS", b"acTL", b"fcTL", b"fdAT"}
-)  # beside the critical ones: they tell kind and number of pictures
+)  # these affect the pixels, beside the critical chunks
 _JPEG_ADOBE, _JPEG_SCAN_START, _PICTURES = 0xEE, 0xDA, b"MPF\0"
 _JPEG_NOTES = frozenset({*range(0xE1, 0xF0), 0xFE}) - {_JPEG_ADOBE}
 
 
-def png_pixels(data: bytes) -> bytes:
+def png_without_metadata(data: bytes) -> bytes:
     """A whole PNG file without ancillary chunks; the same object when it has none."""
     saved, position, kind = [data[:_SIGNATURE_BYTES]], _SIGNATURE_BYTES, b""
     while kind != b"IEND":
         (length,) = struct.unpack_from(">I", data, position)
         kind, end = data[position + 4 : position + 8], position + 12 + length
         critical = not kind[0] & 0x20  # a capital letter
-        if critical or kind in _PNG_KEPT:
+        if critical or kind in _PNG_COLOUR_CHUNKS:
             saved.append(memoryview(data)[position:end])  # type: ignore[arg-type]  # joins as bytes do
         position = end
     return data if sum(map(len, saved)) == len(data) else b"".join(saved)
 
 
-def jpeg_pixels(data: bytes) -> bytes:
+def jpeg_without_metadata(data: bytes) -> bytes:
     """A whole JPEG file without segments of notes before its first scan; the same object when it has none."""
     saved, position = [data[:2]], 2
     while True:
@@ -182,7 +182,7 @@ def jpeg_pixels(data: bytes) -> bytes:
             position += 1
         marker = data[position + 1]
         if data[position] != 0xFF or not 0xC0 <= marker <= 0xFE or marker == _JPEG_SCAN_START or 0xD0 <= marker <= 0xD9:
-            break  # pixels, or something that the decoder shall judge
+            break  # pixels, or a fault that the decoder reports
         end = position + 2 + int(struct.unpack_from(">H", data, position + 2)[0])
         if marker not in _JPEG_NOTES or data[position + 4 : position + 8] == _PICTURES:
             saved.append(data[position:end])
@@ -192,18 +192,18 @@ def jpeg_pixels(data: bytes) -> bytes:
     return b"".join([*saved, data[position:]])
 
 
-def pixels_alone(data: bytes) -> bytes:
-    """The file as a decoder should see it; it must have been found whole before (`tsis.files._image_checks`)."""
+def without_metadata(data: bytes) -> bytes:
+    """A whole image file without metadata, which decoders need not parse; check it with `image_fault` before."""
     if data.startswith(b"\x89PNG"):
-        return png_pixels(data)
-    return jpeg_pixels(data) if data.startswith(b"\xff\xd8") else data
+        return png_without_metadata(data)
+    return jpeg_without_metadata(data) if data.startswith(b"\xff\xd8") else data
 
 
 LARGEST_PIXELS = 65_000_000  # sensors sold as 64 million have 64.1 to 64.5
 FREE_PIXELS, PIXELS_A_BYTE = 16_000_000, 24
 FREE_BYTES = 3 * LARGEST_PIXELS  # of levels: colour of 8 bits, or grey of 16
 MOST_PIXELS_A_BYTE = {"PNG": 1032, "JPEG": 512}  # deflate packs no further; a block of 64 pixels takes a bit
-_PIECE = 4096  # packed bytes, of which none becomes more than 1032
+_PIECE = 4096  # packed bytes; each unpacks to at most 1032
 # first column and step, first row and step of each pass
 _WHOLE = ((0, 1, 0, 1),)
 _ADAM7 = ((0, 8, 0, 8), (4, 8, 0, 8), (0, 4, 4, 8), (2, 4, 0, 4), (0, 2, 2, 4), (1, 2, 0, 2), (0, 1, 1, 2))
@@ -211,18 +211,18 @@ _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
 def size_fault(columns: int, rows: int, file_bytes: int, *, kind: str, pixel_bytes: int) -> str | None:
-    """Why no picture of this size may be decoded from a file of so many bytes; None when it may.
+    """The requirement that an image of this size breaks, or None.
 
     Parameters
     ----------
     columns, rows
-        What the file declares.
+        Declared size.
     file_bytes
-        How many bytes it has.
+        Size of the file.
     kind
-        Its format, e.g. ``"PNG"``.
+        Format, e.g. ``"PNG"``.
     pixel_bytes
-        What the levels of a pixel take, all channels together.
+        Bytes of a pixel, all channels together.
 
     Examples
     --------
@@ -243,10 +243,7 @@ def size_fault(columns: int, rows: int, file_bytes: int, *, kind: str, pixel_byt
 
 
 def rows_missing(data: bytes) -> bool:
-    """Whether the pixels of a PNG file, already found whole, are fewer than its header declares.
-
-    Pillow fills what is missing with zeros and says nothing.
-    """
+    """Whether a structurally whole PNG file lacks pixels, which Pillow silently fills with zeros."""
     if not data.startswith(b"\x89PNG"):
         return False
     columns, rows, depth, colour = struct.unpack_from(">IIBB", data, 16)

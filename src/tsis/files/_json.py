@@ -1,4 +1,4 @@
-"""One canonical JSON form, one hash of content, and the JSON of files that people read."""
+"""The canonical JSON form, the content hash, and the JSON of files for people."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ import numpy as np
 
 from tsis.errors import RecordsError
 
-SHA256 = re.compile(r"[0-9a-f]{64}")  # as it is written
+SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def canonical(value: Any) -> str:
-    """JSON with sorted names and no spaces; NaN and infinities are refused, with ValueError.
+    """JSON with sorted names and no spaces; `ValueError` for NaN and infinities.
 
-    A lone surrogate, as in file names that are no UTF-8, is escaped, since no database takes it as it is.
+    A lone surrogate, as in file names that are not UTF-8, is escaped because databases refuse it.
 
     Examples
     --------
@@ -32,14 +32,8 @@ def canonical(value: Any) -> str:
     return text.encode("utf-8", "backslashreplace").decode()
 
 
-def parsed(text: str, what: str) -> Any:
-    """The value of a text that `canonical` wrote; ``what`` names it in errors.
-
-    Raises
-    ------
-    RecordsError
-        When it is not such a text.
-    """
+def parse_canonical(text: str, what: str) -> Any:
+    """The value of a text that `canonical` wrote; `RecordsError` for any other text, which ``what`` names."""
     try:
         return json.loads(text)
     except (TypeError, ValueError, RecursionError) as error:
@@ -51,13 +45,8 @@ def parsed(text: str, what: str) -> Any:
 def content_sha256(value: Any, *, spaced: bool = False, escaped: bool = False) -> str:
     """SHA-256 of a JSON value in its canonical form: equal content has an equal hash on every machine.
 
-    Parameters
-    ----------
-    value
-        JSON values.
-    spaced, escaped
-        Whether there is a space after each separator, and whether letters beyond ASCII are escaped. Formats from
-        before the canonical form have such hashes in their files; no new format needs them.
+    ``spaced`` puts a space after each separator and ``escaped`` escapes letters beyond ASCII, as in the hashes of
+    formats that are older than the canonical form.
     """
     if not spaced and not escaped:
         return hashlib.sha256(canonical(value).encode()).hexdigest()
@@ -67,7 +56,7 @@ def content_sha256(value: Any, *, spaced: bool = False, escaped: bool = False) -
 
 
 def digest(values: Mapping[str, Any]) -> str:
-    """SHA-256 of named values without those that are None, so that a later schema's new column changes no digest.
+    """SHA-256 of named values without None, so that a new column of a later schema changes no digest.
 
     Examples
     --------
@@ -77,8 +66,8 @@ def digest(values: Mapping[str, Any]) -> str:
     return content_sha256({name: value for name, value in values.items() if value is not None})
 
 
-def digest_of_any(values: Mapping[str, Any]) -> str | None:
-    """The same of what a database gives; None for what no store contains: bytes, NaN and infinities."""
+def digest_or_none(values: Mapping[str, Any]) -> str | None:
+    """The digest of values of a database; None for bytes, NaN and infinities, which no store contains."""
     try:
         return digest(values)
     except (TypeError, ValueError):
@@ -86,9 +75,9 @@ def digest_of_any(values: Mapping[str, Any]) -> str | None:
 
 
 def json_bytes(document: Any, *, indent: int = 2) -> bytes:
-    """Content of a JSON file that people can read and any parser takes: UTF-8 without NaN.
+    """Indented JSON in UTF-8 without NaN.
 
-    Arrays become lists, dataclass values and read-only mappings objects, times and paths text.
+    Arrays become lists, dataclasses and read-only mappings become objects, times and paths become text.
     """
     return (json.dumps(document, indent=indent, allow_nan=False, default=_json_value) + "\n").encode()
 

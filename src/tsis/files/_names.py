@@ -1,4 +1,4 @@
-"""Names of saved frames: where a snapshot of a target goes, and that nothing is ever written over."""
+"""Names of saved frames: the folder of a target and the files of its snapshots."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ if TYPE_CHECKING:
 
 
 LARGEST_TARGET = 99_999
-_PLAIN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
+_FILE_STEM = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 _DEVICES_OF_WINDOWS = re.compile(r"(?i:con|prn|aux|nul|com[0-9]*|lpt[0-9]*)")
 
 
 def require_file_stem(name: object) -> str:
-    """Return ``name`` when it may begin a file's name on every system: a letter, then letters, digits, ``-``, ``_``.
+    """Return ``name`` when it may begin a file name on every system: a letter, then letters, digits, ``-``, ``_``.
 
     Raises
     ------
     InputError
-        When it holds parts of a path, spaces or anything else, or is longer than 40 characters.
+        When it has other characters, or more than 40.
 
     Examples
     --------
     >>> require_file_stem("Target")
     'Target'
     """
-    if not isinstance(name, str) or not _PLAIN_NAME.fullmatch(name) or _DEVICES_OF_WINDOWS.fullmatch(name):
+    if not isinstance(name, str) or not _FILE_STEM.fullmatch(name) or _DEVICES_OF_WINDOWS.fullmatch(name):
         raise InputError(
             f"name must be a letter followed by at most 39 letters, digits, '-' or '_'; got {name!r:.80} "
-            "(folders are chosen apart from names)"
+            "(choose the folder separately)"
         )
     return name
 
@@ -49,7 +49,7 @@ def target_folder(target: object, *, name: str = "Target") -> str:
 def snapshot_stems(target: object, when: datetime, *, name: str = "Target") -> Iterator[str]:
     """Names for a snapshot without their ending, in the order in which to try them.
 
-    The first is that of the source, ``TargetN-MMDDYY-HHMMSS``; a second snapshot within one second takes the suffix
+    The first follows the dissertation, ``TargetN-MMDDYY-HHMMSS``; a second snapshot within a second takes the suffix
     ``-2``, and so on.
 
     Examples

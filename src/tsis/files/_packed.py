@@ -15,31 +15,31 @@ from tsis.errors import CalibrationError, InputError
 
 READABLE = 64  # numbers in an array that is written as a list
 LARGEST_ARRAY = 16_000_000
-MOST_UNPACKED = 256 * 2**20  # bytes of all packed arrays together: those of a camera of 10 million pixels
-PIECE = 4096  # packed bytes, of which none becomes more than 1032
+MOST_UNPACKED = 256 * 2**20  # bytes of all packed arrays together, enough for a camera of 10 million pixels
+PIECE = 4096  # packed bytes; each unpacks to at most 1032
 _PACKED_KEYS = {"shape", "kind", "sha256", "zlib"}
 _KINDS: dict[str, np.dtype[Any]] = {"single": np.dtype("<f4"), "double": np.dtype("<f8"), "bool": np.dtype("?")}
 
 
-def array_to_plain(values: np.ndarray[Any, Any], *, pack: bool) -> Any:
-    """JSON values of an array; without ``pack`` the hash of a large one stands for its content."""
+def array_to_json(values: np.ndarray[Any, Any], *, pack: bool) -> Any:
+    """JSON values of a large array; without ``pack`` only its shape, type and hash."""
     kind = "bool" if values.dtype == bool else "single" if np.array_equal(values.astype("<f4"), values) else "double"
     content = np.ascontiguousarray(values, dtype=_KINDS[kind]).tobytes()
     document = {"shape": list(values.shape), "kind": kind, "sha256": hashlib.sha256(content).hexdigest()}
     return document | {"zlib": base64.b64encode(zlib.compress(content, 6)).decode()} if pack else document
 
 
-def array_of_plain(document: Any, where: str) -> np.ndarray[Any, Any]:
+def array_from_json(document: Any, where: str) -> np.ndarray[Any, Any]:
     """The array of a list of numbers or of compressed text; ``where`` names it in errors.
 
     Raises
     ------
     InputError
-        When it is no array, or its content does not fit its declared shape.
+        When ``document`` is no array, or its content does not fit its declared shape.
     CalibrationError
         When its content does not match its hash.
     """
-    if isinstance(document, np.ndarray):  # samples, which have a file of their own
+    if isinstance(document, np.ndarray):  # samples come from a separate file
         return document
     if isinstance(document, list):
         try:
@@ -59,23 +59,23 @@ def array_of_plain(document: Any, where: str) -> np.ndarray[Any, Any]:
     return values.astype(bool if kind == "bool" else float)
 
 
-def without_maps(document: Any) -> Any:
-    """The same without the content of packed arrays, which their hashes identify."""
+def without_packed_arrays(document: Any) -> Any:
+    """The document without the content of packed arrays; their hashes identify them."""
     if isinstance(document, dict):
-        named = {name: without_maps(item) for name, item in document.items()}
+        named = {name: without_packed_arrays(item) for name, item in document.items()}
         return {name: named[name] for name in named if name != "zlib"} if set(named) == _PACKED_KEYS else named
-    return [without_maps(item) for item in document] if isinstance(document, list) else document
+    return [without_packed_arrays(item) for item in document] if isinstance(document, list) else document
 
 
-def require_bounded_maps(document: Any, where: str) -> None:
-    """Refuse packed arrays that together unpack to more than any calibration needs, before one of them is unpacked.
+def require_bounded_arrays(document: Any, where: str) -> None:
+    """Check the total declared size of packed arrays before unpacking.
 
-    The packed size tells nothing: a dark camera sees zeros almost everywhere.
+    The packed size gives no bound: zeros, as of a dark camera, compress a thousandfold.
 
     Raises
     ------
     InputError
-        When they declare more than 256 MiB, or one has no sensible size.
+        When they declare more than 256 MiB together, or the declared size of an array is invalid.
     """
     declared, left = 0, [document]
     while left:
@@ -91,7 +91,7 @@ def require_bounded_maps(document: Any, where: str) -> None:
 
 
 def _declared_bytes(shape: Any, kind: Any) -> int:
-    """Size of a packed array in bytes; 0 when nothing sensible is declared."""
+    """Size of a packed array in bytes; 0 when its declaration is invalid."""
     sound = isinstance(shape, list) and all(type(side) is int and 0 < side <= LARGEST_ARRAY for side in shape[:4])
     if not sound or not 0 < len(shape) <= 4 or not isinstance(kind, str) or kind not in _KINDS:
         return 0
@@ -99,7 +99,7 @@ def _declared_bytes(shape: Any, kind: Any) -> int:
 
 
 def _unpacked(packed: Any, size: int, where: str) -> bytearray:
-    """Exactly ``size`` bytes, in pieces: more is never unpacked, and nothing is in memory twice."""
+    """Exactly ``size`` bytes, unpacked in pieces to bound the memory."""
     unpacker, content, position = zlib.decompressobj(), bytearray(size), 0
     try:
         data = memoryview(base64.b64decode(packed, validate=True))

@@ -1,4 +1,4 @@
-"""The bytes of a file that a user named, or one sentence that says why there are none."""
+"""Reading files that a user named, with bounded size and clear errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Parsed = TypeVar("Parsed")
 LARGEST_FILE_BYTES = 512 * 2**20
 LARGEST_OBJECT_BYTES = 8 * 2**20
 MOST_VALUES, DEEPEST = 200_000, 64
-_PLAIN_BYTES = 8 * 2**20  # beyond it JSON must be ASCII, as it is when tsis writes it: else a letter may take 4 bytes
+_LARGEST_UTF8_BYTES = 8 * 2**20  # a larger file must be ASCII, as tsis writes it: else a letter may take 4 bytes
 _LONGEST_SHOWN = 120
 
 
@@ -38,7 +38,7 @@ def printable_path(path: Path) -> str:
 
 
 def printable_name(path: Path) -> str:
-    r"""A file's name as reports print it: what no terminal or page should be given becomes a question mark.
+    r"""A file's name as reports print it, with ``?`` for unprintable characters.
 
     Examples
     --------
@@ -49,7 +49,7 @@ def printable_name(path: Path) -> str:
 
 
 def one_line(error: object, longest: int = 200) -> str:
-    r"""What a decoder complains of, as a part of a sentence: on one line, printable, not endless.
+    r"""The text of an error as a part of a message: one printable line of limited length.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def one_line(error: object, longest: int = 200) -> str:
 
 
 def as_path(path: str | os.PathLike[str]) -> Path:
-    """Return ``path`` as a Path, refusing anything that does not name a file."""
+    """Return ``path`` as a Path, or raise `InputError`."""
     try:
         return Path(path)
     except TypeError as error:
@@ -71,12 +71,12 @@ def as_path(path: str | os.PathLike[str]) -> Path:
 def file_size(path: Path) -> int:
     """Size in bytes of a regular, non-empty file.
 
-    Pipes, terminals and devices are refused by their kind, before anything opens them: reading one may never end.
+    Pipes, terminals and devices are refused before they are opened: reading one may never end.
 
     Raises
     ------
     FileInputError
-        When there is no such file, it may not be read, it is no regular file, or it is empty.
+        When the file is missing, unreadable, not regular, or empty.
     """
     try:
         status = path.stat()
@@ -100,7 +100,7 @@ def read_bytes(path: Path, *, most: int = LARGEST_FILE_BYTES) -> bytes:
     Raises
     ------
     FileInputError
-        As `file_size`, and when the file is larger than the cap or cannot be read.
+        As `file_size`, and when the file is too large or unreadable.
     """
     size = file_size(path)
     if size > most:
@@ -109,12 +109,12 @@ def read_bytes(path: Path, *, most: int = LARGEST_FILE_BYTES) -> bytes:
 
 
 def read_parsed(path: Path, parse: Callable[[str], Parsed], *, most: int = LARGEST_FILE_BYTES) -> Parsed:
-    """What ``parse`` makes of a file of text, which may raise `InputError`.
+    """The result of ``parse`` for the text of a file.
 
     Raises
     ------
     FileInputError
-        As `read_bytes`, when the file is no text in UTF-8, and with its name before what ``parse`` says.
+        As `read_bytes`, when the file is no UTF-8 text, and for `InputError` of ``parse``, with the name of the file.
     """
     data = read_bytes(path, most=most)
     try:
@@ -129,12 +129,12 @@ LONGEST_KEY = 16  # parts
 
 
 def parse_toml(text: str, *, what: str) -> dict[str, Any]:
-    """The values of a TOML text, which errors call ``what``.
+    """The values of a TOML text; ``what`` names it in errors.
 
     Raises
     ------
     InputError
-        When it is no TOML, or a key has more than 16 parts.
+        When the text is no TOML, or a key has more than 16 parts.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def parse_toml(text: str, *, what: str) -> dict[str, Any]:
 
 
 def _require_short_keys(text: str, what: str) -> None:
-    """Refuse a.b.c.d. ... without end, over which the parser takes the square of its length."""
+    """Refuse long dotted keys, whose parsing time is quadratic."""
     run = 0
     for part in text.split("."):
         run = 0 if any(mark in part for mark in "\n=,[]") else run + 1
@@ -158,13 +158,7 @@ def _require_short_keys(text: str, what: str) -> None:
 
 
 def read_head(path: Path, length: int = 64) -> bytes:
-    """The first bytes of a regular file, by which its kind is told before the rest takes any memory.
-
-    Raises
-    ------
-    FileInputError
-        As `file_size`, and when the file cannot be read.
-    """
+    """The first bytes of a regular file, which tell its format; errors as `read_bytes`."""
     file_size(path)
     return _first_bytes(path, length)
 
@@ -178,21 +172,9 @@ def _first_bytes(path: Path, most: int) -> bytes:
 
 
 def read_object(path: Path, *, most: int = LARGEST_OBJECT_BYTES, values: int = MOST_VALUES) -> dict[str, Any]:
-    """Read a JSON file that holds one object.
+    """Read a JSON file with an object of at most ``most`` bytes and ``values`` values; errors as `read_bytes`.
 
-    Parameters
-    ----------
-    path
-        The file.
-    most
-        Bytes that it may have.
-    values
-        Values that it may hold: a byte of JSON can become a hundred of memory, so they are counted before.
-
-    Raises
-    ------
-    FileInputError
-        As `read_bytes`, and when it holds something else.
+    The values are counted before parsing: a byte of JSON can take a hundred bytes of memory.
     """
     if not _begins_as_json(read_head(path)):
         raise FileInputError(
@@ -202,19 +184,13 @@ def read_object(path: Path, *, most: int = LARGEST_OBJECT_BYTES, values: int = M
 
 
 def parse_object(data: bytes, name: str, *, values: int = MOST_VALUES) -> dict[str, Any]:
-    """The object in the content of a JSON file; ``name`` says in errors where it came from, ``values`` as above.
-
-    Raises
-    ------
-    FileInputError
-        When it holds something else.
-    """
+    """The object in the content of a JSON file, or `FileInputError`, which calls the file ``name``."""
     if not _begins_as_json(data[:64]):
         raise FileInputError(f"{name} must be a readable JSON file; got something that begins otherwise")
     if sum(map(data.count, (b"[", b"{", b","))) > values:
         raise FileInputError(f"{name} must hold at most {values} values; it has more brackets and commas")
-    if len(data) > _PLAIN_BYTES and not data.isascii():
-        raise FileInputError(f"{name} must be ASCII where it is larger than {_PLAIN_BYTES} bytes; it is not")
+    if len(data) > _LARGEST_UTF8_BYTES and not data.isascii():
+        raise FileInputError(f"{name} must be ASCII where it is larger than {_LARGEST_UTF8_BYTES} bytes; it is not")
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:
@@ -231,7 +207,7 @@ def _begins_as_json(head: bytes) -> bool:
 
 
 def _depth(content: Any) -> int:
-    """How deep lists and objects lie in each other, level by level: what is deep must not be walked by recursion."""
+    """Nesting depth of lists and objects, without recursion."""
     depth, level = 0, [content]
     while level:
         depth += 1
@@ -245,19 +221,19 @@ _FEW = 10_000  # lines that may be empty or comments
 
 
 def text_lines(content: bytes, *, most: int) -> Iterator[tuple[int, str]]:
-    r"""Number, from 1, and text of each line of UTF-8, without its end.
+    r"""Number, from 1, and text of each UTF-8 line, without its end.
 
     Parameters
     ----------
     content
-        The whole file; lines end as on any system.
+        The whole file, with line ends of any system.
     most
-        Lines that may say something; ten thousand more may be empty.
+        Largest number of lines; ten thousand more may be empty.
 
     Raises
     ------
     FileInputError
-        When it is no such text, has more lines or one that is longer than 65536 bytes; the sentence does not name the
+        When it is no such text, has more lines or one that is longer than 65536 bytes; the message does not name the
         file.
 
     Examples

@@ -15,15 +15,15 @@ from tsis.errors import FileInputError, InputError
 from tsis.files import (
     LARGEST_PIXELS,
     as_path,
-    fault,
+    image_fault,
     one_line,
-    pixels_alone,
     printable_name,
     printable_path,
     read_bytes,
     read_head,
     rows_missing,
     size_fault,
+    without_metadata,
 )
 from tsis.instrument._quiet import quiet_decoders
 from tsis.model import TactileImage
@@ -156,13 +156,13 @@ def _decode(path: Path) -> _Picture:
     if not read_head(path).startswith(_MAGIC):
         raise FileInputError(f"{printable_path(path)} must be a PNG, JPEG, BMP or TIFF file; got something else")
     data = read_bytes(path)
-    broken = fault(data)
+    broken = image_fault(data)
     if broken is not None:
         raise FileInputError(
             f"{printable_path(path)} must be a complete image file, but {broken}; copy or save it again"
         )
     try:
-        pixels = pixels_alone(data)
+        pixels = without_metadata(data)
         with quiet_decoders(), Image.open(io.BytesIO(pixels), formats=_FORMATS) as image:
             _require_supported(path, image, pixels)
             levels, kind = _levels(image, pixels)

@@ -1,4 +1,4 @@
-"""Values and errors that every room shares, and what touches files and optional libraries for them; no computation."""
+"""Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
 from tsis.model._calibration import Calibration, LightMap
 from tsis.model._estimate import (

@@ -1,4 +1,4 @@
-"""How much light reaches the probe's face from inside: a smooth map, and what a dent does to it."""
+"""The calibration of a probe and camera, and the map of the light on the probe's face."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-# Of any place; growth in e-folds a mm and bend in e-folds a mm², of which lamps make a tenth.
+# Largest magnitude anywhere; growth in e-folds per mm and bend in e-folds per mm², where lamps reach a tenth.
 MOST = {"relative": 1e6, "flux_x": 1e3, "flux_y": 1e3, "growth_per_mm": 10.0, "bend_per_mm2": 100.0}
 LEAST_LIGHT = 1e-6
 FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
@@ -24,13 +24,13 @@ FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LightMap:
-    """Light that arrives at the face from inside, over a coarse grid, and what displacing and tilting the face does.
+    """Light on the face from inside, over a coarse grid, and its change with displacement and tilt of the face.
 
     Attributes
     ----------
     x_mm, y_mm
-        Coordinates from the probe's axis, shapes (n,) and (m,), ascending. Between them the light is linear, beyond
-        them that of the edge.
+        Coordinates from the probe's axis, shapes (n,) and (m,), ascending. The light is linear between them and
+        constant beyond the edge.
     relative
         Power arriving per area of the undented face over its mean on the face, shape (m, n).
     flux_x, flux_y
@@ -40,12 +40,12 @@ class LightMap:
         The light changes by ``exp(growth_per_mm * displacement + bend_per_mm2 * displacement**2)`` when the face is
         displaced towards the glass, shape (m, n).
     bend_per_mm2
-        See there; zero when it is not given.
+        See ``growth_per_mm``; zero by default.
     error
-        Standard error of ``relative`` by the number of rays, its root mean square over the face.
+        Root mean square over the face of the standard error of ``relative`` from the number of rays.
     depletion
-        Light falls by ``1 / (1 + depletion * share)`` all over the face when contact takes that share of it; 0 where
-        nobody knows, or where a map is that of one press.
+        When contact absorbs a fraction of the light, the light on the whole face falls by
+        ``1 / (1 + depletion * fraction)``; 0 where unknown, or where the map is that of one press.
 
     Raises
     ------
@@ -101,12 +101,12 @@ class LightMap:
 
     @property
     def sha256(self) -> str:
-        """Hash of its content, which names it in results."""
+        """SHA-256 of the content, which identifies the map in results."""
         return hashlib.sha256(repr(self._content()).encode()).hexdigest()
 
     @classmethod
     def uniform(cls) -> Self:
-        """The same light everywhere, whatever the face does."""
+        """Constant light, independent of the press."""
         even, none = np.ones((2, 2)), np.zeros((2, 2))
         ends = np.array([-1.0, 1.0])
         return cls(x_mm=ends, y_mm=ends, relative=even, flux_x=none, flux_y=none, growth_per_mm=none, error=0.0)
@@ -120,7 +120,7 @@ class LightMap:
         slope_x: ArrayLike = 0.0,
         slope_y: ArrayLike = 0.0,
     ) -> NDArray[np.float64]:
-        """Light on a dented face over a grid, relative to the mean on the undented one; never negative.
+        """Light on a deformed face over a grid, relative to the mean on the undeformed face; never negative.
 
         Parameters
         ----------
@@ -137,11 +137,11 @@ class LightMap:
         """
         relative, flux_x, flux_y, growth, bend = self.undented(x_mm, y_mm)
         tilt = 1 + flux_x * np.asarray(slope_x) + flux_y * np.asarray(slope_y)
-        transformed = np.asarray(displacement_mm)
-        return np.asarray(relative * np.exp((growth + bend * transformed) * transformed) * np.maximum(tilt, 0.0))
+        displacement = np.asarray(displacement_mm)
+        return np.asarray(relative * np.exp((growth + bend * displacement) * displacement) * np.maximum(tilt, 0.0))
 
     def undented(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-        """All five fields over a grid, in the order of `FIELDS`, each (len(y_mm), len(x_mm))."""
+        """The five `FIELDS` over a grid, each of shape (len(y_mm), len(x_mm))."""
         rows, columns = interpolation_matrix(self.y_mm, y_mm), interpolation_matrix(self.x_mm, x_mm).T
         return tuple(np.asarray(rows @ getattr(self, name) @ columns) for name in FIELDS)
 
@@ -162,8 +162,8 @@ FRACTIONS = (
 class Calibration:
     """Rough-contact response of a probe and camera: ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
 
-    The slope at zero pressure, where the light is 1 and the background was taken away, is ``gain_grey_per_kpa``. The
-    relative standard deviations say how well each quantity is known.
+    The slope at zero pressure, where the light is 1 and the background is subtracted, is ``gain_grey_per_kpa``. The
+    relative standard deviations are the uncertainties of the quantities.
 
     Parameters
     ----------
@@ -174,34 +174,34 @@ class Calibration:
     background_grey
         Grey level without contact, subtracted before anything else.
     light
-        How the light that reaches the camera varies over the face, lens and all; None when it is even or was corrected.
+        Variation over the face of the light that reaches the camera, lens included; None when even or corrected.
     gain_sd
         Relative standard deviation of the gain (LED drift included).
     force_sd
         Relative standard deviation of a force reading.
     offset_sd
-        Standard deviation of an unknown constant in the corrected image, as a share of its mean grey.
+        Standard deviation of an unknown constant in the corrected image, as a fraction of its mean grey.
     pattern_sd
-        Relative standard deviation of the fixed pattern that all frames of this probe share.
+        Relative standard deviation of the fixed pattern in all frames of this probe.
     repeatability_sd
-        Relative standard deviation of a pattern that each press leaves anew.
+        Relative standard deviation of a pattern that differs from press to press.
     grain_mm
-        Width of a grain of these two patterns, in [0.05, 50]: places closer than that err alike.
+        Correlation length of these two patterns in mm, in [0.05, 50].
     shading_sd
-        Standard deviation of each of three Legendre terms along the radius, by which the log of what displacement and
-        slope of the face do to the light is off, as a share of it.
+        Standard deviation of each of three Legendre terms along the radius: the relative error of the log of the
+        change of light with displacement and slope of the face.
     site_sd
         Relative standard deviation of the tissue's modulus between the reference site and the target's.
     probe_young_sd
-        Relative standard deviation of the moduli of the probe's layers, which err together.
+        Relative standard deviation of the moduli of the probe's layers, fully correlated.
     read_noise_grey
-        Standard deviation of one pixel's noise at zero light, grey levels.
+        Standard deviation of the noise of a pixel at zero light, grey levels.
     shot_noise_grey
-        Variance per grey level of one pixel's noise.
+        Variance of the noise of a pixel per grey level.
     name
         Identifies the calibration in every result.
     probe
-        Name of the probe that was calibrated; empty when nobody wrote it down.
+        Name of the calibrated probe; empty where unknown.
     """
 
     gain_grey_per_kpa: float
@@ -231,12 +231,12 @@ class Calibration:
         if self.light is not None and not isinstance(self.light, LightMap):
             raise InputError(f"light must be a LightMap or None; got {self.light!r:.80}")
         for name in FRACTIONS:
-            require_number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
+            require_number(name, getattr(self, name), 0.0, 1.0, hint="a fraction")
         require_number("grain_mm", self.grain_mm, 0.05, 50.0, hint="millimetres")
         require_number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)
         require_number("shot_noise_grey", self.shot_noise_grey, 0.0, 1e4)
 
     def provenance(self) -> dict[str, Any]:
-        """Its fields by name, with the hash of the light in place of the map, which is longer than all else."""
+        """The fields by name, with the hash of the light map in place of the map."""
         light = None if self.light is None else self.light.sha256
         return asdict(replace(self, light=None)) | {"light": light}

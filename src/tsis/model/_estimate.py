@@ -1,4 +1,4 @@
-"""An estimate: samples of the posterior, and what they say."""
+"""An estimate: samples of the posterior and their summary."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-INTERVAL_LEVEL = 0.9  # probability of the intervals that are told where nobody asks for another
-IMPROBABLE = 1e-4  # chance, if the model were true, of what disagrees with it this much: below it the reader is told
-NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
+INTERVAL_LEVEL = 0.9  # default probability of intervals
+IMPROBABLE = 1e-4  # p-value of the model below which results say so
+NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which a parameter is not identified
 LARGEST_EVIDENCE = 1e12
-LEAST_CHANCE = 1e-99  # that is put into words
+LEAST_CHANCE = 1e-99  # smallest printed probability
 
 
 def probability_bound(chance: float) -> str:
-    """The next power of ten above a chance, for a sentence: the digits of one this small mean nothing.
+    """The next power of ten above a probability, for messages: the digits of a tiny one mean nothing.
 
     >>> probability_bound(2.3e-15), probability_bound(0.0)
     ('1e-14', '1e-99')
@@ -34,34 +34,33 @@ def probability_bound(chance: float) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
-    """Posterior samples by parameter name, with the prior's spread beside them.
+    """Posterior samples by parameter name, with the standard deviations of the prior.
 
     Parameters
     ----------
     samples
         Equally weighted posterior samples, name -> shape (n,); the names carry the unit.
     prior_sd
-        Standard deviation of each parameter before the data were seen.
+        Prior standard deviation of each parameter.
     cramer_rao_sd
-        Least standard deviation of any unbiased estimate of each parameter, everything else unknown; infinite where
-        the data tell nothing, empty where nobody computed it.
+        Least standard deviation of any unbiased estimate of each parameter, all others unknown; infinite where the
+        data contain no information, empty where not computed.
     presence
-        Probability that what was estimated is there at all; None where nobody asked.
+        Probability that an inclusion is present; None where not computed.
     log_bayes_factor
-        Natural logarithm of how much better the data are explained with it than without, before any rounding: what
-        ranks targets of which each is nearly certain.
+        Natural logarithm of the Bayes factor of presence, unrounded: it ranks targets whose probabilities are near 1.
     identifiability
-        One sentence that says what the data tell and what not.
+        A message on which parameters the data identify.
     prior
-        What was believed before the data, in words.
+        A description of the prior.
     trusted
-        Whether no flag says that the model does not hold; where one does, no number here should be used.
+        False where a flag tells that the model does not hold; then no number here should be used.
     flags
-        Short names of what the reader must know, e.g. ``"young_kpa_not_identified"``.
+        Short names of warnings, e.g. ``"young_kpa_not_identified"``.
     notes
-        One sentence a flag or a parameter.
+        A message for each flag or parameter.
     provenance
-        Version, inputs and calibration that the estimate came from.
+        Version, inputs and calibration of the estimate.
 
     Examples
     --------
@@ -124,17 +123,17 @@ class Estimate:
 
     @property
     def narrowing(self) -> dict[str, float]:
-        """Posterior over prior standard deviation: 1 says that the data told nothing."""
+        """Posterior over prior standard deviation; 1 where the data contain no information."""
         return {name: sd / self.prior_sd[name] for name, sd in self.sd.items()}
 
     def identified(self, name: str) -> bool:
-        """Whether the data told enough of a parameter for its mean to be read as a number."""
+        """Whether the data identify a parameter, so that its mean is meaningful."""
         return f"{name}_not_identified" not in self.flags
 
     def interval(self, level: float = INTERVAL_LEVEL) -> dict[str, tuple[float, float]]:
-        """Equal-tailed credible interval of each parameter, in the unit that its name carries.
+        """Equal-tailed credible interval of each parameter, in the unit of its name.
 
-        ``level`` is the probability of each, in (0, 1); else `InputError` is raised.
+        ``level`` is its probability, in (0, 1); else `InputError`.
         """
         require_number("level", level, 1e-6, 1.0 - 1e-6)
         tails = (0.5 - level / 2, 0.5 + level / 2)
@@ -158,7 +157,7 @@ def unit_of(name: str) -> str:
 
 
 def label_of(name: str) -> str:
-    """A quantity's name in words, without its unit.
+    """The name of a quantity for people, without its unit.
 
     Examples
     --------

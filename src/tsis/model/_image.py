@@ -1,4 +1,4 @@
-"""One frame of the camera, with what is needed to read it in millimetres."""
+"""A camera frame with the scale of its pixels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM = 1e-4, 10.0
-LARGEST_GREY = 1e9  # far beyond any sensor, and its square still a number
+LARGEST_GREY = 1e9  # beyond any sensor, and its square is finite
 
 
 def require_pixel_scale(value: tuple[float, float]) -> tuple[float, float]:
@@ -36,7 +36,7 @@ def require_image_numbers(
     force_n: float | None,
     axis_px: tuple[float, float] | None,
 ) -> None:
-    """Refuse what no image may have; parameters as of `TactileImage`."""
+    """Check the ranges; parameters as in `TactileImage`."""
     require_number("full_scale", full_scale, 1.0, 65535.0)
     if mm_per_pixel is not None:
         require_pixel_scale(mm_per_pixel)
@@ -54,19 +54,19 @@ class TactileImage:
     Parameters
     ----------
     grey
-        Grey levels, shape (rows, columns), finite; kept as a read-only float64 copy.
+        Grey levels, shape (rows, columns), finite; stored as a read-only float64 copy.
     mm_per_pixel
-        Size (x, y) of a pixel on the face in mm; None when nobody measured it.
+        Size (x, y) of a pixel on the face in mm; None where unknown.
     full_scale
         Grey level at which the camera clips, 255 for 8 bits.
     force_n
-        Force of the press in newtons as the gauge read it; None when unknown.
+        Measured force of the press in newtons; None where unknown.
     axis_px
-        Where the probe's axis meets the image, (x, y) in pixels; the image's centre when None.
+        Position (x, y) of the probe's axis in the image in pixels; the centre of the image when None.
     name
-        What reports call it, e.g. the file's name.
+        Name in reports, e.g. that of the file.
     settings
-        What the camera was set to, for provenance.
+        Camera settings, for provenance.
 
     Raises
     ------
@@ -102,8 +102,8 @@ class TactileImage:
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
     def axis(self) -> tuple[float, float]:
-        """Where the probe's axis meets the image, (x, y) in pixels."""
-        assert self.axis_px is not None  # filled in when the image is made
+        """Position (x, y) of the probe's axis in the image in pixels."""
+        assert self.axis_px is not None  # set in __post_init__
         return self.axis_px
 
     def scale(self) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Frames that are read together: do they belong to each other, and does the calibration belong to their probe?"""
+"""Checks that images fit each other and that a calibration fits the probe."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def as_images(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
-    """One image, several or none as a list; `InputError` names ``name`` when something else is among them."""
-    if given is None:
+def as_images(name: str, images: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
+    """An image, several or None as a list; `InputError` for any other type."""
+    if images is None:
         return []
-    if isinstance(given, TactileImage):
-        return [given]
-    frames = list(given) if isinstance(given, Iterable) else [given]
+    if isinstance(images, TactileImage):
+        return [images]
+    frames = list(images) if isinstance(images, Iterable) else [images]
     for frame in frames:
         if not isinstance(frame, TactileImage):
             raise InputError(f"{name} must hold TactileImage values; got {type(frame).__name__}")
@@ -34,7 +34,7 @@ def as_images(name: str, given: TactileImage | Sequence[TactileImage] | None) ->
 
 
 def require_same_probe(probe: Probe, calibration: Calibration) -> None:
-    """Refuse a missing calibration, or one of another probe.
+    """Check that there is a calibration of this probe.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def require_same_probe(probe: Probe, calibration: Calibration) -> None:
     require_type("probe", probe, Probe)
     if not isinstance(calibration, Calibration):
         raise NotCalibratedError(
-            f"calibration must be a Calibration, the answer of this probe's grey level to pressure; got {calibration!r}"
+            f"calibration must be a Calibration, the response of this probe to pressure; got {calibration!r}"
         )
     if calibration.probe and probe.name and calibration.probe != probe.name:
         raise NotCalibratedError(
@@ -56,7 +56,7 @@ def require_same_probe(probe: Probe, calibration: Calibration) -> None:
 
 
 def require_image_series(frames: list[TactileImage]) -> list[str]:
-    """Refuse frames of unknown force or scale, that do not belong together, or that are given twice.
+    """Check that the frames have a force and a scale, fit each other, and differ.
 
     Returns
     -------
@@ -65,11 +65,11 @@ def require_image_series(frames: list[TactileImage]) -> list[str]:
     Raises
     ------
     InputError
-        When a force or a scale is unknown, or a frame is there twice.
+        When a force or a scale is unknown, or a frame occurs twice.
     ImageMismatchError
         When the frames differ in shape, scale, axis or range of values.
     """
-    first, observed = frames[0], list[str]()
+    first, digests = frames[0], list[str]()
     for frame in frames:
         label = frame.name or "an image"
         if not frame.force_n:
@@ -85,12 +85,12 @@ def require_image_series(frames: list[TactileImage]) -> list[str]:
                 f"{label!r} has {frame.grey.shape} and {frame.axis_px}"
             )
         digest = grey_sha256(frame.grey)
-        if digest in observed:
+        if digest in digests:
             raise InputError(f"images must be different frames; {label!r} is given twice, which tells nothing new")
-        observed.append(digest)
-    return observed
+        digests.append(digest)
+    return digests
 
 
 def grey_sha256(grey: NDArray[np.floating[Any]]) -> str:
-    """SHA-256 of grey levels in single precision, which holds 16 bits exactly; what estimates know a frame by."""
+    """SHA-256 of grey levels in single precision, exact for 16 bits; it identifies a frame in estimates."""
     return hashlib.sha256(grey.astype(np.float32).data).hexdigest()

@@ -1,4 +1,4 @@
-"""The pressed body: a slab of tissue with or without one stiff inclusion."""
+"""Pressed bodies: a slab of tissue with or without inclusions, and a soft sphere."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Inclusion:
     Parameters
     ----------
     diameter_mm
-        Diameter d in mm, in [0.1, 100]; of an ellipsoid the nominal one, which only names it.
+        Diameter d in mm, in [0.1, 100]; for an ellipsoid nominal.
     depth_mm
         Depth h in mm from the skin to the TOP of the inclusion, in [0.2, 200].
     young_kpa
@@ -66,7 +66,7 @@ class Inclusion:
 
     @property
     def half_axes_mm(self) -> tuple[float, float, float]:
-        """Semi-axes (x, y, z) in mm, of a sphere too."""
+        """Semi-axes (x, y, z) in mm, for a sphere too."""
         return self.semi_axes_mm or (self.diameter_mm / 2,) * 3
 
     @property
@@ -81,14 +81,14 @@ class Inclusion:
 
     @property
     def is_axisymmetric(self) -> bool:
-        """True when the inclusion is a sphere or spheroid around the probe's axis."""
+        """True for a sphere or spheroid around the probe's axis."""
         x, y, _ = self.half_axes_mm
         return self.offset_mm == (0.0, 0.0) and x == y
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Phantom:
-    """A slab of soft tissue on a rigid chest wall, plain or with inclusions.
+    """A slab of soft tissue on a rigid chest wall, with or without inclusions.
 
     Parameters
     ----------
@@ -99,18 +99,18 @@ class Phantom:
     poisson
         Poisson's ratio of the tissue, in [0, 0.495].
     inclusion
-        The inclusion, or None for plain tissue.
+        The inclusion, or None.
     more_inclusions
-        Further ones, which only the three-dimensional model can press.
+        Further inclusions, for the three-dimensional model alone.
     name
-        What reports call it.
+        Name in reports.
     assumed
-        Names of the values that were assumed and not measured.
+        Names of the values that were assumed, not measured.
 
     Raises
     ------
     InputError
-        When a value lies outside its range, an inclusion does not fit into the slab, or two of them meet.
+        When a value lies outside its range, an inclusion does not fit into the slab, or two overlap.
 
     Examples
     --------
@@ -149,21 +149,21 @@ class Phantom:
 
     @property
     def inclusions(self) -> tuple[Inclusion, ...]:
-        """All inclusions, none for plain tissue."""
+        """All inclusions."""
         return () if self.inclusion is None else (self.inclusion, *self.more_inclusions)
 
     @property
     def is_axisymmetric(self) -> bool:
-        """True for plain tissue and for one sphere or spheroid around the probe's axis."""
+        """True without inclusion and for one sphere or spheroid around the probe's axis."""
         return all(inclusion.is_axisymmetric for inclusion in self.inclusions) and not self.more_inclusions
 
     def without_inclusion(self) -> Phantom:
-        """The same slab of plain tissue: the baseline of a press."""
+        """The same slab without inclusions: the baseline of a press."""
         return replace(self, inclusion=None, more_inclusions=())
 
 
 def _refuse_meeting(item: Inclusion, other: Inclusion) -> None:
-    """Keep apart what a mesh has to tell apart; ellipsoids count as the spheres around them."""
+    # An ellipsoid counts as its circumscribed sphere.
     centres = np.array([[*inclusion.offset_mm, inclusion.centre_depth_mm] for inclusion in (item, other)])
     difference = float(np.linalg.norm(centres[0] - centres[1]))
     extent = max(item.half_axes_mm) + max(other.half_axes_mm)
@@ -184,7 +184,7 @@ class SoftSphere:
     poisson
         Poisson's ratio, in [0, 0.495].
     name
-        What reports call it.
+        Name in reports.
 
     Raises
     ------
@@ -213,20 +213,20 @@ class SoftSphere:
 class Relaxation:
     """A Prony series of the modulus; one term is the standard linear solid.
 
-    The modulus falls from ``young_kpa / (1 - sum(shares))`` at once to ``young_kpa``, the settled one that a phantom
-    states, as ``E(t) = E(0) * (1 - sum(share * (1 - exp(-t / time))))``. Poisson's ratio stays.
+    The modulus relaxes from the instantaneous ``young_kpa / (1 - sum(shares))`` to ``young_kpa``, that of the phantom,
+    as ``E(t) = E(0) * (1 - sum(share * (1 - exp(-t / time))))``. Poisson's ratio is constant.
 
     Parameters
     ----------
     shares
-        Share of the instantaneous modulus that each term loses, each in (0, 1), together at most 0.99.
+        Fraction of the instantaneous modulus that each term loses, in (0, 1), with a sum of at most 0.99.
     times_s
-        Time constant of each term, s, in [1e-4, 1e6], all different.
+        Time constants of the terms in s, in [1e-4, 1e6], all different.
 
     Raises
     ------
     InputError
-        When a value lies outside its range or the two do not belong together.
+        When a value lies outside its range, or the lengths differ.
 
     Examples
     --------
@@ -258,10 +258,10 @@ class Relaxation:
 
     @property
     def instantaneous_ratio(self) -> float:
-        """Instantaneous over settled modulus, > 1."""
+        """Instantaneous over relaxed modulus, > 1."""
         return 1 / (1 - sum(self.shares))
 
     def modulus_ratio(self, time_s: Any) -> NDArray[np.float64]:
-        """Modulus at ``time_s`` after a step of strain, over the settled one."""
-        faded = 1 - np.exp(-np.asarray(time_s, dtype=float)[..., None] / np.array(self.times_s))
-        return np.asarray(self.instantaneous_ratio * (1 - faded @ np.array(self.shares)))
+        """Modulus at ``time_s`` after a step of strain, over the relaxed modulus."""
+        relaxed = 1 - np.exp(-np.asarray(time_s, dtype=float)[..., None] / np.array(self.times_s))
+        return np.asarray(self.instantaneous_ratio * (1 - relaxed @ np.array(self.shares)))

@@ -1,4 +1,4 @@
-"""Coordinates of a grid, and values between its points."""
+"""Results of a press, over the face radius or a grid, and interpolation on grids."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def require_ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """Check a coordinate of a grid: at least two numbers, each above the one before."""
+    """Check the coordinates of a grid: at least two ascending numbers."""
     result: NDArray[np.float64] = require_array(name, values, ndim=1)
     if len(result) < 2 or (np.diff(result) <= 0).any():
         raise InputError(f"{name} must hold at least two ascending numbers; got {values!r:.80}")
@@ -26,10 +26,10 @@ def require_ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
 def interpolation_matrix(
     knots: NDArray[np.float64], at: ArrayLike, *, outside: Literal["edge", "zero"] = "edge"
 ) -> csr_array[Any, tuple[int, int]]:
-    """Matrix from values at ascending ``knots`` to values at ``at``, shape (len(at), len(knots)): linear between.
+    """Sparse matrix of linear interpolation from ascending ``knots`` to ``at``, shape (len(at), len(knots)).
 
-    Beyond the knots values are those of the edge, or zero. Two numbers a row are all it holds, so a map of m rows and n
-    columns is brought to another grid in a time that goes with the grid's points.
+    Beyond the knots the value is that of the edge, or zero. Each row has two entries, so the time to resample a map is
+    proportional to the points of the new grid.
 
     Examples
     --------
@@ -38,7 +38,7 @@ def interpolation_matrix(
     >>> interpolation_matrix(np.array([0.0, 2.0]), [-1.0], outside="zero").toarray().tolist()
     [[0.0, 0.0]]
     """
-    from scipy.sparse import csr_array  # as long to load as all the rest of the model
+    from scipy.sparse import csr_array  # slow to import
 
     positions = np.asarray(at, dtype=float)
     left = np.clip(np.searchsorted(knots, positions, side="right") - 1, 0, len(knots) - 2)
@@ -51,7 +51,7 @@ def interpolation_matrix(
     return csr_array((weights.ravel(), columns.ravel(), rows), shape=(len(positions), len(knots)))
 
 
-MN_PER_N = 1000.0  # mechanics count in mm, kPa and so in mN
+MN_PER_N = 1000.0  # mechanics uses mm and kPa, therefore mN
 CELL_SAMPLES = 6  # points along each side of a grid cell over which a pressure is averaged
 
 
@@ -66,8 +66,8 @@ class PressField:
     face_displacement_mm
         Displacement of the face relative to the glass, shape (n,); positive where the probe is compressed.
     pressure_kpa
-        Contact pressure, shape (n,); compression is positive. Means around each radius, so that the integral over the
-        face is the force; the last value stands for the singular edge.
+        Contact pressure, shape (n,); compression is positive. Means around each radius, so the integral over the face
+        is the force; the last value represents the singular edge.
     approach_mm
         Travel of the glass towards the chest wall since first contact.
     force_n
@@ -91,7 +91,7 @@ class PressField:
 
         def at(values: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
             radius = np.hypot(x[None, :], y[:, None])
-            inside = radius <= edge * (1 + 1e-12)  # the last point of a spacing may miss the edge by rounding
+            inside = radius <= edge * (1 + 1e-12)  # rounding may put the last point beyond the edge
             return np.where(inside, np.interp(radius, self.radius_mm, values), 0.0)
 
         fine_x, fine_y = _inside_cells(x), _inside_cells(y)
@@ -108,7 +108,7 @@ class PressField:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressMap:
-    """Displacement of the face and contact pressure over a rectangular grid, of a press that need not be round.
+    """Displacement of the face and contact pressure over a rectangular grid, for any press.
 
     Attributes
     ----------
@@ -118,8 +118,8 @@ class PressMap:
         Displacement of the face relative to the glass, shape (m, n); positive where the probe is compressed, zero
         outside the face.
     pressure_kpa
-        Contact pressure, shape (m, n); compression is positive. Means over the grid's cells, of which those outside the
-        face hold none, so that the sum over an even grid that covers the face is the force.
+        Contact pressure, shape (m, n); compression is positive. Means over the cells of the grid, zero outside the
+        face, so the sum over a uniform grid that covers the face is the force.
     approach_mm
         Travel of the glass towards the chest wall since first contact.
     force_n
@@ -128,7 +128,7 @@ class PressMap:
     Raises
     ------
     InputError
-        When a coordinate does not ascend, a value is not finite or a shape is not that of the grid.
+        When a coordinate does not ascend, a value is not finite, or a shape does not fit the grid.
 
     Examples
     --------
@@ -159,7 +159,7 @@ class PressMap:
 
 
 def _inside_cells(centres: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points spread over the cells around ``centres``, `CELL_SAMPLES` each, flat."""
+    """`CELL_SAMPLES` points in each cell around ``centres``, flat."""
     middles = (centres[1:] + centres[:-1]) / 2
     ends = np.concatenate([[2 * centres[0] - middles[0]], middles, [2 * centres[-1] - middles[-1]]])
     fraction = (np.arange(CELL_SAMPLES) + 0.5) / CELL_SAMPLES

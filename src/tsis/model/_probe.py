@@ -1,4 +1,4 @@
-"""What lights a probe: the glass plate above its layers and the lamps around its side."""
+"""The probe: its layers, the glass plate above them, and the lamps around its side."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glass:
-    """The plate that the layers are bonded to and through which the camera looks.
+    """The plate between the layers and the camera, bonded to the layers.
 
     Parameters
     ----------
@@ -41,28 +41,28 @@ class Glass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Led:
-    """A lamp outside the probe's side wall, against which its round emitting face lies.
+    """A lamp whose round emitting face touches the probe's side wall from outside.
 
-    Its intensity falls with the angle from its axis as ``cos(angle)^m``, where ``m`` makes it one half at
-    ``half_angle_deg``; nothing leaves backwards.
+    Its intensity falls with the angle from its axis as ``cos(angle)^m``, one half at ``half_angle_deg``, with no light
+    backwards.
 
     Parameters
     ----------
     azimuth_deg
-        Where around the probe it stands, degrees from x towards y.
+        Position around the probe in degrees from x towards y.
     height_mm
-        Distance of its centre above the plane of the face's apex, towards the glass, in mm; None is the middle of the
+        Height of its centre above the plane of the face's apex, towards the glass, in mm; None is the middle of the
         layers.
     aim_deg
         Angle of its axis above the plane of the face, positive towards the glass, in (-80, 80); it points at the
         probe's axis.
     half_angle_deg
-        Angle from its axis at which the intensity is half of that on the axis, in [1, 85]. A data sheet's viewing angle
+        Angle from its axis at which the intensity is half of the maximum, in [1, 85]. The viewing angle of a data sheet
         is twice this: 15 for a lamp of 30 degrees.
     diameter_mm
         Diameter of the emitting face in mm, in [0.01, 20].
     power
-        Its light relative to the other lamps, in [0, 1000].
+        Power relative to the other lamps, in [0, 1000].
 
     Raises
     ------
@@ -88,7 +88,7 @@ class Led:
 
     @property
     def exponent(self) -> float:
-        """The power of the cosine with which the intensity falls."""
+        """The exponent ``m`` of the cosine."""
         return float(np.log(0.5) / np.log(np.cos(np.radians(self.half_angle_deg))))
 
 
@@ -96,12 +96,12 @@ CROWN_GLASS = Glass()
 FOUR_LEDS = tuple(Led(azimuth_deg=azimuth) for azimuth in (0.0, 90.0, 180.0, 270.0))
 
 
-THINNEST_RIM = 0.1  # of the thickness on the axis
+THINNEST_RIM = 0.1  # thickness at the rim over that on the axis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layer:
-    """One homogeneous, isotropic, transparent layer of the probe.
+    """A homogeneous, isotropic, transparent layer of the probe.
 
     Parameters
     ----------
@@ -143,24 +143,24 @@ class Probe:
     layers
         The layers, listed from the tissue up, each with its thickness on the axis.
     face_curvature_mm
-        Radius of curvature of a domed face in mm, at least ``radius_mm``; None for a flat one. The glass is flat; the
-        layers bulge together, each keeping its share of the thickness at every radius.
+        Radius of curvature of a domed face in mm, at least ``radius_mm``; None for a flat face. The glass is flat; each
+        layer has the same fraction of the thickness at every radius.
     sides
         ``"free"``, or ``"bonded"`` to a rigid housing.
     glass
         The plate above the layers.
     leds
-        The lamps around the side wall, at least one of them lit; four at equal angles when not given.
+        The lamps around the side wall, at least one of them lit; by default four at equal angles.
     name
-        What reports call it.
+        Name in reports.
     assumed
-        Names of the values that were assumed and not measured, e.g. ``("layers.young_kpa",)``.
+        Names of the values that were assumed, not measured, e.g. ``("layers.young_kpa",)``.
 
     Raises
     ------
     InputError
-        When a value lies outside its range, there is no layer or no lit lamp, a lamp stands beside
-        neither layers nor glass, or a dome leaves almost nothing of the layers at the rim.
+        When a value lies outside its range, there is no layer or no lit lamp, a lamp lies outside layers and glass, or
+        a dome makes the layers too thin at the rim.
 
     Examples
     --------
@@ -215,7 +215,7 @@ class Probe:
         return self.thickness_mm / 2 if led.height_mm is None else led.height_mm
 
     def unlit(self) -> Probe:
-        """The probe as mechanics knows it: with lamps and glass of any probe, for no press depends on them."""
+        """The probe with default lamps and glass, which do not affect mechanics."""
         return replace(self, glass=CROWN_GLASS, leds=FOUR_LEDS)
 
     @property
@@ -224,10 +224,10 @@ class Probe:
         return sum(layer.thickness_mm for layer in self.layers)
 
     def sag_mm(self, radius_mm: Any) -> NDArray[np.float64]:
-        """How far the undeformed face lies behind its apex at ``radius_mm``, mm; zeros for a flat face."""
+        """Distance of the undeformed face behind its apex at ``radius_mm``, mm; zeros for a flat face."""
         radius = np.asarray(radius_mm, dtype=float)
         if self.face_curvature_mm is None:
             return np.zeros_like(radius)
         curvature = self.face_curvature_mm
-        # Written without the difference of two large numbers, which would cost digits on nearly flat faces.
+        # This form avoids the cancellation of two large numbers on nearly flat faces.
         return np.asarray(radius**2 / (curvature + np.sqrt(curvature**2 - radius**2)))

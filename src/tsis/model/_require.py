@@ -1,4 +1,4 @@
-"""Checks that values make of their fields: one clear sentence, or nothing."""
+"""Checks of values, with a clear message."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-LARGEST_SEED = 2**63 - 1  # of all that is drawn by chance: whole numbers of other programs end there
+LARGEST_SEED = 2**63 - 1  # of random generators: the largest integer of many programs
 
 
 def require_number(name: str, value: object, low: float, high: float, *, hint: str = "") -> float:
-    """Return ``value`` as a float when it is finite and lies in ``[low, high]``, else say why not."""
+    """Return ``value`` as a float when it is finite and lies in ``[low, high]``, else raise `InputError`."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InputError(f"{name} must be a number; got {value!r:.80}")
     result = _as_float(value)
@@ -30,13 +30,13 @@ def require_number(name: str, value: object, low: float, high: float, *, hint: s
 
 
 def require_integer(name: str, value: object, low: int, high: int, *, hint: str = "") -> int:
-    """Return ``value`` as an int when it is a whole number, as 3 or 3.0 or 1e6, and lies in ``[low, high]``."""
+    """Return ``value`` as an int when it is a whole number, e.g. 3 or 3.0 or 1e6, in ``[low, high]``."""
     ending = f" ({hint})" if hint else ""
     # Infinity and NaN are not whole.
     fraction = isinstance(value, (float, np.floating)) and not float(value).is_integer()
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)) or fraction:
         raise InputError(f"{name} must be a whole number; got {value!r:.80}{ending}")
-    result = int(value)  # not by way of a float, which would round large seeds
+    result = int(value)  # a float would round large seeds
     if not low <= result <= high:
         raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {_as_float(result):g}{ending}")
     return result
@@ -50,7 +50,7 @@ def _as_float(value: float | np.integer[Any] | np.floating[Any]) -> float:
 
 
 def require_type(name: str, value: object, requested: type) -> None:
-    """Refuse a value that is not of the class ``requested``."""
+    """Raise `InputError` unless ``value`` is of the class ``requested``."""
     if not isinstance(value, requested):
         raise InputError(f"{name} must be a {requested.__name__}; got {value!r:.80}")
 
@@ -58,7 +58,7 @@ def require_type(name: str, value: object, requested: type) -> None:
 def require_pair(name: str, value: Any) -> tuple[float, float]:
     """Return ``value`` as two finite numbers."""
     if type(value) is tuple and len(value) == 2 and all(type(item) is float and math.isfinite(item) for item in value):
-        return value  # as every press of a store has it
+        return value  # the fast path of stored presses
     result = require_array(name, value, ndim=1)
     if result.shape != (2,):
         raise InputError(f"{name} must hold two numbers; got {value!r:.80}")
@@ -78,7 +78,7 @@ def require_array(name: str, value: Any, *, ndim: int, dtype: type = float) -> N
         raise InputError(f"{name} must have {ndim} axes; got shape {result.shape}")
     if result.size == 0:
         raise InputError(f"{name} must not be empty; got shape {result.shape}")
-    whole_numbers = result.dtype.kind in "iu"  # as cameras deliver them: nothing to look for
+    whole_numbers = result.dtype.kind in "iu"  # always finite
     bad = 0 if whole_numbers else int(np.count_nonzero(~np.isfinite(result)))
     if bad:
         raise InputError(f"{name} must be finite; got {bad} NaN or infinite values out of {result.size}")

@@ -112,9 +112,9 @@ def force_residuals(loadings: Sequence[Loading], line: ForceLine, ax: Axes) -> A
 
 
 def hysteresis_loops(loadings: Sequence[Loading], ax: Axes) -> Axes:
-    """Draw loading less unloading over the force, in per cent of each run's largest sum, one curve a run.
+    """Draw loading less unloading over the force, in per cent of each run's largest sum, a curve for each run.
 
-    Runs without unloading have none; where no run has one, the axes say so.
+    Runs without unloading have no curve; the axes say so where none has one.
     """
     for loading, colour in _coloured(loadings):
         run = fit_run(loading)
@@ -134,13 +134,13 @@ def hysteresis_loops(loadings: Sequence[Loading], ax: Axes) -> Axes:
 
 
 def _coloured(loadings: Sequence[Loading]) -> list[tuple[Loading, str]]:
-    """Loadings with one colour a tip."""
+    """Loadings with a colour for each tip."""
     tips = sorted({loading.tip_radius_mm for loading in loadings})
     return [(loading, COLOURS[tips.index(loading.tip_radius_mm) % len(COLOURS)]) for loading in loadings]
 
 
 def _presses(loading: Loading, values: NDArray[np.float64], ax: Axes, colour: str) -> None:
-    """A ring for every press of loading, a cross for every one of unloading."""
+    """Draw rings for loading and crosses for unloading."""
     for rising, mark in ((True, "o"), (False, "x")):
         here = loading.touched & (loading.rising == rising)
         name = _name(loading) if rising else None
@@ -148,11 +148,11 @@ def _presses(loading: Loading, values: NDArray[np.float64], ax: Axes, colour: st
 
 
 def _name(loading: Loading) -> str | None:
-    """What the legend calls a tip, once."""
+    """Label of a tip, for its first run."""
     return f"{loading.tip_radius_mm:g} mm tip" if loading.run == 1 else None
 
 
-DOT, LATTICE, MISS, STRAY = "#0072b2", "0.75", "#d55e00", "#cc79a7"  # told apart without red-green vision
+DOT, LATTICE, RESIDUAL, STRAY = "#0072b2", "0.75", "#d55e00", "#cc79a7"  # distinct without red-green vision
 
 
 def dot_board(
@@ -163,20 +163,20 @@ def dot_board(
     scale: PixelScale | None = None,
     magnified: float | None = None,
 ) -> Axes:
-    """Draw the dots of a board, the lattice they lie on, and how far each is from its fitted place.
+    """Draw the dots of a board, their lattice, and their residuals from the fit.
 
     Parameters
     ----------
     dot_diagnostics
-        What `scale_from_dots` found beside the scale.
+        Diagnostics of `scale_from_dots`.
     ax
         Where to draw; image coordinates in pixels, y downwards.
     image
-        The frame, drawn below; None draws none.
+        The frame below the dots, or None.
     scale
-        The scale, written above and marked where it holds; None writes nothing.
+        The scale, for the title and the mark of its position, or None.
     magnified
-        By what factor residuals are drawn; by default so that the largest is as long as a third of the dots' distance.
+        Factor of the residuals; by default the largest is as long as a third of the spacing of the dots.
 
     Returns
     -------
@@ -192,11 +192,11 @@ def dot_board(
     factor = _magnification(dot_diagnostics, steps) if magnified is None else magnified
     tips = positions + factor * dot_diagnostics.residuals_px
     label = f"residuals, {factor:.0f} times"
-    ax.plot(*_broken_lines(np.stack([positions, tips], axis=1)), color=MISS, linewidth=1.4, label=label)
+    ax.plot(*_broken_lines(np.stack([positions, tips], axis=1)), color=RESIDUAL, linewidth=1.4, label=label)
     if len(dot_diagnostics.strays_px):
         ax.plot(*dot_diagnostics.strays_px.T, "x", color=STRAY, label=f"no dots ({len(dot_diagnostics.strays_px)})")
     if scale is not None:
-        ax.plot(*scale.at_px, "+", color="black", markersize=12, label="the scale's place")
+        ax.plot(*scale.at_px, "+", color="black", markersize=12, label="position of the scale")
         ax.set_title(", ".join(f"{axis}: {size}" for axis, size in zip("xy", _sizes(scale), strict=True)), fontsize=9)
     ax.set(xlabel="x / px", ylabel="y / px", aspect="equal")
     if image is None:
@@ -211,15 +211,15 @@ def _sizes(scale: PixelScale) -> list[str]:
 
 def _steps(dot_diagnostics: DotDiagnostics) -> NDArray[np.float64]:
     """Ends of the lines between neighbours, shape (lines, 2, 2), pixels."""
-    place_of = {
+    centres = {
         (round(i), round(j)): centre_px
         for (i, j), centre_px in zip(dot_diagnostics.cells, dot_diagnostics.centres_px, strict=True)
     }
     ends = [
-        (position, place_of[other])
-        for (i, j), position in place_of.items()
+        (position, centres[other])
+        for (i, j), position in centres.items()
         for other in ((i + 1, j), (i, j + 1))
-        if other in place_of
+        if other in centres
     ]
     return np.array(ends, dtype=float).reshape(-1, 2, 2)
 

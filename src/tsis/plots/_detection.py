@@ -1,4 +1,4 @@
-"""Detection studies drawn: curves, scores, reliability, what was found, and agreement."""
+"""Figures of detection studies: curves, scores, reliability, detected inclusions, and agreement."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BLUE, WARM, GREY = "#0072b2", "#d55e00", "0.45"
 
 
 def roc_curve(curve: Roc, ax: Axes, *, label: str = "", counts: Counts | None = None, colour: str = BLUE) -> Axes:
-    """A curve of steps, the diagonal of chance, and the fixed threshold with both Wilson intervals.
+    """Draw a ROC curve, the diagonal of chance, and the fixed threshold with both Wilson intervals.
 
     Parameters
     ----------
@@ -31,11 +31,11 @@ def roc_curve(curve: Roc, ax: Axes, *, label: str = "", counts: Counts | None = 
     ax
         Where to draw.
     label
-        Its name.
+        Name of the detector.
     counts
         Decisions at the fixed threshold.
     colour
-        Of curve and point.
+        Colour of curve and point.
     """
     ax.plot([0, 1], [0, 1], color="0.75", linewidth=1, zorder=1)
     ax.plot(
@@ -63,7 +63,7 @@ def roc_curve(curve: Roc, ax: Axes, *, label: str = "", counts: Counts | None = 
 
 
 def scores_by_truth(scores: ArrayLike, present: ArrayLike, ax: Axes, *, threshold: float) -> Axes:
-    """Every score over what is true, and the threshold.
+    """Draw scores of targets with and without inclusion, and the threshold.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def scores_by_truth(scores: ArrayLike, present: ArrayLike, ax: Axes, *, threshol
     ax
         Where to draw.
     threshold
-        Drawn as a line.
+        Threshold of the decision.
     """
     values, truth = np.asarray(scores, dtype=float), np.asarray(present, dtype=bool)
     for index, (kind, colour) in enumerate(((False, GREY), (True, BLUE))):
@@ -91,27 +91,19 @@ def scores_by_truth(scores: ArrayLike, present: ArrayLike, ax: Axes, *, threshol
 
 
 def reliability_diagram(curve: ReliabilityCurve, ax: Axes) -> Axes:
-    """Shares that came true over the probabilities that were said, with Wilson intervals; the diagonal is right.
-
-    Parameters
-    ----------
-    curve
-        Said and seen, bin by bin.
-    ax
-        Where to draw.
-    """
+    """Draw observed fractions over predicted probabilities by bin, with Wilson intervals; the diagonal is ideal."""
     ax.plot([0, 1], [0, 1], color="0.75", linewidth=1)
-    message = np.array([item.probability for item in curve.bins])
+    predicted = np.array([item.probability for item in curve.bins])
     observed = np.array([item.observed.value for item in curve.bins])
     ends = np.array([tuple(item.observed.interval()) for item in curve.bins])
     errors = np.maximum([observed - ends[:, 0], ends[:, 1] - observed], 0.0)
-    ax.errorbar(message, observed, yerr=errors, fmt="o-", color=BLUE, capsize=3, linewidth=1.2, clip_on=False)
-    for item, x, y in zip(curve.bins, message, observed, strict=True):
+    ax.errorbar(predicted, observed, yerr=errors, fmt="o-", color=BLUE, capsize=3, linewidth=1.2, clip_on=False)
+    for item, x, y in zip(curve.bins, predicted, observed, strict=True):
         above = y < 0.5  # inside the frame
         ax.annotate(
             str(item.observed.trials), (x, y), xytext=(5, 5 if above else -11), textcoords="offset points", fontsize=7.5
         )
-    ax.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="probability that was said", ylabel="share with an inclusion")
+    ax.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="predicted probability", ylabel="fraction with an inclusion")
     ax.set_aspect("equal")
     return ax
 
@@ -119,14 +111,14 @@ def reliability_diagram(curve: ReliabilityCurve, ax: Axes) -> Axes:
 def detected_by_size_and_depth(
     diameter_mm: ArrayLike, depth_mm: ArrayLike, result: Sequence[bool | None], ax: Axes
 ) -> Axes:
-    """Inclusions over size and depth, deep ones below: found, missed and undecided.
+    """Draw inclusions over size and depth, deep ones below: found, missed and undecided.
 
     Parameters
     ----------
     diameter_mm, depth_mm
         Shape (inclusions,).
     result
-        Whether it was found; None where nothing was decided.
+        Whether it was found; None without a decision.
     ax
         Where to draw.
     """
@@ -148,7 +140,7 @@ def detected_by_size_and_depth(
 
 
 def read_over_true(true: ArrayLike, read: ArrayLike, ax: Axes, *, label: str, errors: ArrayLike | None = None) -> Axes:
-    """Readings over what is true; on the diagonal they agree.
+    """Draw readings over true values; on the diagonal they agree.
 
     Parameters
     ----------
@@ -161,20 +153,20 @@ def read_over_true(true: ArrayLike, read: ArrayLike, ax: Axes, *, label: str, er
     errors
         Distances of both ends of an interval from the reading, shape (2, targets).
     """
-    given, message = np.asarray(true, dtype=float), np.asarray(read, dtype=float)
-    both = np.concatenate([given, message])
+    true_values, readings = np.asarray(true, dtype=float), np.asarray(read, dtype=float)
+    both = np.concatenate([true_values, readings])
     room = 0.05 * float(np.ptp(both) or 1.0)
     ends = float(both.min()) - room, float(both.max()) + room
     ax.plot(ends, ends, color="0.75", linewidth=1)
     if errors is not None:
-        ax.errorbar(given, message, yerr=errors, fmt="none", color="0.65", linewidth=0.8)
-    ax.plot(given, message, "o", color=BLUE, markersize=5, alpha=0.85)
+        ax.errorbar(true_values, readings, yerr=errors, fmt="none", color="0.65", linewidth=0.8)
+    ax.plot(true_values, readings, "o", color=BLUE, markersize=5, alpha=0.85)
     ax.set(xlabel=f"true {label}", ylabel=f"read {label}")
     return ax
 
 
 def agreement_limits(bland_altman: BlandAltman, ax: Axes, *, label: str) -> Axes:
-    """Differences over means of two ways to measure, with the bias and both limits of agreement.
+    """Draw differences over means of two methods, with the bias and both limits of agreement.
 
     Parameters
     ----------
@@ -194,30 +186,30 @@ def agreement_limits(bland_altman: BlandAltman, ax: Axes, *, label: str) -> Axes
     return ax
 
 
-FACE, REACH, WAY, WORST = "#999999", "#0072b2", "#333333", "#d55e00"  # told apart without red-green vision
+FACE, RANGE, PATH, WORST = "#999999", "#0072b2", "#333333", "#d55e00"  # distinct without red-green vision
 
 
 def draw_scan_plan(plan: ScanPlan, ax: Axes, *, extent_mm: float | None = None) -> Axes:
-    """Draw the area, the face at each press, the way between presses, and a place that is farthest from any press.
+    """Draw the area, the face at each press, the path of the presses, and a point farthest from any press.
 
     Parameters
     ----------
     plan
-        Where is pressed.
+        Positions of the presses.
     ax
         Where to draw; both axes get one scale.
     extent_mm
-        How far beside a press an inclusion is found; discs of that radius are filled.
+        Detection range beside a press, drawn as filled discs.
     """
     positions = plan.positions_mm
     if extent_mm is not None and extent_mm > 0:
-        _discs(plan, ax, extent_mm, facecolor=REACH, alpha=0.25)
-        ax.plot([], [], "o", color=REACH, alpha=0.25, label=f"within {extent_mm:.3g} mm of a press")
+        _discs(plan, ax, extent_mm, facecolor=RANGE, alpha=0.25)
+        ax.plot([], [], "o", color=RANGE, alpha=0.25, label=f"within {extent_mm:.3g} mm of a press")
     _discs(plan, ax, plan.radius_mm, facecolor="none", edgecolor=FACE, linewidth=0.6)
     ax.plot([], [], "o", color=FACE, markerfacecolor="none", label="face of the probe")
     ax.add_patch(Rectangle((0.0, 0.0), plan.width_mm, plan.height_mm, fill=False, linewidth=1.5, label="area"))
-    ax.plot(*positions.T, "-", color=WAY, linewidth=0.8, marker=".", markersize=4, label="way of the presses")
-    ax.plot(*positions[0], "o", color=WAY, markersize=6, label="first press")
+    ax.plot(*positions.T, "-", color=PATH, linewidth=0.8, marker=".", markersize=4, label="path of the presses")
+    ax.plot(*positions[0], "o", color=PATH, markersize=6, label="first press")
     at = positions[0] + (plan.strip_spacing_mm / 2, plan.press_spacing_mm / 2)
     farthest = f"farthest from any press, {plan.worst_distance_mm:.3g} mm"
     ax.plot(*at, "x", color=WORST, markersize=8, markeredgewidth=2, label=farthest)
@@ -233,7 +225,7 @@ def draw_scan_plan(plan: ScanPlan, ax: Axes, *, extent_mm: float | None = None) 
 
 
 def _discs(plan: ScanPlan, ax: Axes, radius_mm: float, **view: object) -> None:
-    """A disc around each press, all of them one artist, of which legends know nothing: a plan may have thousands."""
+    """Draw a disc around each press as one artist without legend: a plan may have thousands."""
     size = [2 * radius_mm]
     discs = EllipseCollection(
         size, size, [0.0], units="xy", offsets=plan.positions_mm, transOffset=ax.transData, **view

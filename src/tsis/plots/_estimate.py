@@ -1,4 +1,4 @@
-"""What is known about a parameter after the press, beside what was known before."""
+"""Figures of posteriors beside priors, and of expected errors of designs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 LABELS = {"diameter_mm": "diameter d / mm", "depth_mm": "depth h / mm", "young_kpa": "modulus E / kPa"}
 BINS = 40
-TRUTH = "#d55e00"  # of a palette that is told apart without red-green vision
+TRUTH = "#d55e00"  # distinct without red-green vision
 POSTERIOR = "#0072b2"
 
 
@@ -29,7 +29,7 @@ def marginal(
     prior_range: tuple[float, float],
     truth: float | None = None,
 ) -> Axes:
-    """Draw the posterior density of one parameter with its 90 % interval, the uniform prior and the truth if known.
+    """Draw the posterior density of a parameter with its 90 % interval, the uniform prior and the truth if known.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def trade_off(
     return ax
 
 
-KEEPS, BREAKS = "#0072b2", "#d55e00"  # told apart without red-green vision, and by the marker too
+WITHIN_LIMITS, BEYOND_LIMITS = "#0072b2", "#d55e00"  # distinct without red-green vision, and by the marker
 
 
 def design_errors(designs: Sequence[Design], names: tuple[str, str], ax: Axes) -> Axes:
@@ -90,7 +90,7 @@ def design_errors(designs: Sequence[Design], names: tuple[str, str], ax: Axes) -
     first, second = names
     for number, design in enumerate(designs, start=1):
         x, y = design.information.rmse[first], design.information.rmse[second]
-        marker, colour = ("x", BREAKS) if design.limits.broken else ("o", KEEPS)
+        marker, colour = ("x", BEYOND_LIMITS) if design.limits.broken else ("o", WITHIN_LIMITS)
         ax.plot(x, y, marker, color=colour, markersize=5, label=f"{number}  {design.protocol.name}")
         ax.annotate(str(number), (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7)
     ax.margins(0.1)

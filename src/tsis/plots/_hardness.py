@@ -43,7 +43,7 @@ def modulus(estimate: Estimate, ax: Axes, *, truth_kpa: float | None = None) -> 
 
 
 def contact_growth(estimate: Estimate, ax: Axes, *, table: ContactTable) -> Axes:
-    """Draw the contact radii that the frames show over the force, and those of the estimated moduli.
+    """Draw measured contact radii over the force, and those of the estimated moduli.
 
     Parameters
     ----------
@@ -58,13 +58,14 @@ def contact_growth(estimate: Estimate, ax: Axes, *, table: ContactTable) -> Axes
     forces = np.array([press["force_n"] for press in presses])
     radii = np.array([press["seen"]["radius_mm"] for press in presses])
     ax.plot(forces, radii, "o", color=TRUTH, label="frames")
-    given = estimate.provenance["radius"]["radius_mm"]
-    if given is not None:
+    radius_mm = estimate.provenance["radius"]["radius_mm"]
+    if radius_mm is not None:
         poisson = float(np.mean(estimate.provenance["prior"]["poisson"]))
         along = np.linspace(0.5 * forces.min(), 1.1 * forces.max(), CURVE_POINTS)
         low, high = estimate.interval(0.9)["young_kpa"]
         soft, middle, stiff = (
-            np.exp(table.log_radius(young, poisson, given, along)) for young in (low, estimate.mean["young_kpa"], high)
+            np.exp(table.log_radius(young, poisson, radius_mm, along))
+            for young in (low, estimate.mean["young_kpa"], high)
         )
         ax.plot(along, middle, color=POSTERIOR, label=f"sphere of {estimate.mean['young_kpa']:.3g} kPa")
         ax.fill_between(along, stiff, soft, color=POSTERIOR, alpha=0.15, label="90 % interval")
@@ -73,8 +74,8 @@ def contact_growth(estimate: Estimate, ax: Axes, *, table: ContactTable) -> Axes
     return ax
 
 
-LABELLED = 5  # rows that the legend names
-COLOURS = ("#0072b2", "#d55e00", "#009e73")  # told apart without red-green vision
+LABELLED = 5  # rows in the legend
+COLOURS = ("#0072b2", "#d55e00", "#009e73")  # distinct without red-green vision
 MARKS = "oxs"
 
 

@@ -1,4 +1,4 @@
-"""A tactile image in millimetres, with a scale bar and what was found in it."""
+"""Figures of tactile images: the image with its contact, surfaces, ring profiles."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def tactile_image(
 
 
 def _scale_bar(ax: Axes, ink: str, *, width_mm: float, height_mm: float) -> None:
-    """A bar of a round length, about a fifth of the picture, instead of axes."""
+    """A scale bar of a round length, about a fifth of the picture, instead of axes."""
     ax.set_axis_off()
     length = max((bar for bar in BAR_LENGTHS_MM if bar <= width_mm / 4), default=BAR_LENGTHS_MM[0])
     left, level = 0.05 * width_mm, 0.93 * height_mm
@@ -88,7 +88,7 @@ def relief(surface: HeightSurface, ax: Axes3D, *, unit: str = "mm", label: str =
 
 
 def ring_profile(profile: RadialProfile, ax: Axes, *, label: str = "", marker: str = "o") -> Axes:
-    """Draw the mean grey level of each ring; rings without pixels are left out."""
+    """Draw the mean grey level of each ring with pixels."""
     observed = profile.count > 0
     ax.plot(
         profile.radius_mm[observed], profile.mean_grey[observed], marker=marker, markersize=3, linewidth=1, label=label

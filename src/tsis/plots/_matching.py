@@ -1,4 +1,4 @@
-"""Matched point sets, and what many trials say about the methods that match them."""
+"""Figures of matched point sets, and of trials of matching methods."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from tsis.matching.trials import TrialSummary
 
 
-SOURCE, TARGET, PAIR = "#0072b2", "#d55e00", "0.65"  # told apart without red-green vision
+SOURCE, TARGET, PAIR = "#0072b2", "#d55e00", "0.65"  # distinct without red-green vision
 CURVE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#56b4e9", "#e69f00")
 CURVE_MARKS = "ovs^Dp*Xhd<>"
 NAMES = {"failures": "share of failures", "seconds": "median time / s"}
 FEW, LARGE, SMALL = 300, 18.0, 4.0  # points up to which the dots are large
-MOST_DRAWN = 5000  # of each set: more of them only make a blot
+MOST_DRAWN = 5000  # points of each set
 
 
 def point_sets(
@@ -50,7 +50,7 @@ def point_sets(
     """
     first, second = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
     rows, others = (np.arange(0, len(item), -(-len(item) // MOST_DRAWN)) for item in (first, second))
-    surface: Any = ax  # axes in space take three coordinates, which the declared class does not know
+    surface: Any = ax  # three-dimensional axes, which the declared class does not cover
     size = LARGE if max(len(first), len(second)) <= FEW else SMALL
     if matches is not None:
         partner = np.asarray(matches)
@@ -80,7 +80,7 @@ def curves_over_levels(
     level_label: str,
     unit: str = "",
 ) -> Axes:
-    """Draw what each method does over the levels of one kind of distortion (figures 5.14 to 5.18 and 5.20).
+    """Draw the error of each method over the levels of a distortion (figures 5.14 to 5.18 and 5.20).
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def curves_over_levels(
     return ax
 
 
-TRIAL_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart without red-green vision
+TRIAL_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # distinct without red-green vision
 LEVEL_STYLES = ("-", "--", ":", "-.")
 
 
@@ -131,7 +131,7 @@ def trial_errors(
     error_label: str,
     top: float | None = None,
 ) -> Axes:
-    """Draw one error a trial, a colour for each method, with horizontal lines at what others reached.
+    """Draw the error of each trial, a colour for each method, with horizontal lines at published errors.
 
     Parameters
     ----------

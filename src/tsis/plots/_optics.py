@@ -1,4 +1,4 @@
-"""Guided modes over the layers that guide them."""
+"""Figures of optics: guided modes, propagation, rays, light on the face."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 MARGIN = 0.08  # of the stack's thickness, shown on both sides
-POINTS, A_ZERO = 2001, 8  # in all, and at least so many from zero to zero of a field
+POINTS, A_ZERO = 2001, 8  # in total, and least number between two zeros of a field
 
 
 def mode_profiles(modes: GuidedModes, ax: Axes, *, shown: Sequence[int]) -> Axes:
@@ -67,7 +67,7 @@ def mode_profiles(modes: GuidedModes, ax: Axes, *, shown: Sequence[int]) -> Axes
 
 
 def _spacing(modes: GuidedModes, shown: Sequence[int]) -> float:
-    """Height that each curve may have, in effective index, so that most stand clear of each other."""
+    """Height of the curves in effective index, so that most do not overlap."""
     span = float(modes.layers.index.max() - modes.layers.surroundings)
     return span / max(len(shown), 4)
 
@@ -94,9 +94,9 @@ def guide_light(result: Propagation, ax: Axes) -> Axes:
 
 
 def light_out_of_the_top(results: Iterable[Propagation], ax: Axes) -> Axes:
-    """Draw the mean share of the light that leaves through the pressed side a µm, along the guide, for each dent."""
+    """Draw the mean fraction of the light that leaves through the pressed side per µm along the guide, by dent."""
     for result in results:
-        total = abs(round(100 * result.powers.top.mean(), 1))  # no minus before nothing
+        total = abs(round(100 * result.powers.top.mean(), 1))  # avoids -0.0
         whole = slice(1, -1)
         ax.plot(
             result.z_um[whole],
@@ -130,7 +130,7 @@ LABEL: dict[str, Any] = {
     "zorder": 6,
     "bbox": {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
 }
-FAINTEST = 0.04  # of a ray's first power, below which its way is not drawn
+FAINTEST = 0.04  # fraction of a ray's initial power below which it is not drawn
 WHAT = {
     "arriving": "light arriving from inside, per mm²",
     "lost": "light lost into air, per mm²",
@@ -141,7 +141,7 @@ WHAT = {
 def ray_picture(
     probe: Probe, paths: Sequence[NDArray[np.float64]], ax: Axes, *, pressed: PressField | None = None
 ) -> Axes:
-    """Draw layers, glass and lamps from the side, and ways of rays of the first lit lamp, which stands at the right.
+    """Draw layers, glass and lamps from the side, and rays of the first lit lamp, at the right.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def _draw_layers(probe: Probe, span: NDArray[np.float64], face: NDArray[np.float
 
 
 def light_on_face(traced_light: TracedLight, ax: Axes, *, what: str = "arriving") -> Axes:
-    """Draw a map of light on the face in millionths of what the lamps send out, per mm².
+    """Draw a map of light on the face in millionths of the emitted power, per mm².
 
     ``what`` is ``"arriving"``, ``"lost"`` or ``"coupled"``.
     """

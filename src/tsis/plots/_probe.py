@@ -1,4 +1,4 @@
-"""A probe seen from the side: its layers and how stiff they are, its face, and where its lamps shine."""
+"""Figure of a probe from the side: layers with moduli, face, lamps with beams."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 BEAM = 0.3  # opacity of the light of a lamp within its half angle
-STEEPEST = 89.0  # degrees that are drawn
+STEEPEST = 89.0  # largest drawn angle, degrees
 
 
 def probe_section(probe: Probe, ax: Axes) -> Axes:
@@ -40,12 +40,12 @@ def probe_section(probe: Probe, ax: Axes) -> Axes:
         side = float(np.cos(np.radians(led.azimuth_deg - first)))
         if led.power > 0 and abs(side) > 0.99:
             _beam(probe, led, np.sign(side), ax)
-    ax.set(xlim=limits[0], ylim=limits[1])  # beams end where the picture does
+    ax.set(xlim=limits[0], ylim=limits[1])  # cuts the beams
     return ax
 
 
 def _beam(probe: Probe, led: Led, side: float, ax: Axes) -> None:
-    """The cone in which a lamp has more than half of its intensity, as far as the axis, cut by the picture."""
+    """The cone of more than half of a lamp's intensity, up to the axis."""
     height, edge = probe.led_height_mm(led), side * probe.radius_mm
     angles = np.radians(np.clip(led.aim_deg + led.half_angle_deg * np.array([-1.0, 1.0]), -STEEPEST, STEEPEST))
     ends = height + probe.radius_mm * np.tan(angles)  # on the axis

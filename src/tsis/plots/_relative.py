@@ -1,4 +1,4 @@
-"""Error bars of repeated relative readings, beside printed ones."""
+"""Figure of repeated relative readings beside published ones."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tsis.inclusion.relative import Repeats
 
 
-HERE, PRINTED = "#0072b2", "#d55e00"  # told apart without red-green vision
+HERE, PRINTED = "#0072b2", "#d55e00"  # distinct without red-green vision
 BAR_OFFSET = 0.12  # distance of the two bars of one target, in targets
 
 
@@ -26,7 +26,7 @@ def repeated_readings(
     printed_sd: Sequence[float | None] | None = None,
     label: str = "virtual presses",
 ) -> Axes:
-    """Draw mean and standard deviation of each target, and printed ones beside them (figures 6.5, 6.11 and 6.15).
+    """Draw mean and standard deviation of each target, and published ones beside them (figures 6.5, 6.11 and 6.15).
 
     Parameters
     ----------

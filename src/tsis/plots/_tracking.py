@@ -1,4 +1,4 @@
-"""A sequence of frames: where the light was, and how its sum went on."""
+"""Figures of a sequence of frames: the path of the light, and its sum over time."""
 
 from __future__ import annotations
 

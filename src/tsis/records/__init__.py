@@ -1,8 +1,8 @@
-"""What was measured, kept so that it is never lost, can be believed, computed again, and read by others."""
+"""Stored targets, presses and estimates: durable, verifiable, reproducible, and exported to other programs."""
 
 from tsis.records._deidentify import DAMAGED, deidentified
-from tsis.records._estimation import PRIORS, REFERENCES, EstimationRequest, estimate_stored, require_options
-from tsis.records._plain import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.records._estimate_json import estimate_to_json
+from tsis.records._estimation import PRIORS, REFERENCE_ROLES, EstimationRequest, estimate_stored, require_options
 from tsis.records._provenance import environment
 from tsis.records._recompute import Recomputation, Shift, recompute
 from tsis.records._saving import SavableResult, require_savable, save_results, saved_notes
@@ -29,7 +29,7 @@ __all__ = [
     "LONGEST_NAME",
     "LONGEST_NOTE",
     "PRIORS",
-    "REFERENCES",
+    "REFERENCE_ROLES",
     "ROLES",
     "ROLE_NAMES",
     "EstimationRequest",
@@ -43,15 +43,13 @@ __all__ = [
     "deidentified",
     "environment",
     "estimate_stored",
-    "estimate_to_plain",
+    "estimate_to_json",
     "parse_force",
     "parse_truth",
-    "press_to_plain",
     "recompute",
     "require_label",
     "require_options",
     "require_savable",
     "save_results",
     "saved_notes",
-    "target_to_plain",
 ]

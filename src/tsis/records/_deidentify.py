@@ -1,4 +1,4 @@
-"""What exports call a target: a pseudonym that only its store can tell whose it is, or number and kind."""
+"""De-identified target records: a pseudonym that only the store can resolve, and no free text."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DIGITS = 12
 
 
 def pseudonym(record: TargetRecord) -> str:
-    """The same for a target of a store for ever; without the store's secret nobody gets from it to the target.
+    """The permanent pseudonym of a target; without the secret of the store it cannot be resolved.
 
     Examples
     --------
@@ -34,34 +34,31 @@ def pseudonym(record: TargetRecord) -> str:
     >>> pseudonym(TargetRecord(target=target, presses=(), read={}.__getitem__, secret="5a" * 32))
     'TSIS-077785083242'
     """
-    return "TSIS-" + hidden(record, "pseudonym", record.target.id)[:DIGITS].upper()
+    return "TSIS-" + hidden_identity(record, "pseudonym", record.target.id)[:DIGITS].upper()
 
 
-def hidden(record: TargetRecord, what: str, identity: str) -> str:
-    """What stands for an identity in a de-identified export: as lasting, and as hidden, as the pseudonym."""
+def hidden_identity(record: TargetRecord, what: str, identity: str) -> str:
+    """The substitute of an identity in a de-identified export: as permanent and secret as the pseudonym."""
     return derived(record.secret, what, identity)[:32]
 
 
-def shown_identity(target: Target) -> str:
-    """Kind and number of a target, which people know it by, and what tells it from that of another store.
-
-    The identity itself stays in the store, and in what is handed from store to store.
-    """
+def public_identity(target: Target) -> str:
+    """Kind and number of a target, and a hash that distinguishes it from a target of another store."""
     difference = hashlib.sha256(f"tsis target {target.id}".encode()).hexdigest()[:8]
     return f"{target.kind}-{target.number:05d}-{difference}"
 
 
 CAMERA = "a camera"
-DAMAGED = "a stored file is not as it was stored (tsis records verify says which)"  # whose path may tell a name
+DAMAGED = "a stored file is not as it was stored (tsis records verify says which)"  # its path may contain a name
 CAMERA_SOURCES = ("virtual", "virtual loading machine")  # of frames that this program simulated
 
 
 def deidentified(record: TargetRecord) -> TargetRecord:
-    """The same without what may identify.
+    """The record without identifying content.
 
-    Target, presses and estimates have other identities, which follow from the secret of the store; that of the target
-    is the pseudonym. Labels, names of frames, notes, settings and true values are gone. A probe keeps its name where it
-    is in the catalog, a flag where it is one that this program raises. Sentences are made anew from the numbers.
+    Target, presses and estimates get other identities, derived from the secret of the store; the target gets its
+    pseudonym. Labels, frame names, notes, settings and true values are removed. Only probes of the catalog and flags of
+    this program remain by name. Texts are composed anew from the numbers.
     """
     probes = _neutral_probes(_probes_named(record))
     numbers = {press.name: number for number, press in enumerate(record.presses, 1) if press.name}
@@ -81,9 +78,9 @@ def deidentified(record: TargetRecord) -> TargetRecord:
 
 
 def from_camera(press: StoredPress) -> bool:
-    """Whether a frame is known to come from a camera, which writes nothing into its pixels, and not from a file.
+    """Whether a frame came from a camera, which writes no text into its pixels, and not from an image file.
 
-    A file of an image tells its format; what came from a camera tells of which one, or that it was simulated.
+    The settings of an image file contain its format; those of a camera frame name the camera or the simulation.
     """
     settings = press.settings
     return (bool(settings.get("camera")) and "format" not in settings) or settings.get("source") in CAMERA_SOURCES
@@ -99,11 +96,11 @@ def _probes_named(record: TargetRecord) -> Iterable[str]:
 
 
 def _neutral_probes(names: Iterable[str]) -> dict[str, str]:
-    """What each probe is called: by its name in the catalog, or by a number in the order in which they occur."""
-    given = {"", *list_probes()}
-    others = [name for name in dict.fromkeys(names) if name not in given]
+    """New name by probe: the name in the catalog, or a number in the order of occurrence."""
+    cataloged = {"", *list_probes()}
+    others = [name for name in dict.fromkeys(names) if name not in cataloged]
     numbered = {name: f"other probe {number}" for number, name in enumerate(others, 1)}
-    return {name: name for name in given} | (numbered if len(others) > 1 else dict.fromkeys(others, "other probe"))
+    return {name: name for name in cataloged} | (numbered if len(others) > 1 else dict.fromkeys(others, "other probe"))
 
 
 def _press(record: TargetRecord, press: StoredPress, probes: Mapping[str, str], target: str) -> StoredPress:
@@ -114,7 +111,7 @@ def _press(record: TargetRecord, press: StoredPress, probes: Mapping[str, str], 
         settings={"camera": CAMERA} if from_camera(press) else {},
         name="",
         note="",
-        id=_hidden(record, "press", press.id),
+        id=_optional_identity(record, "press", press.id),
         target=target,
     )
 
@@ -130,16 +127,16 @@ def _stored(
     return replace(
         deidentified_estimate(stored, {name: f"press {number}" for name, number in numbers.items()}),
         probe=probes[stored.probe],
-        presses=tuple(_hidden(record, "press", press) for press in stored.presses),
+        presses=tuple(_optional_identity(record, "press", press) for press in stored.presses),
         calibration=stored.calibration if SHA256.fullmatch(stored.calibration) else "",
-        supersedes=None if supersedes is None else _hidden(record, "estimate", supersedes),
-        id=_hidden(record, "estimate", stored.id),
+        supersedes=None if supersedes is None else _optional_identity(record, "estimate", supersedes),
+        id=_optional_identity(record, "estimate", stored.id),
         target=target,
     )
 
 
 def _calibration(calibration: ProbeCalibration, name: str, probes: Mapping[str, str]) -> ProbeCalibration:
-    """Its numbers; the sheet, whose words came from a file, is left out."""
+    """The numbers of a calibration, without its specification sheet."""
     response = calibration.response
     return replace(
         calibration,
@@ -152,6 +149,6 @@ def _calibration(calibration: ProbeCalibration, name: str, probes: Mapping[str, 
     )
 
 
-def _hidden(record: TargetRecord, what: str, identity: str) -> str:
-    """Empty stays empty: what was never stored has no identity."""
-    return hidden(record, what, identity) if identity else ""
+def _optional_identity(record: TargetRecord, what: str, identity: str) -> str:
+    """The hidden identity; empty for a value outside a store."""
+    return hidden_identity(record, what, identity) if identity else ""

@@ -1,4 +1,4 @@
-"""Estimates of stored presses with the code of today: the first one of an import, and those that are made again."""
+"""Estimates from stored presses with the present code, for imports and recomputations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tsis.records._values import StoredPress
 
 
-REFERENCES = {"inclusion": "plain", "hardness": "ball"}  # role of the presses that are given as reference
+REFERENCE_ROLES = {"inclusion": "plain", "hardness": "ball"}  # role of the reference presses
 PRIORS: Mapping[str, type[InclusionPrior | HardnessPrior]] = {"inclusion": InclusionPrior, "hardness": HardnessPrior}
 OPTIONS = {  # beside the prior
     "inclusion": (),
@@ -33,7 +33,7 @@ OPTIONS = {  # beside the prior
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EstimationRequest:
-    """What is to be estimated from presses of a dossier.
+    """An estimate to compute from presses of a target record.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class EstimationRequest:
     probe
         Name of the probe in the catalog.
     presses
-        Those that it rests on: the role of each says what it is taken for, their order is kept.
+        Its presses in order; the role of each tells its use.
     calibration
-        SHA-256 of the calibration in the dossier.
+        SHA-256 of a calibration of the record.
     options
-        Arguments of the call by name as plain values, the prior as its fields.
+        Arguments of the call by name as JSON values, the prior as its fields.
     """
 
     kind: str
@@ -61,7 +61,7 @@ class EstimationRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EstimationResult:
-    """An estimate, the options as this release takes them, and what it could not take over."""
+    """An estimate, its options in the form of this release, and notes on options that changed."""
 
     estimate: Estimate
     options: Mapping[str, Any]
@@ -71,74 +71,71 @@ class EstimationResult:
 def estimate_stored(
     record: TargetRecord, request: EstimationRequest, *, progress: Callable[[int, int], None] | None = None
 ) -> EstimationResult:
-    """Estimate from the frames as they are stored, with the calibration as it is stored.
+    """Estimate from stored frames with a stored calibration.
 
     Parameters
     ----------
     record
-        Where frames and calibration are.
+        The source of frames and calibration.
     request
         What to estimate.
     progress
-        Called with (done, all) while the mechanics of a new probe are solved, which is kept for next time.
+        Called with (done, all) while the mechanics of a new probe are solved; the solution is cached.
 
     Raises
     ------
     RecordsError
-        When the calibration is not in the dossier or no press is one on the target.
+        When the record lacks the calibration, or no press is on the target.
     InputError, CalibrationError, NotCalibratedError
-        As the estimates themselves.
+        As the estimators.
     """
-    given = record.calibrations.get(request.calibration)
-    if given is None:
+    calibration = record.calibrations.get(request.calibration)
+    if calibration is None:
         raise RecordsError(f"the calibration {request.calibration[:12]!r} must be stored to estimate with; it is not")
     images = [record.image(press) for press in request.presses if press.role == "target"]
-    others = [record.image(press) for press in request.presses if press.role == REFERENCES[request.kind]]
+    others = [record.image(press) for press in request.presses if press.role == REFERENCE_ROLES[request.kind]]
     if not images:
         raise RecordsError("an estimate must rest on at least one press on the target; of these presses none is one")
-    ready, response = apply_calibration(given, images, identity=request.calibration)
-    reference, other = apply_calibration(given, others, identity=request.calibration)
+    ready, response = apply_calibration(calibration, images, identity=request.calibration)
+    reference, other = apply_calibration(calibration, others, identity=request.calibration)
     probe, (options, notes) = load_probe(request.probe), migrate_options(request.kind, request.options)
     call = dict(options) | ({"prior": _prior(request.kind, options["prior"])} if "prior" in options else {})
+    call |= {"probe": probe, "reference": reference, "progress": progress}
     if request.kind == ESTIMATES[0]:
         response = max(response, other, key=lambda item: item.force_sd)
-        result = tsis.inclusion.estimate(
-            ready, probe=probe, calibration=response, reference=reference, progress=progress, **call
-        )
+        result = tsis.inclusion.estimate(ready, calibration=response, **call)
     else:
-        result = tsis.hardness.estimate(
-            ready, probe=probe, calibration=response, reference=reference, progress=progress, **call
-        )
+        result = tsis.hardness.estimate(ready, calibration=response, **call)
     return EstimationResult(estimate=result, options=options, notes=notes)
 
 
 def migrate_options(kind: str, options: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Options of a stored estimate as this release takes them, and a sentence for each that is gone or new."""
+    """Options of a stored estimate in the form of this release, and a note for each that was removed or is new."""
     notes = [f"the option {name!r} is unknown to this release and was left out" for name in options]
     notes = [note for name, note in zip(options, notes, strict=True) if name not in ("prior", *OPTIONS[kind])]
     ours = {name: options[name] for name in OPTIONS[kind] if options.get(name) is not None}
-    given = options.get("prior")
-    if given is None:
+    prior = options.get("prior")
+    if prior is None:
         return ours, tuple(notes)
     known = {field.name for field in fields(PRIORS[kind])}
     notes += [
-        f"{name!r} of the prior is unknown to this release and was left out" for name in given if name not in known
+        f"{name!r} of the prior is unknown to this release and was left out" for name in prior if name not in known
     ]
     new = PRIORS[kind]()
     notes += [
         f"{name!r} of the prior is new in this release; its default, {getattr(new, name)}, was taken"
-        for name in sorted(known - set(given))
+        for name in sorted(known - set(prior))
     ]
-    return ours | {"prior": {name: value for name, value in given.items() if name in known}}, tuple(notes)
+    return ours | {"prior": {name: value for name, value in prior.items() if name in known}}, tuple(notes)
 
 
 def require_options(kind: str, options: Mapping[str, Any]) -> None:
-    """Refuse options that no estimate of that kind takes; `InputError` says why."""
-    taken, _ = migrate_options(kind, options)
-    if "prior" in taken:
-        _prior(kind, taken["prior"])
+    """Raise `InputError` for options that this kind of estimate refuses."""
+    migrated, _ = migrate_options(kind, options)
+    if "prior" in migrated:
+        _prior(kind, migrated["prior"])
 
 
-def _prior(kind: str, given: Mapping[str, Any]) -> Any:
-    created: Any = PRIORS[kind]  # the fields of either were looked through by `migrate_options`
-    return created(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})
+def _prior(kind: str, values: Mapping[str, Any]) -> Any:
+    prior_class: Any = PRIORS[kind]  # `migrate_options` has removed unknown fields
+    return prior_class(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})

@@ -1,4 +1,4 @@
-"""What computed a result: this program's code and the libraries that can change its digits."""
+"""Provenance of results: the code and libraries that computed them, and the differences of two estimates."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from importlib import metadata, resources
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
-from tsis.files import free_to_plain
+from tsis.files import free_to_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,12 +35,12 @@ def environment() -> dict[str, Any]:
 
 @cache
 def code_sha256() -> str:
-    """SHA-256 over every file of this package that can change a result: two equal ones computed by equal code."""
-    result = hashlib.sha256()
+    """SHA-256 over every file of this package that can change a result."""
+    code = hashlib.sha256()
     for name, file in sorted(_files(resources.files("tsis"), "")):
         content = file.read_bytes()
-        result.update(f"{name}\0{len(content)}\0".encode() + content)
-    return result.hexdigest()
+        code.update(f"{name}\0{len(content)}\0".encode() + content)
+    return code.hexdigest()
 
 
 def _files(folder: Traversable, location: str) -> Iterator[tuple[str, Traversable]]:
@@ -52,14 +52,14 @@ def _files(folder: Traversable, location: str) -> Iterator[tuple[str, Traversabl
             yield name, path
 
 
-FRAMES = ("images", "reference", "presses")  # of an estimate's provenance: one entry a frame
+FRAMES = ("images", "reference", "presses")  # lists of frames in a provenance
 STATED_ELSEWHERE = frozenset({"notice", "tsis", "prior", *FRAMES})
-LABELS = frozenset({"name", "settings"})  # say where a thing came from and enter no number
+LABELS = frozenset({"name", "settings"})  # do not change any number
 SHOWN = 60
 
 
 def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
-    """What is not the same of two estimates but for their numbers, one clause a thing; none when all is.
+    """Differences of two estimates apart from their numbers, one clause each.
 
     Examples
     --------
@@ -68,19 +68,19 @@ def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
     ...     {"tsis": "0.1.0", "libraries": {"numpy": "2.4.5"}}, {"tsis": "0.1.0", "libraries": {"numpy": "2.4.6"}}))
     ['numpy 2.4.5 -> 2.4.6']
     """
-    was, now = _plain_values(before.estimate.provenance), _plain_values(after.estimate.provenance)
+    was, now = _json_values(before.estimate.provenance), _json_values(after.estimate.provenance)
     return (
         *environment_changes(before.environment, after.environment),
         *_differences("the probe", before.probe, after.probe),
         *_frame_changes(was, now),
-        *_option_changes(_plain_values(before.options), _plain_values(after.options)),
+        *_option_changes(_json_values(before.options), _json_values(after.options)),
         *_prior_changes(before, after),
         *_other_changes(was, now),
     )
 
 
 def environment_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """What computed: the code, this program, the language, the machine and every library."""
+    """Changes of the code, this program, Python, the machine and the libraries."""
     if was.get("code_sha256") != now.get("code_sha256"):
         codes = (str(item.get("code_sha256", "unknown"))[:12] for item in (was, now))
         yield "the code changed ({} -> {})".format(*codes)
@@ -92,7 +92,7 @@ def environment_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Itera
 
 
 def _frame_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """Inputs changed: frames that are others, more or fewer, or of which something else is known."""
+    """Frames that were replaced, added or removed, or have other metadata."""
     for kind in FRAMES:
         frames = _entries(was.get(kind)), _entries(now.get(kind))
         if len(frames[0]) != len(frames[1]):
@@ -107,7 +107,7 @@ def _frame_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[s
 
 
 def _entries(frames: Any) -> list[Mapping[str, Any]]:
-    """What is written of frames; a bundle may hold anything there."""
+    """Entries of frames; a bundle may have other content there."""
     return [frame for frame in frames if isinstance(frame, Mapping)] if isinstance(frames, list) else []
 
 
@@ -117,22 +117,20 @@ def _option_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[
 
 
 def _prior_changes(before: StoredEstimate, after: StoredEstimate) -> Iterator[str]:
-    """The prior as it was given; where it was the default of the release then, as the estimator wrote it down."""
-    reported = "options" if all(item.options.get("prior") for item in (before, after)) else "provenance"
-    result = (item.options if reported == "options" else item.estimate.provenance for item in (before, after))
-    was, now = (_plain_values({"prior": item.get("prior")})["prior"] for item in result)
-    if not isinstance(was, Mapping) or not isinstance(now, Mapping):  # a bundle may hold anything there
+    """Changes of the prior: that of the options, or the default that the provenance states."""
+    optional = all(item.options.get("prior") for item in (before, after))
+    sources = (item.options if optional else item.estimate.provenance for item in (before, after))
+    was, now = (_json_values({"prior": item.get("prior")})["prior"] for item in sources)
+    if not isinstance(was, Mapping) or not isinstance(now, Mapping):  # a bundle may have other content there
         yield from _differences("the prior changed", was, now)
         return
-    what = f"the {'options' if reported == 'options' else 'default prior'} changed: "
     for name in sorted({*was, *now}):
-        yield from _differences(
-            what + (f"{name} of the prior" if reported == "options" else name), was.get(name), now.get(name)
-        )
+        what = f"the options changed: {name} of the prior" if optional else f"the default prior changed: {name}"
+        yield from _differences(what, was.get(name), now.get(name))
 
 
 def _other_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """What else the estimator wrote down: probe, calibration, method, tables."""
+    """Changes of other provenance: probe, calibration, method, tables."""
     for name in sorted({*was, *now} - STATED_ELSEWHERE):
         item, other = was.get(name), now.get(name)
         if isinstance(item, Mapping) and isinstance(other, Mapping):
@@ -157,29 +155,28 @@ def _shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)[:SHOWN]
 
 
-def _plain_values(value: Mapping[str, Any]) -> Mapping[str, Any]:
-    """As a store gives it back."""
-    document: Mapping[str, Any] = free_to_plain(value, "provenance")
+def _json_values(value: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The values as a store returns them."""
+    document: Mapping[str, Any] = free_to_json(value, "provenance")
     return document
 
 
+_NOTHING_CHANGED = "Nothing changed: bit for bit the same."
+
+
 def comparison_message(same: bool, causes: Sequence[str]) -> str:
-    """In one sentence what became of the numbers, and why.
+    """A message on whether the numbers changed, and why.
 
     Examples
     --------
-    >>> sentence(True, ())
+    >>> comparison_message(True, ())
     'Nothing changed: bit for bit the same.'
-    >>> sentence(False, ("numpy 2.4.5 -> 2.4.6",))
+    >>> comparison_message(False, ("numpy 2.4.5 -> 2.4.6",))
     'The result changed: numpy 2.4.5 -> 2.4.6.'
     """
-    reported = "; ".join(causes)
+    text = "; ".join(causes)
     if same:
-        return (
-            f"Bit for bit the same, although not all else is: {reported}."
-            if reported
-            else "Nothing changed: bit for bit the same."
-        )
-    if reported:
-        return f"The result changed: {reported}."
+        return f"Bit for bit the same, although not all else is: {text}." if text else _NOTHING_CHANGED
+    if text:
+        return f"The result changed: {text}."
     return "The result changed, although nothing that is written down did: look at the processor and its settings."

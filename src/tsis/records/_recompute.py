@@ -1,4 +1,4 @@
-"""Stored estimates made again from the stored frames with the code of today, and what is different."""
+"""Recomputation of stored estimates from the stored frames with the present code, and the differences."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from tsis.errors import CalibrationError, RecordsError
 from tsis.model import INTERVAL_LEVEL
+from tsis.records._estimate_json import estimate_to_json
 from tsis.records._estimation import EstimationRequest, estimate_stored
-from tsis.records._plain import estimate_to_plain
 from tsis.records._provenance import changes, comparison_message, environment
 
 if TYPE_CHECKING:
@@ -30,18 +30,18 @@ COMPARED = ("prior_sd", "cramer_rao_sd", "presence", "identifiability", "prior",
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """How far one parameter moved, in units of its old standard deviation.
+    """Change of a parameter in units of its old standard deviation.
 
     Attributes
     ----------
     name
-        Of the parameter.
+        Name of the parameter.
     before, after
-        Posterior means, in the unit that the name carries.
+        Posterior means, in the unit of the name.
     interval_before, interval_after
-        Of 90 %.
+        90 % intervals.
     shifted, low_shift, high_shift
-        By how many old standard deviations the mean and the ends of the interval moved; positive is upwards.
+        Shifts of the mean and of the ends of the interval in old standard deviations; positive is upwards.
     """
 
     name: str
@@ -56,24 +56,24 @@ class Shift:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recomputation:
-    """An estimate made again.
+    """A recomputed estimate.
 
     Attributes
     ----------
     before
-        As it is stored.
+        The stored estimate.
     after
-        As it was made again: with an identity where it was stored.
+        The new estimate, with an identity where it was stored.
     same
-        Whether every sample and every word of the result is as it was, bit for bit.
+        Whether all samples and texts are equal bit for bit.
     shifts
-        Of the parameters that both have.
+        Shifts of the parameters of both.
     causes
-        What else is not the same: code, libraries, frames, forces, options, calibration.
+        Other differences: code, libraries, frames, forces, options, calibration.
     notes
-        What was done otherwise than then, and what to know of the calibration.
+        Notes on changed options and on the validity of the calibration.
     stored
-        Whether it was stored.
+        Whether the new estimate was stored.
     """
 
     before: StoredEstimate
@@ -86,31 +86,31 @@ class Recomputation:
 
     @property
     def flags_gained(self) -> tuple[str, ...]:
-        """Flags that only the new one has."""
+        """Flags of the new estimate alone."""
         return tuple(flag for flag in self.after.estimate.flags if flag not in self.before.estimate.flags)
 
     @property
     def flags_lost(self) -> tuple[str, ...]:
-        """Flags that only the old one has."""
+        """Flags of the old estimate alone."""
         return tuple(flag for flag in self.before.estimate.flags if flag not in self.after.estimate.flags)
 
     @property
     def message(self) -> str:
-        """What became of the result, and why."""
+        """Whether the result changed, and why."""
         return comparison_message(self.same, self.causes)
 
 
 def recompute(
     store: Store, target: Target, *, dry_run: bool = False, progress: Callable[[int, int], None] | None = None
 ) -> tuple[Recomputation, ...]:
-    """Make the estimates in force of a target again, the last of each kind, and store those that came out otherwise.
+    """Recompute the active estimates of a target, the last of each kind, and store those that changed.
 
     Parameters
     ----------
     store
-        Where it is stored.
+        The store of the target.
     target
-        Whose they are.
+        The target.
     dry_run
         Whether to store nothing.
     progress
@@ -121,16 +121,15 @@ def recompute(
     RecordsError
         When the target has no estimate, or a frame or the calibration is damaged.
     InputError, CalibrationError
-        When today's code does not take what was stored.
+        When the present code refuses the stored input.
     """
     record = store.record(target)
     record.require_whole()
-    in_force = list({stored.kind: stored for stored in record.estimates}.values())
-    if not in_force:
+    if not record.estimates:
         raise RecordsError(f"target {target.number} must have an estimate to be made again; it has none")
-    last = {stored.kind: at for at, stored in enumerate(record.estimates)}
-    in_force.sort(key=lambda stored: last[stored.kind])  # so that the one in force stays so
-    return tuple(_recomputed(store, record, stored, dry_run=dry_run, progress=progress) for stored in in_force)
+    # In the order of time, so that the newest estimate stays the newest.
+    active = sorted(record.active_estimates, key=record.estimates.index)
+    return tuple(_recomputed(store, record, stored, dry_run=dry_run, progress=progress) for stored in active)
 
 
 def _recomputed(
@@ -145,7 +144,7 @@ def _recomputed(
     if missing := [identity for identity in before.presses if identity not in by_identity]:
         raise RecordsError(f"an estimate must rest on stored presses; {missing[0]!r:.40} is none (tsis records verify)")
     presses = tuple(by_identity[identity] for identity in before.presses)
-    response = estimate_stored(
+    new = estimate_stored(
         record,
         EstimationRequest(
             kind=before.kind,
@@ -156,12 +155,12 @@ def _recomputed(
         ),
         progress=progress,
     )
-    given = record.calibrations[before.calibration]
+    calibration = record.calibrations[before.calibration]
     after = replace(
         before,
-        estimate=response.estimate,
+        estimate=new.estimate,
         made=datetime.now(UTC),
-        options=response.options,
+        options=new.options,
         environment=environment(),
         supersedes=before.id,
         id="",
@@ -171,12 +170,12 @@ def _recomputed(
     if save:
         after = store.add_estimate(
             record.target,
-            response.estimate,
+            new.estimate,
             kind=before.kind,
             presses=presses,
             probe=before.probe,
-            calibration=given,
-            options=response.options,
+            calibration=calibration,
+            options=new.options,
             environment=after.environment,
             supersedes=before,
         )
@@ -186,17 +185,17 @@ def _recomputed(
         same=same,
         shifts=_shifts(before.estimate, after.estimate),
         causes=changes(before, after),
-        notes=(*response.notes, *_of_the_calibration(given, before.made)),
+        notes=(*new.notes, *_calibration_notes(calibration, before.made)),
         stored=save,
     )
 
 
 def _same(before: StoredEstimate, after: StoredEstimate) -> bool:
-    """Whether what was found is the same: samples bit for bit, and all that is said of them."""
+    """Whether samples and texts are equal, bit for bit."""
     item, other = before.estimate, after.estimate
     if list(item.samples) != list(other.samples):
         return False
-    entries: list[dict[str, Any]] = [estimate_to_plain(item)["estimate"] for item in (before, after)]
+    entries: list[dict[str, Any]] = [estimate_to_json(item)["estimate"] for item in (before, after)]
     return all(np.array_equal(item.samples[name], other.samples[name]) for name in item.samples) and all(
         entries[0][name] == entries[1][name] for name in COMPARED
     )
@@ -222,12 +221,12 @@ def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
     )
 
 
-def _in_sd(transformed: float, sd: float) -> float:
-    """A change over a standard deviation; of a posterior without any width 0 or infinite."""
-    return transformed / sd if sd > 0 else float(np.copysign(np.inf, transformed)) if transformed else 0.0
+def _in_sd(change: float, sd: float) -> float:
+    """A change in standard deviations; 0 or infinite where the standard deviation is 0."""
+    return change / sd if sd > 0 else float(np.copysign(np.inf, change)) if change else 0.0
 
 
-def _of_the_calibration(calibration: ProbeCalibration, created: datetime) -> list[str]:
+def _calibration_notes(calibration: ProbeCalibration, created: datetime) -> list[str]:
     try:
         calibration.require_usable(created)
     except CalibrationError as error:

@@ -1,4 +1,4 @@
-"""What was taken and estimated here and now gets into a store at once: presses, calibration, estimate."""
+"""Saving a result of this session in a store: presses, calibration, estimate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.errors import InputError, RecordsError, TsisError
 from tsis.instrument import whole_levels
 from tsis.records._values import LONGEST_NAME
-from tsis.records.importing import enter_estimate, new_target, numbered, truth_note
+from tsis.records.importing import enter_estimate, new_target, target_by_number, truth_note
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavableResult:
-    """An estimate with all that it rests on, ready to be kept.
+    """An estimate with its frames and calibration, ready to be saved.
 
     Attributes
     ----------
     kind, estimate, probe, options
-        As of `StoredEstimate`.
+        As in `StoredEstimate`.
     frames
-        As the camera gave them, by the role of their presses: those of the target first.
+        Camera frames by the role of their presses, those of the target first.
     calibration
-        The calibration.
+        The calibration of the estimate.
     name, truth
-        Of a new target.
+        Fields of a new target.
     """
 
     kind: str
@@ -47,65 +47,65 @@ class SavableResult:
 
 
 def require_savable(frames: Sequence[TactileImage]) -> None:
-    """Refuse frames of which a store could not keep name and every level, before anything is computed."""
+    """Refuse, before any computation, frames that a store cannot save exactly."""
     for frame in frames:
         if len(frame.name) > LONGEST_NAME:
             raise InputError(
-                f"the name of a file must have at most {LONGEST_NAME} characters, to be kept; {frame.name[:40]!r}... "
-                f"has {len(frame.name)} (give it a shorter one, or leave out --save)"
+                f"the name of a file must have at most {LONGEST_NAME} characters, to be saved; {frame.name[:40]!r}... "
+                f"has {len(frame.name)} (give it a shorter one, or leave out --keep)"
             )
         try:
             whole_levels(frame.grey, frame.full_scale)
         except InputError as error:
             raise InputError(
-                f"{frame.name!r} must hold the grey levels that the camera gave, to be kept; got levels between them, "
-                "as of a colour picture (save it as a grey PNG file and use that everywhere, or leave out --save)"
+                f"{frame.name!r} must hold the grey levels that the camera gave, to be saved; got levels between them, "
+                "as of a colour picture (save it as a grey PNG file and use that everywhere, or leave out --keep)"
             ) from error
 
 
-def save_results(store: Store, keepable: SavableResult, *, number: int | None = None) -> dict[str, Any]:
-    """Store presses, calibration and estimate; what a result says of it.
+def save_results(store: Store, result: SavableResult, *, number: int | None = None) -> dict[str, Any]:
+    """Save presses, calibration and estimate; return store, target, estimate and notes for the result document.
 
     Parameters
     ----------
     store
-        Open for writing.
-    keepable
-        What goes into it; a truth only where the store is of phantoms.
+        An open store; a store of subjects ignores the truth.
+    result
+        What to save.
     number
-        Of the target, which is entered when there is none; a new one when it is not given.
+        Number of the target, which is entered where it is missing; by default a new one.
 
     Raises
     ------
     RecordsError
-        When it could not be stored as a whole; it says how much was.
+        When not everything could be saved; the message tells how many presses were.
     """
-    frames = [(role, frame) for role, item in keepable.frames.items() for frame in item]
-    truth = keepable.truth if store.kind == "phantom" else {}
+    frames = [(role, frame) for role, item in result.frames.items() for frame in item]
+    truth = result.truth if store.kind == "phantom" else {}
     presses: list[StoredPress] = []
     target: Target | None = None
     try:
-        target = None if number is None else numbered(store, number)
+        target = None if number is None else target_by_number(store, number)
         if target is None:
             images = [frame for _, frame in frames]
-            target = new_target(store, images, number=number, name=keepable.name, truth=truth)
+            target = new_target(store, images, number=number, name=result.name, truth=truth)
         moment = datetime.now(UTC)
         for at, (role, frame) in enumerate(frames):
-            taken = moment + timedelta(microseconds=at)  # so that their order is kept
+            taken = moment + timedelta(microseconds=at)  # preserves their order
             presses.append(
                 store.add_press(
-                    target, frame, role=role, taken=taken, probe=keepable.probe, calibration=keepable.calibration
+                    target, frame, role=role, taken=taken, probe=result.probe, calibration=result.calibration
                 )
             )
         stored = enter_estimate(
             store,
             target,
-            keepable.estimate,
-            kind=keepable.kind,
+            result.estimate,
+            kind=result.kind,
             presses=presses,
-            probe=keepable.probe,
-            calibration=keepable.calibration,
-            options=keepable.options,
+            probe=result.probe,
+            calibration=result.calibration,
+            options=result.options,
         )
     except TsisError as error:
         where = "" if target is None else f" in target {target.number}"
@@ -119,5 +119,5 @@ def save_results(store: Store, keepable: SavableResult, *, number: int | None = 
 
 
 def saved_notes(saved: Mapping[str, Any]) -> tuple[str, ...]:
-    """What to tell people."""
-    return (f"Kept as target {saved['target']} in {saved['store']}.", *saved["notes"])
+    """Messages for the user."""
+    return (f"Saved as target {saved['target']} in {saved['store']}.", *saved["notes"])

@@ -1,4 +1,4 @@
-"""All that a store holds of one target, as one value: what reports and exports are made of."""
+"""A target with its presses, estimates and calibrations as one value, the input of reports and exports."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from tsis.records._values import StoredEstimate, StoredPress, Target
 
 
-def current_estimates(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimate, ...]:
-    """The estimates in force among those of a target, which are in the order in which they were made."""
+def active_estimates(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimate, ...]:
+    """The active estimates of a target: the last of each kind. ``estimates`` are in the order of time."""
     last = {stored.kind: stored for stored in estimates}
     return tuple(last[kind] for kind in ESTIMATES if kind in last)
 
@@ -36,21 +36,21 @@ class TargetRecord:
     Parameters
     ----------
     target
-        Whose it is.
+        The target.
     presses
-        In the order in which they were taken.
+        Its presses in the order of time.
     estimates
-        In the order in which they were made; of each kind the last is in force.
+        Its estimates in the order of time; the last of each kind is active.
     calibrations
-        Those that presses and estimates cite, by their SHA-256.
+        Calibrations that presses and estimates cite, by SHA-256.
     read
         Reads and checks the grey levels of a stored frame: its SHA-256 -> shape (rows, columns), uint8 or uint16.
     damaged
-        One sentence for each estimate and calibration that is stored but is not as it was, and so is left out.
+        A message for each estimate and calibration that is omitted because its file is damaged.
     secret
-        64 hexadecimal digits. The target's pseudonym follows from them (`tsis.records._deidentify`), and no export
-        holds them. A store derives them from its own secret, so they never change. A record without a store, as from a
-        bundle, has random ones: its pseudonym changes each time that it is read.
+        64 hexadecimal digits from which the pseudonym of the target follows (`tsis.records._deidentify`); no export
+        contains them. A store derives them from its own secret, so they never change. A record without a store, e.g.
+        from a bundle, has random ones: its pseudonym changes with each reading.
     """
 
     target: Target
@@ -70,17 +70,17 @@ class TargetRecord:
         return self.estimates[-1] if self.estimates else None
 
     @property
-    def in_force(self) -> tuple[StoredEstimate, ...]:
-        """The estimates in force: the last of each kind, in the order of `tsis.records.ESTIMATES`."""
-        return current_estimates(self.estimates)
+    def active_estimates(self) -> tuple[StoredEstimate, ...]:
+        """The active estimates: the last of each kind, in the order of `tsis.records.ESTIMATES`."""
+        return active_estimates(self.estimates)
 
     def require_whole(self) -> None:
-        """Refuse, with `RecordsError`, to go on without what is damaged."""
+        """Raise `RecordsError` when a part is damaged."""
         if self.damaged:
             raise RecordsError(self.damaged[0])
 
     def press(self, identity: str) -> StoredPress:
-        """The press of that identity; KeyError where there is none."""
+        """The press of that identity, or KeyError."""
         return {press.id: press for press in self.presses}[identity]
 
     def levels(self, press: StoredPress) -> NDArray[Any]:
@@ -89,7 +89,7 @@ class TargetRecord:
         Raises
         ------
         RecordsError
-            When the stored frame is not of the size that its press says, or of another kind.
+            When size or type of the stored frame do not match the press.
         """
         result = self.read(press.frame)
         if result.shape != (press.rows, press.columns) or result.dtype not in (np.uint8, np.uint16):
@@ -100,7 +100,7 @@ class TargetRecord:
         return result
 
     def image(self, press: StoredPress) -> TactileImage:
-        """The frame as an image that estimates take."""
+        """The frame as an image for estimates."""
         return TactileImage(
             grey=self.levels(press).astype(np.float64),
             mm_per_pixel=press.mm_per_pixel,

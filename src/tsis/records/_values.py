@@ -1,4 +1,4 @@
-"""What a store holds: targets, the presses on them, and what was estimated."""
+"""The values of a store: targets, presses and estimates."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
-KINDS = ("phantom", "subject")  # of stores; what is known of one must never get into the other
+KINDS = ("phantom", "subject")  # of stores; their data never mix
 ROLE_NAMES = {
     "target": "on the target",
     "plain": "on plain tissue",
@@ -38,25 +38,25 @@ LONGEST_NAME, LONGEST_NOTE = 200, 4000
 LARGEST_SIDE_PX = 65_535
 LARGEST_VERSION = 2**53
 TRUTH_RANGE = (-1e9, 1e9)  # of any name
-_NOT_SHOWN_BUT_FINE = re.compile(r"[\n\u200c\u200d]")  # ends of lines; what joins letters of Persian, and emoji
+_ALLOWED_CONTROLS = re.compile(r"[\n\u200c\u200d]")  # line ends, and the joiners of Persian letters and emoji
 
 
 def require_text(name: str, value: object, longest: int) -> None:
-    """Refuse what cannot be shown on a page: no text, too long, or with control characters other than line ends."""
+    """Require printable text of at most ``longest`` characters; line ends are allowed."""
     require_type(name, value, str)
     assert isinstance(value, str)
-    if len(value) > longest or not _NOT_SHOWN_BUT_FINE.sub("", value).isprintable():
+    if len(value) > longest or not _ALLOWED_CONTROLS.sub("", value).isprintable():
         raise InputError(f"{name} must be printable text of at most {longest} characters; got {value!r:.80}")
 
 
 def require_label(name: str, value: object) -> None:
-    """Refuse what cannot be shown as a label on one line: nothing, too much, or control characters."""
+    """Require a printable label on one line."""
     if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME or not value.isprintable() or value.isspace():
         raise InputError(f"{name} must be 1 to {LONGEST_NAME} printable characters; got {value!r:.80}")
 
 
 def require_moment(name: str, value: object) -> None:
-    """Refuse a time without its zone, or one of the first or last day that there is."""
+    """Require a time with a time zone that can be converted to UTC."""
     require_type(name, value, datetime)
     assert isinstance(value, datetime)
     if value.tzinfo is None:
@@ -69,26 +69,26 @@ def require_moment(name: str, value: object) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """One place that was pressed: a phantom, an object, a site on a subject.
+    """A site that was pressed: a phantom, an object, a site on a subject.
 
     Parameters
     ----------
     number
-        What people call it, in [1, 99999]; unique in its store.
+        Number in its store, in [1, 99999]; unique.
     kind
-        ``"phantom"`` or ``"subject"``, as that of the store.
+        ``"phantom"`` or ``"subject"``, as its store.
     name
         A label; of a subject a pseudonym, never a name.
     note
-        Anything that people want to remember.
+        Free text.
     truth
-        Of a phantom the true values by name with their unit, as ``diameter_mm``; empty where nobody knows them.
+        True values of a phantom by name with unit, e.g. ``diameter_mm``; empty where unknown.
     made
-        When it was entered, with its time zone.
+        Time of entry, with time zone.
     id
-        Identifies it for ever, in any store; empty before it is stored.
+        Permanent identity, valid in any store; empty before it is stored.
     version
-        Counts its edits from 1.
+        Number of edits plus 1.
     """
 
     number: int
@@ -116,15 +116,10 @@ class Target:
         object.__setattr__(self, "truth", MappingProxyType(truth))
 
 
-def entered(target: Target, names: Collection[str] = ("name", "truth")) -> Target:
-    """The target, with what is entered in the fields of these ``names`` fit to be shown and to be compared with.
+def validated_entries(target: Target, names: Collection[str] = ("name", "truth")) -> Target:
+    """The target, after a check of new values in these fields; `InputError` when one is invalid.
 
-    Stores of earlier releases hold other things, and stay readable.
-
-    Raises
-    ------
-    InputError
-        When a name has several lines, or a truth is that of no inclusion.
+    `Target` itself allows more, because stores of earlier releases must stay readable.
     """
     if "name" in names and "\n" in target.name:
         raise InputError(f"name must be one line; got {target.name!r:.80} (a note may have several)")
@@ -136,42 +131,43 @@ def entered(target: Target, names: Collection[str] = ("name", "truth")) -> Targe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredPress:
-    """One frame of the probe, and what is known of it.
+    """A frame of the probe with its metadata.
 
     Parameters
     ----------
     role
-        ``"target"``, ``"plain"`` (the same probe on plain tissue), ``"untouched"`` or ``"ball"`` (a known one).
+        ``"target"``, ``"plain"`` (reference press on tissue without inclusion), ``"untouched"`` or ``"ball"`` (of known
+        radius).
     taken
-        When, with its time zone.
+        Time of the frame, with time zone.
     frame
-        SHA-256 of the stored file of the frame.
+        SHA-256 of the stored image file.
     rows, columns
         Size of the frame in pixels.
     full_scale
         Grey level at which the camera clips.
     force_n
-        Force in newtons; None where nobody measured it.
+        Force in newtons; None where not measured.
     mm_per_pixel
-        Size (x, y) of a pixel on the face in mm; None where nobody measured it.
+        Size (x, y) of a pixel on the face in mm; None where not measured.
     axis_px
-        Where the probe's axis meets the image, (x, y) in pixels.
+        Position (x, y) of the probe's axis in the image in pixels.
     probe
-        Name of the probe; empty where nobody wrote it down.
+        Name of the probe; empty where unknown.
     calibration
-        SHA-256 under which the calibration in force is stored; None without one.
+        SHA-256 of the active calibration; None without one.
     flags
-        What the press guard said against it.
+        Flags of the press guard.
     settings
-        What the camera was set to, and where the file came from.
+        Camera settings and the source of the file.
     name
-        What reports call the frame.
+        Name of the frame in reports.
     note
-        Anything that people want to remember.
+        Free text.
     id, target
-        Its own identity and that of its target; empty before it is stored.
+        Identities of the press and of its target; empty before it is stored.
     version
-        Counts its edits from 1.
+        Number of edits plus 1.
     """
 
     role: str
@@ -215,30 +211,30 @@ class StoredPress:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StoredEstimate:
-    """An estimate with all that is needed to make it again.
+    """An estimate with everything needed to repeat it.
 
     Parameters
     ----------
     kind
         ``"inclusion"`` or ``"hardness"``.
     estimate
-        What was estimated, samples and all.
+        The estimate with its samples.
     made
-        When, with its time zone.
+        Time of the estimate, with time zone.
     probe
         Name of the probe in the catalog.
     presses
-        Identities of the presses that it rests on, in the order in which they were given.
+        Identities of the presses, in the order of the call.
     calibration
-        SHA-256 under which the calibration is stored.
+        SHA-256 of the stored calibration.
     options
-        Arguments of the call by name as plain values, e.g. the fields of the prior.
+        Arguments of the call by name as JSON values, e.g. the fields of the prior.
     environment
         Versions of this program and its libraries, and the SHA-256 of its code.
     supersedes
-        Identity of the estimate that this one recomputes; None for a first one.
+        Identity of the estimate that this one recomputes, or None.
     id, target
-        Its own identity and that of its target; empty before it is stored.
+        Identities of the estimate and of its target; empty before it is stored.
     """
 
     kind: str
@@ -274,30 +270,30 @@ def parse_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, flo
     Raises
     ------
     InputError
-        When one is no name with a number; the message says what it is ``called``.
+        When a line is no name with a number; the message calls it ``called``.
 
     Examples
     --------
     >>> parse_truth(["diameter_mm=10", "depth_mm = 4.5"])
     {'diameter_mm': 10.0, 'depth_mm': 4.5}
     """
-    document: dict[str, float] = {}
+    truth: dict[str, float] = {}
     for line in lines:
         name, _, value = line.partition("=")
         try:
-            document[name.strip()] = float(value)
+            truth[name.strip()] = float(value)
         except ValueError as error:
             raise InputError(f"{called} must be a name and a number as diameter_mm=10; got {line!r:.60}") from error
-    return document
+    return truth
 
 
 def parse_force(text: str, *, called: str = "force_n", nothing: str = "none") -> float | None:
-    """A force in newtons in [0, 100]; None where ``nothing`` is written, for nobody knows it.
+    """A force in newtons in [0, 100]; None, for an unknown force, where the text equals ``nothing``.
 
     Raises
     ------
     InputError
-        When it is neither.
+        For any other text.
 
     Examples
     --------

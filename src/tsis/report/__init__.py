@@ -1,4 +1,4 @@
-"""Results that people read and programs reload: one page as HTML or PDF, one JSON file, the frames beside them."""
+"""Reports: a page as HTML or PDF for people, and JSON documents for programs."""
 
 from tsis.report._calibration import (
     calibration_document,
@@ -17,7 +17,7 @@ from tsis.report._design import (
     QUICK_DEGREES,
     DesignAnalysis,
     DesignQuestion,
-    answer_question,
+    analyse_designs,
     compared_designs,
     design_caption,
     design_document,
@@ -95,8 +95,8 @@ __all__ = [
     "StoreAddress",
     "Table",
     "address",
+    "analyse_designs",
     "analyse_image",
-    "answer_question",
     "calibration_document",
     "calibration_notes",
     "calibration_page",

@@ -1,11 +1,11 @@
-"""Report of a probe's calibration: scale, reference, force line, answer to pressure, specification sheet."""
+"""Report of a probe's calibration: scale, reference, force line, response to pressure, specification sheet."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.file import calibration_sha256
-from tsis.files import to_plain
+from tsis.files import to_json_value
 from tsis.plots import dot_board, force_residuals, force_sums, hysteresis_loops
 from tsis.report._document import envelope
 from tsis.report._page import Card, Page, Picture, Table, html
@@ -27,7 +27,7 @@ Row = tuple[str, str, str]
 def calibration_document(
     calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """What programs read of a calibration."""
+    """A calibration as a JSON document."""
     return envelope(
         "calibrate",
         name=calibration.name,
@@ -44,7 +44,7 @@ def calibration_document(
 
 
 def measured_values(calibration: ProbeCalibration) -> dict[str, dict[str, Any]]:
-    """Numbers with their uncertainty, for programs."""
+    """Numbers with their uncertainty as JSON values."""
     return {
         name: {"value": value.value, "sd": value.sd, "interval_95": list(value.interval()), "unit": value.unit}
         for name, value in _measured(calibration).items()
@@ -52,7 +52,7 @@ def measured_values(calibration: ProbeCalibration) -> dict[str, dict[str, Any]]:
 
 
 def calibration_rows(calibration: ProbeCalibration, findings: SessionResult) -> tuple[Row, ...]:
-    """Quantity, value and 95 % interval of everything that was measured."""
+    """Quantity, value and 95 % interval of all measurements."""
     low, high = findings.response.saturation.interval()
     upper = f"{high:.4g} kPa" if findings.response.saturation.identified else "open above"
     rows = list(content_rows(calibration))
@@ -67,7 +67,7 @@ def calibration_rows(calibration: ProbeCalibration, findings: SessionResult) -> 
 
 
 def content_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
-    """The same of what the file itself holds; ``cited`` is its identity where not all of it is shown."""
+    """Quantity, value and interval from the file itself; ``cited`` is its identity where only a part is shown."""
     rows = [
         ("probe", calibration.probe or "not named", ""),
         ("camera", calibration.camera or "not named", ""),
@@ -89,7 +89,7 @@ def content_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row
 
 
 def specification_rows(calibration: ProbeCalibration) -> tuple[tuple[str, str, str, str], ...]:
-    """The sheet: quantity, measured, fingertip, printed in the source."""
+    """The sheet: quantity, measured, fingertip, printed in the dissertation."""
     if calibration.specification is None:
         return ()
     return tuple(
@@ -104,13 +104,13 @@ def specification_rows(calibration: ProbeCalibration) -> tuple[tuple[str, str, s
 
 
 def specification_notes(calibration: ProbeCalibration) -> tuple[str, ...]:
-    """What one must know to compare the columns of the sheet."""
+    """Notes for the comparison of the columns of the sheet."""
     rows = () if calibration.specification is None else calibration.specification.rows
     return tuple(f"{row.quantity[0].upper()}{row.quantity[1:]}: {row.note}." for row in rows if row.note)
 
 
 def calibration_notes(calibration: ProbeCalibration, findings: SessionResult) -> tuple[str, ...]:
-    """What a reader must know besides the numbers."""
+    """Notes on the limits of the numbers."""
     scale, line = calibration.scale, calibration.force_line
     notes = []
     if findings.dots.distorted:
@@ -135,12 +135,12 @@ def calibration_notes(calibration: ProbeCalibration, findings: SessionResult) ->
 def calibration_report(
     calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
 ) -> bytes:
-    """One HTML page of a calibration."""
+    """The report of a calibration as HTML."""
     return html(calibration_page(calibration, findings, provenance=provenance))
 
 
 def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> Page:
-    """What that page holds: numbers, notes, figures of what the fits left, tables."""
+    """The report of a calibration: numbers, notes, figures of the residuals, tables."""
     line, scale = calibration.force_line, calibration.scale
     assert line is not None  # a session measures both
     assert scale is not None
@@ -174,7 +174,7 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
             alt="Sums of grey levels rise in a straight line with the force; rings loading, crosses unloading",
         ),
         Picture(
-            title="What the line leaves, and the loop",
+            title="Residuals of the line, and hysteresis",
             draw=residuals,
             size=(9.6, 4.0),
             alt="Departures from the line in per cent of the range, and loading less unloading, by tip",
@@ -184,7 +184,7 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
             title="The dot board",
             draw=board,
             size=(6.4, 4.4),
-            alt="Frame of the board with the dots found, their lattice, and what the fit leaves, magnified",
+            alt="Frame of the board with the detected dots, their lattice, and the magnified residuals",
         ),
     )
     return Page(
@@ -205,26 +205,26 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
                 rows=specification_rows(calibration),
             ),
         ),
-        provenance={**provenance, "line": to_plain(findings.line)},
+        provenance={**provenance, "line": to_json_value(findings.line)},
     )
 
 
 def _measured(calibration: ProbeCalibration) -> dict[str, MeasuredValue]:
-    document: dict[str, MeasuredValue] = {}
+    values: dict[str, MeasuredValue] = {}
     if calibration.scale is not None:
-        document |= {"scale x": calibration.scale.mm_per_pixel_x, "scale y": calibration.scale.mm_per_pixel_y}
+        values |= {"scale x": calibration.scale.mm_per_pixel_x, "scale y": calibration.scale.mm_per_pixel_y}
     if calibration.reference is not None:
-        document |= {
+        values |= {
             "read noise": calibration.reference.read_noise_grey,
             "shot noise": calibration.reference.shot_noise_grey,
             "stray light": calibration.reference.stray_grey,
         }
     if calibration.force_line is not None:
-        document |= {
+        values |= {
             "force line, intercept": calibration.force_line.intercept_grey,
             "force line, slope": calibration.force_line.slope_grey_per_n,
         }
-    return document
+    return values
 
 
 def _row(name: str, value: MeasuredValue) -> Row:

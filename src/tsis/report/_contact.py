@@ -1,4 +1,4 @@
-"""Report of what image files say without a probe calibration."""
+"""Report of contact features of image files without a probe calibration."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ODD_FRACTION = 1e-3  # of the pixels
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImageFinding:
-    """What one image says: the frame, its change of grey level, its features and the round contact if there is one."""
+    """Analysis of an image: its change of grey level, its features, and the round contact or None."""
 
     image: TactileImage
     change: TactileImage
@@ -37,7 +37,7 @@ class ImageFinding:
 
 
 def analyse_image(image: TactileImage, reference: TactileImage | None, *, invert: bool) -> ImageFinding:
-    """Read everything that one image says without a calibration."""
+    """Analyse an image without a calibration."""
     result = features(image, reference, invert=invert)
     change = signal(image, reference, invert=invert)
     contact = find_contact(change, patch=result.patch) if result.contact else None
@@ -51,14 +51,14 @@ def contact_report(
     provenance: Mapping[str, Any],
     comparison: PressComparison | None = None,
 ) -> bytes:
-    """One HTML page of contact features: images with outline, surface, profile, numbers, and what was refused.
+    """Contact features as HTML: images with outline, surface, profile, numbers, and refused estimates.
 
     Parameters
     ----------
     findings
-        What each image says.
+        The analysis of each image.
     refused
-        Estimates that cannot be made from these files, each with the reason.
+        Estimates that these files do not allow, each with the reason.
     provenance
         Versions, files and options.
     comparison
@@ -124,7 +124,7 @@ def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
 
 
 def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
-    """One sentence for each thing that limits what the image says."""
+    """Notes on the limits of the image."""
     image, result, notes = finding.image, finding.features, []
     if not result.contact:
         notes.append(
@@ -151,7 +151,7 @@ def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
 
 
 def _extremes(change: TactileImage) -> tuple[float, float]:
-    """How far the grey levels fall and rise, but for the odd pixel."""
+    """Largest fall and rise of the grey levels, without outliers."""
     low, high = np.quantile(change.grey, [ODD_FRACTION, 1 - ODD_FRACTION])
     return -float(low), float(high)
 
@@ -234,26 +234,20 @@ def _also(text: str) -> str:
 
 
 SIZE = (4.4, 3.0)
-DIVERGING = "RdBu_r"  # blue to red through white, which those see apart who do not tell red from green
+DIVERGING = "RdBu_r"  # blue to red through white, distinct without red-green vision
 NO_VALUE = "none"
 
 
 def comparison(image: TactileImage, other: TactileImage, *, same_light: bool = False) -> Page:
-    """Two frames, what differs between them, and what each says of its contact.
+    """A page with two frames in one colour map, their difference or the reason why there is none, and their features.
 
     Parameters
     ----------
     image, other
-        Frames as the camera gave them, each with a name.
+        Camera frames with names.
     same_light
-        Whether to bring the second to the brightness of the first before it is taken away
+        Whether to scale the second to the brightness of the first before the subtraction
         (`tsis.imaging.match_light`).
-
-    Returns
-    -------
-    Page
-        Both in one colour map, the first minus the second where they can be subtracted (a sentence says why where they
-        cannot), and a table of features.
     """
     top = float(max(image.grey.max(), other.grey.max()))
     pictures = [_frame(image, top), _frame(other, top)]
@@ -318,7 +312,6 @@ def _change_text(change: TactileImage, *, same_light: bool) -> str:
 
 
 def _features(item: TactileImage, other: TactileImage) -> Table:
-    """Names of the features of either, and the value of each."""
     results = [dict(finding_rows(analyse_image(image, None, invert=False))) for image in (item, other)]
     names = list(dict.fromkeys([*results[0], *results[1]]))
     rows = tuple((name, *(item.get(name, NO_VALUE) for item in results)) for name in names)

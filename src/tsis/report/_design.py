@@ -1,4 +1,4 @@
-"""What somebody wants to know of a probe before it is built, and the designs that answer it."""
+"""Analysis of probe designs before a probe is built, and its report."""
 
 from __future__ import annotations
 
@@ -35,35 +35,35 @@ if TYPE_CHECKING:
     from tsis.model import Calibration
 
 
-FLAT_N, DOMED_N = (1.0,), (0.5, 1.0)  # under a dome two forces load the tissue in two different ways
-QUICK_DEGREES = ("forces", "frames", "reference")  # of one probe, whose press is solved once
+FLAT_N, DOMED_N = (1.0,), (0.5, 1.0)  # under a dome two forces load the tissue differently
+QUICK_DEGREES = ("forces", "frames", "reference")  # aspects that need one solution of the press
 PLANNED = "as planned"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignQuestion:
-    """What would a probe and its presses tell, and what would others?
+    """A planned probe with its presses, and the designs to compare it with.
 
     Parameters
     ----------
     probe
-        What presses.
+        The planned probe.
     forces_n
         Forces of the presses in newtons; 0.5 and 1 on a dome, else 1 when empty.
     with_reference
-        Whether plain tissue nearby is pressed too.
+        Whether there is a reference press on tissue without inclusion.
     frames_per_press
-        How often each press is made.
+        Number of frames of each press.
     compared
-        What is changed, of `tsis.inclusion.design.ASPECTS`; nothing when empty.
+        Aspects to vary, of `tsis.inclusion.design.ASPECTS`.
     criterion
-        What designs are ranked and searched by: ``"all"``, or one parameter's error.
+        Criterion of the ranking and the search: ``"all"``, or the error of a parameter.
     traced
-        Whether the lamps light the face; else it is lit evenly.
+        Whether the light is that of the lamps; else it is uniform.
     evaluations
-        Stacks of layers that a search for better ones may solve, in [1, 25]; no search when None.
+        Stacks of layers that the search may solve, in [1, 25]; no search when None.
     prior
-        Ranges of inclusions over which errors are means, and what is believed of the tissue.
+        Ranges of the inclusions for the mean errors, and the prior of the tissue.
 
     Raises
     ------
@@ -100,7 +100,7 @@ class DesignQuestion:
 
     @property
     def protocols(self) -> tuple[Protocol, ...]:
-        """The planned one first, then each other with its own name."""
+        """The planned protocol, then each different alternative."""
         planned = self.planned
         changed = [other for aspect in self.compared for other in design_alternatives(planned, aspect)]  # type: ignore[arg-type]
         return (planned, *{other.name: other for other in changed}.values())
@@ -108,16 +108,16 @@ class DesignQuestion:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignAnalysis:
-    """The designs, best first, and the best that a search has found.
+    """The designs, best first, and the result of the search.
 
     Attributes
     ----------
     question
-        What was asked.
+        The input.
     designs
-        Best first by the question's criterion, those that break a limit last; the searched one among them.
+        Best first by the criterion, those that break a limit last, the optimum included.
     optimum
-        What the search found; None without one.
+        Result of the search; None without one.
     """
 
     question: DesignQuestion
@@ -126,12 +126,12 @@ class DesignAnalysis:
 
     @property
     def planned(self) -> Design:
-        """The design that was asked for."""
+        """The planned design."""
         return next(design for design in self.designs if design.protocol.name == PLANNED)
 
     @property
     def best(self) -> Design:
-        """The first in order; it may break a limit when all do."""
+        """The first design; it breaks a limit when all do."""
         return self.designs[0]
 
 
@@ -139,21 +139,16 @@ SENSOR = Sensor()
 
 
 def design_calibration() -> Calibration:
-    """The calibration that a planned probe is judged with: nobody has measured one yet."""
+    """The nominal calibration of a planned probe."""
     return nominal_calibration(SENSOR)
 
 
 def compared_designs(
     question: DesignQuestion, *, progress: Callable[[int, int], None] | None = None
 ) -> tuple[Design, ...]:
-    """Judge the planned design and its alternatives; a new probe's press takes seconds to solve and is kept.
+    """Evaluate the planned design and its alternatives; the press of a new probe takes seconds and is cached.
 
-    Parameters
-    ----------
-    question
-        What is asked.
-    progress
-        Called with (designs done, designs in all); what it raises ends the work.
+    ``progress`` is called with (done, all) designs and may raise to stop.
     """
     return compare_designs(
         question.protocols,
@@ -169,7 +164,7 @@ def compared_designs(
 def searched_design(
     question: DesignQuestion, *, progress: Callable[[int, int], None] | None = None
 ) -> DesignOptimum | None:
-    """Search the layers' moduli and the forces, for minutes; None when the question asks for no search."""
+    """Optimise the moduli of the layers and the forces, which takes minutes; None without a search."""
     if question.evaluations is None:
         return None
     return optimise_design(
@@ -184,10 +179,10 @@ def searched_design(
     )
 
 
-def answer_question(
+def analyse_designs(
     question: DesignQuestion, result: tuple[Design, ...], optimum: DesignOptimum | None = None
 ) -> DesignAnalysis:
-    """Put what was found in order."""
+    """Rank the designs."""
     designs = [*result, *([] if optimum is None else [optimum.best])]
     return DesignAnalysis(question=question, designs=rank_designs(designs, question.criterion), optimum=optimum)
 
@@ -198,7 +193,7 @@ CROSSES = "Nearer to the corner is better; crosses break a limit."
 
 
 def design_document(design: DesignAnalysis) -> dict[str, Any]:
-    """All of it, as plain values with the names of Python."""
+    """The analysis as a JSON document."""
     question, best = design.question, design.optimum
     return envelope(
         "design",
@@ -219,7 +214,7 @@ def design_rows(designs: Sequence[Design]) -> tuple[tuple[str, ...], ...]:
 
 
 def design_caption(designs: Sequence[Design]) -> str:
-    """What the errors of `design_rows` are."""
+    """Caption of `design_rows`."""
     return (
         f"Expected errors over {len(designs[0].information.inclusions)} inclusions, best first; what breaks a limit "
         "comes last."
@@ -227,7 +222,7 @@ def design_caption(designs: Sequence[Design]) -> str:
 
 
 def design_notes(design: DesignAnalysis) -> tuple[str, ...]:
-    """What to know besides the table: before any press, what the columns mean, limits broken, what binds the best."""
+    """Notes on the table: prior errors, meaning of the columns, broken limits, the optimum."""
     before = design.question.prior.sd
     broken = {
         f"{design.protocol.name}: {message}" for design in design.designs for message in design.limits.broken.values()
@@ -235,15 +230,15 @@ def design_notes(design: DesignAnalysis) -> tuple[str, ...]:
     return (
         f"Before any press: d {before['diameter_mm']:.2f} mm, h {before['depth_mm']:.2f} mm, "
         f"E {before['young_kpa']:.1f} kPa.",
-        "known: share of the inclusions whose modulus would be known to 20 kPa; whole: share on which the whole face "
-        "touches in the weakest press; grey: the brightest place.",
+        "known: fraction of the inclusions whose modulus would be known to 20 kPa; whole: fraction on which the whole "
+        "face touches in the weakest press; grey: the brightest pixel.",
         *sorted(broken),
         *(() if design.optimum is None else _optimum_notes(design.optimum)),
     )
 
 
 def draw_errors(designs: Sequence[Design], figure: Figure) -> None:
-    """Depth over diameter and modulus over depth, with a numbered point for each design."""
+    """Draw errors of depth over diameter and of modulus over depth, with a numbered point for each design."""
     left, right = figure.subplots(1, 2)
     design_errors(designs, ("diameter_mm", "depth_mm"), left)
     design_errors(designs, ("depth_mm", "young_kpa"), right)
@@ -251,7 +246,7 @@ def draw_errors(designs: Sequence[Design], figure: Figure) -> None:
 
 
 def design_page(design: DesignAnalysis) -> Page:
-    """The planned design's errors as cards with the prior beside them, the information plot, and all designs."""
+    """The report: errors of the planned design beside the prior, their plot, and all designs."""
     designs = design.designs
     return Page(
         title="What it would tell",
@@ -312,22 +307,22 @@ def _row(design: Design) -> tuple[str, ...]:
 
 
 def _document(design: Design) -> dict[str, Any]:
-    reported = design.information
-    bound = reported.cramer_rao_sd
+    information = design.information
+    bound = information.cramer_rao_sd
     return {
         "name": design.protocol.name,
         "presses": design.protocol.described,
         "layers_young_kpa": [layer.young_kpa for layer in design.protocol.probe.layers],
         "face_curvature_mm": design.protocol.probe.face_curvature_mm,
-        "expected_rmse": reported.rmse,
-        "modulus_identified_share": reported.identified_fraction,
-        "mean_log_narrowing": reported.log_sd,
+        "expected_rmse": information.rmse,
+        "modulus_identified_share": information.identified_fraction,
+        "mean_log_narrowing": information.log_sd,
         "limits": asdict(design.limits),
         "broken": design.limits.broken,
         "inclusions": [
             {"inclusion": inclusion, "expected_sd": sd, "cramer_rao_sd": least if np.isfinite(least).all() else None}
             for inclusion, sd, least in zip(
-                reported.inclusions.tolist(), reported.expected_sd.tolist(), bound.tolist(), strict=True
+                information.inclusions.tolist(), information.expected_sd.tolist(), bound.tolist(), strict=True
             )
         ],
     }
@@ -346,9 +341,9 @@ def _optimum_document(best: DesignOptimum) -> dict[str, Any]:
 def _optimum_notes(best: DesignOptimum) -> tuple[str, ...]:
     layers = ", ".join(f"{layer.young_kpa:.3g}" for layer in best.best.protocol.probe.layers)
     forces = " and ".join(f"{force:.2g}" for force in best.best.protocol.forces_n)
-    stored = ", ".join(best.binding) or "nothing; it lies inside the search"
+    binding = ", ".join(best.binding) or "nothing; it lies inside the search"
     return (
         f"Best found after {best.evaluations} stacks: layers of {layers} kPa from the tissue up, pressed at "
         f"{forces} N.",
-        f"What binds it: {stored}.",
+        f"What binds it: {binding}.",
     )

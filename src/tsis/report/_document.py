@@ -1,4 +1,4 @@
-"""Results as plain values for a JSON file: the same names and units as in Python."""
+"""Results as JSON documents, with the names and units of Python."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tsis.model import Estimate
 
 
-NEARLY = 1e-3  # probabilities closer than this to 0 or 1 are not told apart from them
+NEARLY = 1e-3  # probabilities closer than this to 0 or 1 are shown as a bound
 NOT_TRUSTED = "Diameter, depth and modulus are not to be trusted, for a reason named below."
 NOT_SCALAR = ("profile", "patch")
 
@@ -73,18 +73,18 @@ RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
         "tsis-sweep-verify": 1,
         "tsis-track": 1,
     }
-)  # version by name; a version counts up when a name in the document goes or changes its meaning
+)  # version by name; it increases when a name in the document is removed or changes its meaning
 
 
 def envelope(command: str, part: str = "", /, **content: Any) -> dict[str, Any]:
-    """A JSON result: its schema with the version, the notice, the program's version and the command, then its content.
+    """A JSON result: its schema with the version, the notice, the version of tsis and the command, then its content.
 
     Parameters
     ----------
     command
-        Its words, e.g. ``"records list"``.
+        The command, e.g. ``"records list"``.
     part
-        Which of the command's results it is, where it has several.
+        Name of the result where the command has several.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def envelope(command: str, part: str = "", /, **content: Any) -> dict[str, Any]:
 
 
 def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """An estimate, with the truth beside each parameter where it is known."""
+    """An estimate as a JSON document, with the truth of each parameter where known."""
     interval = estimate.interval(INTERVAL_LEVEL)
     parameters = {
         name: {
@@ -125,42 +125,42 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = No
 
 
 def _finite(value: float | None) -> float | None:
-    """JSON has no infinity: null says that nothing bounds it."""
+    """The value, or None for an infinite one, which JSON lacks."""
     return value if value is not None and np.isfinite(value) else None
 
 
 def withheld_reason(estimate: Estimate, name: str) -> str:
-    """Why a parameter's mean should not be read as a number; empty when it may be."""
+    """Why the mean of a parameter must not be used; empty when it may."""
     if not estimate.trusted:
         return "not to be trusted"
     return "" if estimate.identified(name) else "not identified"
 
 
 def estimate_messages(estimate: Estimate) -> tuple[str, ...]:
-    """What a reader must know besides the numbers, the most important first."""
-    message = (
+    """Messages on an estimate, the most important first."""
+    messages = (
         "" if estimate.presence is None else f"Probability of an inclusion: {probability_text(estimate.presence)}.",
         estimate.identifiability if estimate.trusted else NOT_TRUSTED,
         *estimate.notes,
         f"Prior: {estimate.prior}." if estimate.prior else "",
     )
-    return tuple(message for message in message if message)
+    return tuple(message for message in messages if message)
 
 
 def probability_text(value: float) -> str:
-    """A probability in words that does not claim certainty."""
+    """The text of a probability, never 0 or 1."""
     if value > 1 - NEARLY:
         return f"above {1 - NEARLY:g}"
     return f"below {NEARLY:g}" if value < NEARLY else f"{value:.3g}"
 
 
 def sd_text(value: float) -> str:
-    """A standard deviation to two digits, none of them as a power of ten until it is huge."""
+    """A standard deviation to two digits, without an exponent below 99999."""
     return f"{value:.0f}" if 99.5 <= value < 99_999 else f"{value:.2g}"
 
 
 def features_document(features: Features, contact: Contact | None) -> dict[str, Any]:
-    """Features of one image, and its round contact."""
+    """Features of an image and its round contact as a JSON document."""
     document = {item.name: getattr(features, item.name) for item in fields(features) if item.name not in NOT_SCALAR}
     document["round_contact"] = None if contact is None else asdict(contact)
     document["profile"] = None if features.profile is None else profile_document(features.profile)
@@ -168,7 +168,7 @@ def features_document(features: Features, contact: Contact | None) -> dict[str, 
 
 
 def profile_document(profile: RadialProfile) -> dict[str, Any]:
-    """A ring profile; rings without pixels hold null."""
+    """A ring profile as a JSON document; null for rings without pixels."""
     mean = [float(value) if np.isfinite(value) else None for value in profile.mean_grey]
     return {
         "radius_mm": profile.radius_mm.tolist(),

@@ -1,4 +1,4 @@
-"""A folder of results that appears whole or not at all."""
+"""Atomic writes of result folders."""
 
 from __future__ import annotations
 
@@ -15,17 +15,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-ROOM = 2**22  # bytes: more than a report takes
+ROOM = 2**22  # bytes, more than a report needs
 
 
 def free_folder(requested: Path) -> Path:
-    """``requested``, or the first of ``wanted-2``, ``wanted-3``, ... that does not exist: nothing is overwritten.
-
-    Raises
-    ------
-    FileInputError
-        When ``requested`` does not name a new folder.
-    """
+    """``requested``, or the first free one of ``requested-2``, ``requested-3``, ...; may raise `FileInputError`."""
     if requested.name in ("", ".."):
         raise FileInputError(f"{str(requested)!r} must name a new folder; got none to make (give it a name)")
     names = itertools.chain(
@@ -38,14 +32,12 @@ def free_folder(requested: Path) -> Path:
 
 
 def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:
-    """Write ``files`` (name -> bytes) into a new ``folder`` and return its absolute path.
-
-    They appear in one step and are on the disk then, so that an interrupted run leaves no half of a result.
+    """Write ``files`` (name -> bytes) atomically into a new ``folder`` and return its absolute path.
 
     Raises
     ------
     FileInputError
-        When the folder cannot be written or exists already.
+        When the folder exists or cannot be written.
     """
     try:
         with atomic_folder(folder) as draft:
@@ -57,13 +49,7 @@ def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:
 
 
 def require_room(folder: Path, *, room: int = ROOM) -> None:
-    """Refuse a new ``folder`` beside which ``room`` bytes cannot be written: before what cannot be taken back.
-
-    Raises
-    ------
-    FileInputError
-        When they cannot.
-    """
+    """Raise `FileInputError` unless ``room`` bytes fit beside ``folder``; for use before irreversible steps."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder.parent) as trial:

@@ -1,4 +1,4 @@
-"""The forms in which a target is exported, each written whole as a new file or folder."""
+"""The export forms of a target record, each written atomically as a new file or folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tsis.records import TargetRecord
 
 
-ENDINGS = {  # of the name that a form gets where nobody chose one
+ENDINGS = {  # of default names
     "html": ".html",
     "pdf": ".pdf",
     "csv": "-csv",
@@ -25,7 +25,7 @@ ENDINGS = {  # of the name that a form gets where nobody chose one
     "dicom": "-dicom",
     "bundle": ".zip",
 }
-FORM_LABELS = {  # of each, for people who choose
+FORM_LABELS = {
     "html": "HTML: the report as one page",
     "pdf": "PDF: the report on paper",
     "csv": "CSV: tables, and frames as PNG",
@@ -35,17 +35,17 @@ FORM_LABELS = {  # of each, for people who choose
     "dicom": "DICOM: series, report and document",
     "bundle": "Bundle: everything, for another store",
 }
-PAGE_FORMS = ("html", "pdf")  # forms that say what of a target is damaged; the others are whole or not written
-MASKED = ("fhir", "dicom")  # forms that leave out labels and times unless they are asked for
+PAGE_FORMS = ("html", "pdf")  # forms that report damage; the others refuse it
+MASKED = ("fhir", "dicom")  # forms that omit labels and times by default
 
 
 def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool) -> str:
-    """Write one form of a dossier; of a bundle return the SHA-256 by which its receiver knows it, else nothing.
+    """Write a target record in a form; return the SHA-256 of a bundle, else an empty string.
 
     Raises
     ------
     FileInputError
-        When there is something of that name, or it cannot be written.
+        When the name is taken, or it cannot be written.
     MissingExtraError
         When the form needs an extra that is not installed.
     RecordsError
@@ -71,7 +71,7 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
 
 
 def page_bytes(form: str, record: TargetRecord) -> bytes:
-    """The report of a target in one of `PAGE_FORMS`, drawn and laid out."""
+    """The report of a target in one of `PAGE_FORMS`."""
     from tsis.report.target import target_page
 
     page = target_page(record)
@@ -104,7 +104,7 @@ def _write_file(path: Path, content: bytes) -> None:
 
 
 def require_absent(path: Path) -> None:
-    """Refuse a place where there is something, before anything is computed."""
+    """Raise `FileInputError` when a path exists, before any computation."""
     try:
         taken = path.is_symlink() or path.exists()
     except OSError as error:
@@ -115,15 +115,7 @@ def require_absent(path: Path) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreAddress:
-    """Where a store lies, and which one it is.
-
-    Parameters
-    ----------
-    folder, kind, database
-        As of `tsis.records.store.open_store`.
-    identity
-        Its own.
-    """
+    """Location of a store, as for `tsis.records.store.open_store`, and its identity."""
 
     folder: Path
     kind: str
@@ -132,14 +124,14 @@ class StoreAddress:
 
 
 def report_of_stored_target(store_address: StoreAddress, number: int, form: str) -> bytes:
-    """The report of a target in a form of `tsis.report.PAGE_FORMS`, as the store holds it at this moment.
+    """The report of the present state of a target in a form of `tsis.report.PAGE_FORMS`.
 
     Raises
     ------
     RecordsError
-        When the store cannot be read, or another one lies there now.
+        When the store is unreadable, or was replaced by another.
     InputError
-        When there is no target of that number.
+        When there is no such target.
     """
     with open_store(
         store_address.folder, kind=store_address.kind, database=store_address.database, create=False

@@ -1,4 +1,4 @@
-"""Pictures of frames: as the camera saw them, what a press changed, as a surface, in rings around the axis."""
+"""Pictures of frames: the image, its change, its surface, its ring profile."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
 
 MARKERS = "os^v"
-ACROSS, SHEET_WIDTH = 4, 9.5  # frames in a row of a sheet, and its inches
+FRAMES_PER_ROW, SHEET_WIDTH = 4, 9.5  # frames in a row of a sheet, and its inches
 
 
 def force_of(frame: TactileImage) -> float:
-    """Its force in newtons, 0 where nobody measured it."""
+    """The force in newtons, 0 where unknown."""
     return frame.force_n or 0.0
 
 
 def frame_picture(image: TactileImage) -> Picture:
-    """A frame as the camera saw it."""
+    """The image of a frame."""
 
     def frame(figure: Figure) -> None:
         tactile_image(image, figure.subplots())
@@ -50,7 +50,7 @@ def change_picture(
     alt: str = "Target minus reference press, with the outline and the centroid of the bright patch",
     caption: str = "Target minus reference press on plain tissue; outline and centroid in white.",
 ) -> Picture:
-    """What a frame differs in from another, with the outline of the bright patch."""
+    """The difference of two frames, with the outline of the bright patch."""
     result = features(signal)
 
     def change(figure: Figure) -> None:
@@ -81,17 +81,7 @@ def profile_picture(
     *,
     title: str = "The profiles that the estimate rests on",
 ) -> Picture:
-    """Ring means of frames of known scale, one line a press.
-
-    Parameters
-    ----------
-    groups
-        What each group of frames is, and the frames.
-    edges_mm
-        Boundaries of the rings.
-    title
-        Of the picture.
-    """
+    """Ring means of frames of known scale, by group, with a line for each press; ``edges_mm`` bound the rings."""
     shown = [
         (what, frame, marker)
         for (what, frames), marker in zip(groups.items(), MARKERS, strict=False)
@@ -115,14 +105,8 @@ def profile_picture(
 
 
 def sheet_picture(frames: Sequence[tuple[str, TactileImage]]) -> Picture:
-    """Every frame small, with its role, all in one colour map.
-
-    Parameters
-    ----------
-    frames
-        Role and frame, at least one.
-    """
-    rows, span = -(-len(frames) // ACROSS), min(ACROSS, len(frames))
+    """Thumbnails of (role, frame), at least one, in one colour map."""
+    rows, span = -(-len(frames) // FRAMES_PER_ROW), min(FRAMES_PER_ROW, len(frames))
     tall = max(_aspect(frame) * frame.grey.shape[0] / frame.grey.shape[1] for _, frame in frames)
     height = min(max(SHEET_WIDTH / span * tall, 0.5), 4.0) + 0.25
 

@@ -33,7 +33,7 @@ def hardness_report(
     provenance: Mapping[str, Any],
     truth_kpa: float | None = None,
 ) -> bytes:
-    """One HTML page of a hardness estimate: the modulus, the contact's growth, the frames and what limits them.
+    """The report of a hardness estimate as HTML: the modulus, the growth of the contact, the frames and notes.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def hardness_report(
     provenance
         Versions, files and options.
     truth_kpa
-        The true modulus where it is known.
+        The true modulus where known.
     """
     page = hardness_page(estimate, title=title, images=images, table=table, provenance=provenance, truth_kpa=truth_kpa)
     return html(page)
@@ -63,7 +63,7 @@ def hardness_page(
     provenance: Mapping[str, Any],
     truth_kpa: float | None = None,
 ) -> Page:
-    """What that page holds; parameters as `hardness_report`."""
+    """The report of a hardness estimate; parameters as `hardness_report`."""
 
     def growth(figure: Figure) -> None:
         contact_growth(estimate, figure.subplots(), table=table)
@@ -85,16 +85,16 @@ def hardness_page(
 
 
 def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
-    """The modulus, if it is to be trusted, with the truth where it is known."""
-    uncertainty = withheld_reason(estimate, "young_kpa")
+    """The modulus, if trusted, with the truth where known."""
+    withheld = withheld_reason(estimate, "young_kpa")
     low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
-    message = [f"90 % interval {low:.3g} to {high:.3g} kPa"] if estimate.trusted else []
-    given = [] if truth_kpa is None else [f"truth {truth_kpa:.3g} kPa"]
+    interval = [f"90 % interval {low:.3g} to {high:.3g} kPa"] if estimate.trusted else []
+    truth = [] if truth_kpa is None else [f"truth {truth_kpa:.3g} kPa"]
     return Card(
         title="Young's modulus",
-        value=uncertainty or f"{estimate.mean['young_kpa']:.3g} kPa",
-        detail="; ".join(message + given),
-        doubtful=bool(uncertainty),
+        value=withheld or f"{estimate.mean['young_kpa']:.3g} kPa",
+        detail="; ".join(interval + truth),
+        doubtful=bool(withheld),
     )
 
 
@@ -108,31 +108,31 @@ def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Pictu
 
 
 def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
-    """Names and values for people; of an estimate that is not to be trusted no modulus."""
+    """Names and values for people, without the modulus of an untrusted estimate."""
     rows = []
-    uncertainty = withheld_reason(estimate, "young_kpa")
+    withheld = withheld_reason(estimate, "young_kpa")
     low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
-    rows.append(("Young's modulus", uncertainty or f"{estimate.mean['young_kpa']:.3g} kPa"))
+    rows.append(("Young's modulus", withheld or f"{estimate.mean['young_kpa']:.3g} kPa"))
     if estimate.trusted:
         rows.append(("90 % interval", f"{low:.3g} to {high:.3g} kPa"))
-    if not uncertainty:
+    if not withheld:
         readings = shore(estimate.mean["young_kpa"])
         for name, value in (("Shore 00", readings.shore_00), ("Shore A", readings.shore_a)):
             rows.append((f"{name} (converted)", "outside the scale" if value is None else f"{value:.0f}"))
     for press in estimate.provenance.get("presses", ()):
-        observed = press["seen"]
+        contact = press["seen"]
         rows.append(
             (
                 f"contact radius, {press['name'] or 'image'}",
-                f"{observed['radius_mm']:.3f} mm ± {100 * observed['radius_sd']:.2f} %",
+                f"{contact['radius_mm']:.3f} mm ± {100 * contact['radius_sd']:.2f} %",
             )
         )
-        rows.append((f"force by light, {press['name'] or 'image'}", f"{observed['light_force_n']:.3g} N"))
+        rows.append((f"force by light, {press['name'] or 'image'}", f"{contact['light_force_n']:.3g} N"))
     return tuple(rows)
 
 
 def hardness_notes(estimate: Estimate) -> tuple[str, ...]:
-    """What a reader must know besides the numbers, the most important first."""
+    """Messages on a hardness estimate, the most important first."""
     messages = [estimate.identifiability if estimate.trusted else NOT_TRUSTED, *estimate.notes]
     if not withheld_reason(estimate, "young_kpa"):
         messages.append(f"Shore readings are converted, not measured. {shore(estimate.mean['young_kpa']).source}.")
@@ -160,12 +160,12 @@ HARDNESS = "hardness"
 
 
 def estimate_cards(stored: StoredEstimate, truth: Mapping[str, float]) -> tuple[Card, ...]:
-    """The numbers of an estimate of either kind, with the truth where it is known."""
+    """The numbers of an estimate of either kind, with the truth where known."""
     if stored.kind == HARDNESS:
         return (hardness_card(stored.estimate, truth.get("young_kpa")),)
     return inclusion_cards(stored.estimate, truth)
 
 
 def estimate_messages_of(stored: StoredEstimate) -> tuple[str, ...]:
-    """What a reader must know besides the numbers, the most important first."""
+    """Messages on an estimate of either kind, the most important first."""
     return hardness_notes(stored.estimate) if stored.kind == HARDNESS else estimate_messages(stored.estimate)

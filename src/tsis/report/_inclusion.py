@@ -1,4 +1,4 @@
-"""Report of one estimate of an inclusion."""
+"""Report of an estimate of an inclusion."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tsis.report._relative import PressComparison
 
 
-LIKELY = 0.95  # probability of an inclusion from which nobody need doubt it
+LIKELY = 0.95  # probability from which an inclusion is shown as certain
 TITLES = {"diameter_mm": ("Diameter d", "mm"), "depth_mm": ("Depth h", "mm"), "young_kpa": ("Modulus E", "kPa")}
 
 
@@ -43,26 +43,26 @@ def inclusion_report(
     provenance: Mapping[str, Any] | None = None,
     comparison: PressComparison | None = None,
 ) -> bytes:
-    """One HTML page: images, surface, posterior with the truth if known, and where all of it came from.
+    """The report as HTML: images, surface, posterior with the truth where known, and provenance.
 
-    Pictures show the target of the highest force and the reference nearest to it; the profiles are those of all frames.
+    Pictures show the target of the highest force and the reference nearest to it; the profiles show all frames.
 
     Parameters
     ----------
     estimate
-        What was estimated.
+        The estimate.
     title, subtitle
         Heading of the page.
     targets, references
-        The presses on the target, at least one, and those on plain tissue, each of known force.
+        The presses on the target, at least one, and the reference presses, each of known force.
     prior
-        Ranges that the posteriors are drawn in.
+        Ranges of the plots.
     ring_edges_mm
         Rings of the profile.
     truth
         True parameters of a virtual phantom.
     provenance
-        Anything to add to the estimate's own provenance.
+        Additions to the provenance of the estimate.
     comparison
         Relative readings and shapes of the same presses.
     """
@@ -95,25 +95,25 @@ def _shown(
 
 
 def inclusion_cards(estimate: Estimate, truth: Mapping[str, float] | None = None) -> tuple[Card, ...]:
-    """One card a parameter, without a number where the estimate is not to be trusted, and that of the presence."""
+    """A card for each parameter, without a number for an untrusted estimate, and one for the presence."""
     return (*(_card(estimate, name, truth or {}) for name in estimate.samples), *_presence_card(estimate))
 
 
 def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
     heading, unit = TITLES.get(name, (name, ""))
-    given = [f"truth {truth[name]:.3g} {unit}"] if name in truth else []
-    uncertainty = withheld_reason(estimate, name)
+    true = [f"truth {truth[name]:.3g} {unit}"] if name in truth else []
+    withheld = withheld_reason(estimate, name)
     if not estimate.trusted:
-        return Card(title=heading, value=uncertainty, detail="; ".join(given), doubtful=True)
+        return Card(title=heading, value=withheld, detail="; ".join(true), doubtful=True)
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
     interval = f"{low:.3g} to {high:.3g} {unit}"
-    value = interval if uncertainty else f"{estimate.mean[name]:.3g} {unit}"
-    detail = [uncertainty or f"90 % interval {interval}", _spreads(estimate, name, unit), *given]
-    return Card(title=heading, value=value, detail="; ".join(detail), doubtful=bool(uncertainty))
+    value = interval if withheld else f"{estimate.mean[name]:.3g} {unit}"
+    detail = [withheld or f"90 % interval {interval}", _spreads(estimate, name, unit), *true]
+    return Card(title=heading, value=value, detail="; ".join(detail), doubtful=bool(withheld))
 
 
 def _spreads(estimate: Estimate, name: str, unit: str) -> str:
-    """How wide the posterior is, the prior was, and any unbiased estimate has to be."""
+    """Standard deviations of posterior and prior, and the Cramér-Rao bound."""
     bound = estimate.cramer_rao_sd.get(name, float("inf"))
     limit = f", Cramér-Rao bound {sd_text(bound)}" if np.isfinite(bound) else ""
     return f"sd {sd_text(estimate.sd[name])} {unit} (prior {sd_text(estimate.prior_sd[name])}{limit})"
@@ -138,41 +138,40 @@ def marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[
     def marginals(figure: Figure) -> None:
         axes = figure.subplots(1, len(estimate.samples), squeeze=False)[0]
         for name, ax in zip(estimate.samples, axes, strict=True):
-            given = (truth or {}).get(name)
-            marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=given)
+            marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=(truth or {}).get(name))
         axes[0].legend(frameon=False, fontsize=8)
 
     intervals = estimate.interval(INTERVAL_LEVEL) if estimate.trusted else {}
     text = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
-    uncertainty = "" if estimate.trusted else "Not to be trusted. "
+    warning = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if not truth else " The dashed line is the truth."
     return Picture(
         title="What the presses told",
         draw=marginals,
         size=(9.5, 2.8),
         alt=f"Posterior of each parameter, 90 % intervals: {text or 'not to be trusted'}",
-        caption=f"{uncertainty}Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
+        caption=f"{warning}Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
         wide=True,
     )
 
 
 def trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) -> Picture:
-    """Joint posterior of each pair of parameters, of which there are at least two."""
+    """Joint posteriors of all pairs of at least two parameters."""
 
     def pairs(figure: Figure) -> None:
         names = list(itertools.combinations(estimate.samples, 2))
         for (item, other), ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
-            given = (truth[item], truth[other]) if truth and item in truth and other in truth else None
-            trade_off(estimate, (item, other), ax, truth=given)
+            point = (truth[item], truth[other]) if truth and item in truth and other in truth else None
+            trade_off(estimate, (item, other), ax, truth=point)
 
-    uncertainty = "" if estimate.trusted else "Not to be trusted. "
+    warning = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if not truth else " The cross is the truth."
     return Picture(
         title="Which parameters trade off",
         draw=pairs,
         size=(9.5, 3.0),
         alt="Joint posterior of each pair of parameters",
-        caption=f"{uncertainty}Joint posteriors: a slanted band is a combination known better than its parts.{marked}",
+        caption=f"{warning}Joint posteriors: a slanted band is a combination known better than its parts.{marked}",
         wide=True,
     )
 

@@ -1,4 +1,4 @@
-"""One self-contained HTML page: no script, no address outside itself."""
+"""A self-contained HTML page without scripts and external resources."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 
 DPI = 120
-PAPER_DPI = 220  # at the size at which a picture stands on the paper
-FIGURE_LOCK = threading.Lock()  # matplotlib has settings and a cache of letters for the whole program
+PAPER_DPI = 220  # at the size on paper
+FIGURE_LOCK = threading.Lock()  # matplotlib's settings and glyph cache are global
 
 
 def address(picture: Picture) -> str:
-    """The picture as a data address: SVG, or PNG where it is no line drawing."""
+    """The picture as a data URL: SVG, or PNG where it is no line drawing."""
     content = _drawn(picture, picture.size, kind="svg" if picture.vector else "png", dpi=DPI)
     kind = "image/svg+xml" if picture.vector else "image/png"
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
 def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DPI) -> bytes:
-    """The picture as an opaque PNG file, drawn on ``size`` inches: paper has no use for transparency."""
+    """The picture as an opaque PNG file of ``size`` inches."""
     buffer = io.BytesIO()
     with Image.open(io.BytesIO(_drawn(picture, size, kind="png", dpi=dpi))) as drawn:
         drawn.convert("RGB").save(buffer, format="PNG")
@@ -53,7 +53,7 @@ def _drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
-    """One number that the reader came for."""
+    """A main result."""
 
     title: str
     value: str
@@ -63,24 +63,24 @@ class Card:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A figure with a caption, and words for those who do not see it.
+    """A figure with a caption and an alternative text.
 
     Attributes
     ----------
     title
-        Its heading.
+        The heading.
     draw
-        Draws it into an empty figure, the same each time; whoever shows the page calls it.
+        Draws the figure into an empty one, reproducibly.
     size
-        Width and height in inches at which letters have 9 points.
+        Width and height in inches for text of 9 points.
     alt
-        What it shows, in words.
+        Description of the content.
     caption
-        What to know to read it.
+        Explanation below the figure.
     wide
-        Whether it takes the page's whole width.
+        Whether it takes the whole width of the page.
     vector
-        Whether it is a line drawing; a relief of many facets is smaller as pixels.
+        Whether it is a line drawing; a surface of many facets is smaller as pixels.
     """
 
     title: str
@@ -103,7 +103,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """What a page shows, from top to bottom; ``refused`` holds (estimate, reason)."""
+    """The content of a page, from top to bottom; ``refused`` has (estimate, reason)."""
 
     title: str
     subtitle: str

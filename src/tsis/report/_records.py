@@ -1,11 +1,11 @@
-"""What became of an estimate that was made again: sentences, a table, plain values."""
+"""Messages, tables and documents on recomputations, verifications and imports."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from tsis.files import free_to_plain
+from tsis.files import free_to_json
 from tsis.report._page import Table
 from tsis.report.target import count_of
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from tsis.records.store import ImportedTarget, StoreVerification
 
 
-SHORT = 8  # letters of an identity that tell it from others
+SHORT = 8  # shown digits of an identity
 
 
 def recomputation_notes(recomputation: Recomputation) -> tuple[str, ...]:
-    """What to know besides the sentence that says whether it came out the same."""
+    """Notes beside the main message of a recomputation."""
     messages = [f"Note: {note}." for note in recomputation.notes]
     for what, flags in (("gained", recomputation.flags_gained), ("lost", recomputation.flags_lost)):
         if flags:
@@ -29,7 +29,7 @@ def recomputation_notes(recomputation: Recomputation) -> tuple[str, ...]:
 
 
 def recomputation_message(recomputation: Recomputation) -> str:
-    """Where the new estimate is; empty where it is the old one."""
+    """Where the new estimate is stored; empty where nothing changed."""
     if recomputation.same:
         return ""
     return (
@@ -40,7 +40,7 @@ def recomputation_message(recomputation: Recomputation) -> str:
 
 
 def shift_table(recomputation: Recomputation) -> Table:
-    """How far each parameter moved."""
+    """The shift of each parameter."""
     headings = ("", "before", "after", "moved (old sd)", "90 % interval before", "90 % interval after")
     return Table(title="What moved", headings=headings, rows=tuple(_shift_rows(recomputation)))
 
@@ -55,7 +55,7 @@ def _shift_rows(recomputation: Recomputation) -> list[tuple[str, ...]]:
 
 
 def recomputation_document(target: Target, recomputation: Recomputation) -> dict[str, Any]:
-    """The same as plain values for JSON."""
+    """A recomputation as a JSON document."""
     return {
         "target": target.number,
         "kind": recomputation.before.kind,
@@ -63,7 +63,7 @@ def recomputation_document(target: Target, recomputation: Recomputation) -> dict
         "sentence": recomputation.message,
         "causes": list(recomputation.causes),
         "notes": list(recomputation.notes),
-        "shifts": [free_to_plain(asdict(shift), "shift") for shift in recomputation.shifts],  # moved by so many old sd
+        "shifts": [free_to_json(asdict(shift), "shift") for shift in recomputation.shifts],
         "flags_gained": list(recomputation.flags_gained),
         "flags_lost": list(recomputation.flags_lost),
         "trusted": {"before": recomputation.before.estimate.trusted, "after": recomputation.after.estimate.trusted},
@@ -73,7 +73,7 @@ def recomputation_document(target: Target, recomputation: Recomputation) -> dict
 
 
 def verdict(store_verification: StoreVerification) -> str:
-    """Whether the store can be believed."""
+    """Whether the store is sound."""
     state = (
         "as it was stored"
         if store_verification.sound
@@ -83,7 +83,7 @@ def verdict(store_verification: StoreVerification) -> str:
 
 
 def verification_notes(store_verification: StoreVerification) -> tuple[str, ...]:
-    """What to know of a store besides its faults."""
+    """Notes on a store beside its faults."""
     messages = [f"Note: {note}." for note in store_verification.notes]
     if store_verification.unnamed:
         messages.append(
@@ -99,7 +99,7 @@ def verification_notes(store_verification: StoreVerification) -> tuple[str, ...]
 
 
 def store_verification_document(store_verification: StoreVerification) -> dict[str, Any]:
-    """The same as plain values for JSON."""
+    """A verification as a JSON document."""
     return {
         "sound": store_verification.sound,
         "faults": list(store_verification.faults),
@@ -113,7 +113,7 @@ def store_verification_document(store_verification: StoreVerification) -> dict[s
 
 
 def entered_text(target: Target, *, new: bool, added: int, present: int, estimates: int) -> str:
-    """Where presses went, and how many of them were there."""
+    """The target of imported presses, and how many are new."""
     parts = [f"{count_of(added, 'press')} added"]
     parts += [f"{present} there already"] if present else []
     parts += [f"{count_of(estimates, 'estimate')} added"] if estimates else []
@@ -121,7 +121,7 @@ def entered_text(target: Target, *, new: bool, added: int, present: int, estimat
 
 
 def import_message(taken: ImportedTarget) -> str:
-    """What became of a bundle."""
+    """Result of the import of a bundle."""
     text = entered_text(
         taken.target, new=taken.new, added=taken.presses, present=taken.present, estimates=taken.estimates
     )

@@ -1,4 +1,4 @@
-"""What presses say beside each other: relative size, depth and hardness, and the shape of what lights."""
+"""Comparison of presses: relative size, depth and hardness, and the shape of the lit area."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressComparison:
-    """Readings of presses that are only good for comparing them with each other.
+    """Relative readings of presses, for comparisons with each other only.
 
     Attributes
     ----------
     against
-        What the references show: ``"untouched probe"`` or ``"plain tissue"``.
+        Kind of the references: ``"untouched probe"`` or ``"plain tissue"``.
     relative
-        Relative readings by a name each: of one press, or of two with one force above the other.
+        Relative readings by name: of a press, or of two presses of different force.
     shapes
-        Shape of what each press lights, by the name of the frame.
+        Shape of the lit area of each press, by the name of the frame.
     changes
-        What each press changed, by the name of the frame.
+        Change of light of each press, by the name of the frame.
     missing
-        One sentence for each reading that the frames do not suffice for.
+        A message for each reading that the frames do not allow.
     """
 
     against: str
@@ -60,25 +60,25 @@ def compare_presses(
     relative: bool = True,
     shape: bool = True,
 ) -> PressComparison:
-    """Read relative estimates and shapes of presses, each against the references that were pressed as hard.
+    """Relative readings and shapes of presses, each against references of the same force.
 
     Parameters
     ----------
     images
-        Presses as the camera delivered them, each with its scale.
+        Camera frames with a scale.
     references
-        Frames of the untouched probe, or presses on plain tissue.
+        Frames of the untouched probe, or reference presses.
     against
-        Which of the two: ``"untouched probe"`` or ``"plain tissue"``.
+        Kind of the references: ``"untouched probe"`` or ``"plain tissue"``.
     calibration
-        Relative hardness needs it: its gain turns grey levels into pressure.
+        Required for relative hardness, whose gain converts grey levels to pressure.
     relative, shape
         What to read.
 
     Raises
     ------
     InputError, ImageMismatchError
-        As `tsis.inclusion.relative.relative_size`; when no reference was pressed as hard as an image.
+        As `tsis.inclusion.relative.relative_size`; when an image has no reference of the same force.
     """
     fitting = [matching_references(image, references, against=against) for image in images]
     readings, shapes, changes = [], [], []
@@ -114,23 +114,24 @@ def _missing(pairs: Sequence[Any], calibration: Calibration | None) -> tuple[str
 
 
 def comparison_document(press_comparison: PressComparison) -> dict[str, Any]:
-    """The readings as plain values, under ``relative`` and ``shape``."""
+    """The readings as JSON values, under ``relative`` and ``shape``."""
     document: dict[str, Any] = {}
     if press_comparison.relative:
         document["relative"] = {
             "against": press_comparison.against,
-            "readings": [{"presses": name, **_plain(reading)} for name, reading in press_comparison.relative],
+            "readings": [{"presses": name, **_fields_by_name(reading)} for name, reading in press_comparison.relative],
             "missing": list(press_comparison.missing),
         }
     if press_comparison.shapes:
         shapes = [
-            {"press": name, **_plain(shape), "notes": list(shape.notes)} for name, shape in press_comparison.shapes
+            {"press": name, **_fields_by_name(shape), "notes": list(shape.notes)}
+            for name, shape in press_comparison.shapes
         ]
         document["shape"] = {"against": press_comparison.against, "presses": shapes}
     return document
 
 
-def _plain(value: Any) -> dict[str, Any]:
+def _fields_by_name(value: Any) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
@@ -171,7 +172,7 @@ def _shape_rows(shape: ObjectShape) -> tuple[tuple[str, str], ...]:
 
 
 def comparison_notes(press_comparison: PressComparison) -> tuple[str, ...]:
-    """What the readings rest on, what is wrong with a press, and what was not read."""
+    """Assumptions, notes on presses, and missing readings."""
     values: list[tuple[str, RelativeReading | ObjectShape]] = [*press_comparison.relative, *press_comparison.shapes]
     messages = [f"Assumed: {assumption}" for _, value in values for assumption in value.assumptions]
     messages += [f"{name}: {note}" for name, value in values for note in value.notes]
@@ -179,7 +180,7 @@ def comparison_notes(press_comparison: PressComparison) -> tuple[str, ...]:
 
 
 def comparison_pictures(press_comparison: PressComparison) -> tuple[Picture, ...]:
-    """The change of light of each press whose shape was read, with its outline."""
+    """The change of light of each press with a shape, with its outline."""
     changes = dict(press_comparison.changes)
     return tuple(_outline(name, changes[name], shape) for name, shape in press_comparison.shapes)
 

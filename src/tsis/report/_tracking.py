@@ -1,4 +1,4 @@
-"""A sequence of frames of one press: how far the light moves, and whether the press has settled."""
+"""Report of a sequence of frames of a press: the mobility of the light, and whether the press has settled."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ NO_TIMES = "Settling is not judged: it needs the times of the frames."
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressTrack:
-    """What a sequence of frames says.
+    """Analysis of a sequence of frames.
 
     Attributes
     ----------
-    moved
+    mobility
         Positions, steps, path and excursion of the light.
     settling
-        Whether the press has settled, by the sum of grey levels; None without times.
+        Settling of the sum of grey levels; None without times.
     time_s
-        Times of the frames, shape (n,); None where nobody knows them.
+        Times of the frames, shape (n,); None where unknown.
     total_grey
-        Sum of grey levels that the press changed, shape (n,).
+        Change of the sum of grey levels, shape (n,).
     """
 
-    moved: Mobility
+    mobility: Mobility
     settling: Settling | None
     time_s: NDArray[np.float64] | None
     total_grey: NDArray[np.float64]
@@ -60,7 +60,7 @@ def track_press(
     longest_s: float = LONGEST_HOLD_S,
     progress: Callable[[int, int], None] | None = None,
 ) -> PressTrack:
-    """Follow the light through a sequence, and judge whether its sum has settled.
+    """Track the light through a sequence, and test whether its sum has settled.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ def track_press(
     Raises
     ------
     InputError, ImageMismatchError
-        As the two of them; when there are more or fewer times than frames.
+        As these functions; when the numbers of times and frames differ.
     """
-    transformed = mobility(
+    movement = mobility(
         images,
         references,
         against=against,
@@ -87,23 +87,23 @@ def track_press(
     untouched = np.mean([frame.grey for frame in references], axis=0)
     total = np.array([float((frame.grey - untouched).sum()) for frame in images])
     if time_s is None:
-        return PressTrack(moved=transformed, settling=None, time_s=None, total_grey=total)
+        return PressTrack(mobility=movement, settling=None, time_s=None, total_grey=total)
     times = require_array("time_s", time_s, ndim=1)
     if len(times) != len(images):
         raise InputError(f"time_s must hold one time for each of {len(images)} images; got {len(times)}")
     settling = assess_settling(times, total, tolerance=tolerance, longest_s=longest_s)
-    return PressTrack(moved=transformed, settling=settling, time_s=times, total_grey=total)
+    return PressTrack(mobility=movement, settling=settling, time_s=times, total_grey=total)
 
 
 def track_rows(track: PressTrack) -> tuple[tuple[str, str], ...]:
     """Names and values, for people."""
-    transformed, settling = track.moved, track.settling
+    movement, settling = track.mobility, track.settling
     rows = [
-        ("frames", f"{len(transformed.position_mm)}"),
-        ("excursion", "none seen" if transformed.excursion_mm is None else f"{transformed.excursion_mm:.3g} mm"),
-        ("path", "none seen" if transformed.path_mm is None else f"{transformed.path_mm:.3g} mm"),
-        ("noise of one position", f"{transformed.noise_mm:.2g} mm"),
-        ("path by noise alone", f"{transformed.noise_path_mm:.2g} mm"),
+        ("frames", f"{len(movement.position_mm)}"),
+        ("excursion", "none seen" if movement.excursion_mm is None else f"{movement.excursion_mm:.3g} mm"),
+        ("path", "none seen" if movement.path_mm is None else f"{movement.path_mm:.3g} mm"),
+        ("noise of one position", f"{movement.noise_mm:.2g} mm"),
+        ("path by noise alone", f"{movement.noise_path_mm:.2g} mm"),
     ]
     if settling is not None:
         rows += [
@@ -115,18 +115,18 @@ def track_rows(track: PressTrack) -> tuple[tuple[str, str], ...]:
 
 
 def track_notes(track: PressTrack) -> tuple[str, ...]:
-    """What the numbers rest on, and what is wrong."""
-    assumed = (f"Assumed: {assumption}" for assumption in track.moved.assumptions)
-    return (*track.moved.notes, *assumed, *(() if track.settling is not None else (NO_TIMES,)))
+    """Notes and assumptions."""
+    assumed = (f"Assumed: {assumption}" for assumption in track.mobility.assumptions)
+    return (*track.mobility.notes, *assumed, *(() if track.settling is not None else (NO_TIMES,)))
 
 
 def track_document(track: PressTrack) -> dict[str, Any]:
-    """The track as plain values; positions of frames that show nothing are null."""
-    transformed = {field.name: getattr(track.moved, field.name) for field in fields(track.moved)}
-    transformed["position_mm"] = [
-        None if np.isnan(position[0]) else position.tolist() for position in track.moved.position_mm
+    """The track as a JSON document, with null positions for frames without contact."""
+    movement = {field.name: getattr(track.mobility, field.name) for field in fields(track.mobility)}
+    movement["position_mm"] = [
+        None if np.isnan(position[0]) else position.tolist() for position in track.mobility.position_mm
     ]
-    transformed["step_mm"] = [None if np.isnan(step) else float(step) for step in track.moved.step_mm]
+    movement["step_mm"] = [None if np.isnan(step) else float(step) for step in track.mobility.step_mm]
     settling = None
     if track.settling is not None:
         remaining = track.settling.remaining
@@ -137,7 +137,7 @@ def track_document(track: PressTrack) -> dict[str, Any]:
             "wait_s": track.settling.wait_s,
         }
     return {
-        "mobility": transformed,
+        "mobility": movement,
         "settling": settling,
         "time_s": None if track.time_s is None else track.time_s.tolist(),
         "total_grey": track.total_grey.tolist(),
@@ -145,14 +145,14 @@ def track_document(track: PressTrack) -> dict[str, Any]:
 
 
 def track_report(track: PressTrack, *, subtitle: str, provenance: Mapping[str, Any]) -> bytes:
-    """One HTML page: the path of the light, its sum over time, and the numbers."""
-    transformed, settling = track.moved, track.settling
-    still = transformed.excursion_mm is None or "no_movement" in transformed.flags
+    """The report as HTML: the path of the light, its sum over time, and the numbers."""
+    movement, settling = track.mobility, track.settling
+    still = movement.excursion_mm is None or "no_movement" in movement.flags
     cards = [
         Card(
             title="Excursion",
-            value="none seen" if transformed.excursion_mm is None else f"{transformed.excursion_mm:.3g} mm",
-            detail=f"noise of one position {transformed.noise_mm:.2g} mm",
+            value="none seen" if movement.excursion_mm is None else f"{movement.excursion_mm:.3g} mm",
+            detail=f"noise of one position {movement.noise_mm:.2g} mm",
             doubtful=still,
         )
     ]
@@ -176,7 +176,7 @@ def _pictures(track: PressTrack) -> tuple[Picture, ...]:
     times = np.arange(len(track.total_grey), dtype=float) if track.time_s is None else track.time_s
 
     def path(figure: Figure) -> None:
-        light_path(track.moved, figure.subplots())
+        light_path(track.mobility, figure.subplots())
 
     def series(figure: Figure) -> None:
         ax = light_over_time(times, track.total_grey, figure.subplots())
@@ -189,7 +189,7 @@ def _pictures(track: PressTrack) -> tuple[Picture, ...]:
             draw=path,
             size=(5.5, 4.2),
             alt="Centroid of the light in each frame, joined in the order of time",
-            caption=f"Centroid of the light from the probe's axis, against the {track.moved.against}.",
+            caption=f"Centroid of the light from the probe's axis, against the {track.mobility.against}.",
         ),
         Picture(
             title="Sum of the light",

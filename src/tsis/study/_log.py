@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from tsis.errors import RecordsError
-from tsis.files import DISK, NO_ENTRIES, Disk, LogChain, LogDraft, append_entries, printable_path, read_chain_file
+from tsis.files import DISK, EMPTY_CHAIN, Disk, LogChain, LogDraft, append_entries, printable_path, read_chain_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -36,7 +36,7 @@ def append_log(
     folder: Path,
     drafts_after: Callable[[LogChain], Sequence[LogDraft]],
     *,
-    log_chain: LogChain = NO_ENTRIES,
+    log_chain: LogChain = EMPTY_CHAIN,
     damaged: bool = False,
     disk: Disk = DISK,
 ) -> LogChain:

@@ -13,7 +13,7 @@ import numpy as np
 from tsis.__about__ import __version__
 from tsis.catalog import load_phantom, load_probe
 from tsis.errors import InputError, RecordsError
-from tsis.files import NO_ENTRIES, LogDraft, as_path, atomic_folder, link_entries, one_line, printable_path
+from tsis.files import EMPTY_CHAIN, LogDraft, as_path, atomic_folder, link_entries, one_line, printable_path
 from tsis.inclusion import InclusionPrior
 from tsis.model import LARGEST_SEED, Inclusion, Phantom, require_integer, require_number, require_type
 from tsis.study._folder import CREATED, PLAN, SEAL, open_study, user
@@ -193,7 +193,7 @@ def new_study(
     planned = plan.content()
     begun = {"study_sha256": commitment(planned), "truth_sha256": plan.commitment, "tsis": __version__}
     first = link_entries(
-        NO_ENTRIES,
+        EMPTY_CHAIN,
         [LogDraft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)],
         plan.made,
     )

@@ -12,7 +12,7 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.catalog import list_probes
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import SHA256, from_plain, json_bytes, parse_object
+from tsis.files import SHA256, from_json_value, json_bytes, parse_object
 from tsis.model import LARGEST_SEED, require_integer, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ def parse_study_plan(content: bytes, name: str) -> StudyPlan:
         names = {
             field.name: "truth_sha256" if field.name == "commitment" else field.name for field in fields(StudyPlan)
         }
-        return from_plain(StudyPlan, {name: document[key] for name, key in names.items()}, "study")
+        return from_json_value(StudyPlan, {name: document[key] for name, key in names.items()}, "study")
     except FileInputError as error:  # it names the file
         raise RecordsError(str(error)) from error
     except InputError as error:

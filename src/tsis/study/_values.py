@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
-from tsis.files import from_plain, to_plain
+from tsis.files import from_json_value, to_json_value
 from tsis.model import Inclusion, Phantom, require_integer, require_number, require_one_of, require_pair, require_type
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ class DeviceReading:
 
     def json_values(self) -> dict[str, Any]:
         """JSON values for the log."""
-        return to_plain(self)
+        return to_json_value(self)
 
 
 def parse_reading(document: Mapping[str, Any]) -> DeviceReading:
@@ -117,7 +117,7 @@ def parse_reading(document: Mapping[str, Any]) -> DeviceReading:
     InputError
         When they are no reading.
     """
-    return from_plain(DeviceReading, document, "reading")
+    return from_json_value(DeviceReading, document, "reading")
 
 
 def require_short_name(what: str, name: object) -> str:

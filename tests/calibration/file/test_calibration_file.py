@@ -29,7 +29,7 @@ from tsis.calibration.file import (
     write_calibration,
 )
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
-from tsis.files._packed import _unpacked, require_bounded_maps
+from tsis.files._packed import _unpacked, require_bounded_arrays
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -252,7 +252,7 @@ def test_what_could_not_be_read_back_is_not_written(path: Path, monkeypatch: pyt
     monkeypatch.setitem(calibration_bytes.__globals__, "LARGEST_BYTES", size)
     write_calibration(known, path)
     read_calibration(path)
-    bounds = require_bounded_maps.__globals__
+    bounds = require_bounded_arrays.__globals__
     monkeypatch.setitem(bounds, "MOST_UNPACKED", 30 * 40 * (3 * 4 + 1))
     assert calibration_sha256(parse_calibration(path.read_bytes(), "a file")) == calibration_sha256(known)
     monkeypatch.setitem(bounds, "MOST_UNPACKED", 30 * 40 * (3 * 4 + 1) - 1)

@@ -24,7 +24,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError
 from tsis.files import DISK
 from tsis.instrument.gauge._alignment import LONGEST_GAP_S
-from tsis.records.importing import ImportOptions, enter, find_import_batches
+from tsis.records.importing import ImportOptions, find_import_batches, import_batches
 from tsis.records.store import DATABASE_FILE, open_store, verify_store
 from tsis.records.store import _engines as engines
 
@@ -320,7 +320,7 @@ def test_a_press_that_the_store_did_not_take_can_be_entered_from_its_files(
             bench.snapshot(by=ANN)
         let_go()
     with open_store(tmp_path / "store") as store:
-        enter(store, find_import_batches([tmp_path / "workspace" / "Target1"], ImportOptions()))
+        import_batches(store, find_import_batches([tmp_path / "workspace" / "Target1"], ImportOptions()))
         (press,) = store.presses(store.target(1))
         assert (press.role, press.force_n, press.settings["gain"]) == ("plain", 0.6, 2.0)
         assert press.probe == "tsis-domed"

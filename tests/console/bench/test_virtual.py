@@ -11,7 +11,7 @@ from tests.waiting import until
 
 from tsis.console.services import CameraChoice, VirtualSubject
 from tsis.errors import ControlError, InputError, MechanicsError
-from tsis.records import REFERENCES
+from tsis.records import REFERENCE_ROLES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -183,7 +183,7 @@ def test_another_phantom_under_the_same_number_is_refused_and_under_another_kept
 
 
 def test_roles_are_those_that_estimates_take() -> None:
-    assert set(REFERENCES.values()) <= {*CameraChoice().roles, *CameraChoice(phantom="cl2000x").roles}
+    assert set(REFERENCE_ROLES.values()) <= {*CameraChoice().roles, *CameraChoice(phantom="cl2000x").roles}
 
 
 def test_the_same_seed_makes_the_same_stage() -> None:

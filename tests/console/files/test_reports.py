@@ -26,7 +26,7 @@ NUMBER = 3
 @pytest.mark.slow
 def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with open_store(tmp_path / "records") as store, closing(Reports(store)) as reports:
-        store.take_in(sample_dossier())
+        store.import_target(sample_dossier())
         target = store.target(NUMBER)
         here = {form: page_bytes(form, store.record(target)) for form in PAGE_FORMS}
         monkeypatch.setattr(
@@ -45,7 +45,7 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
 
 def test_another_store_in_its_place_is_not_taken_for_it(tmp_path: Path) -> None:
     with open_store(tmp_path) as store:
-        store.take_in(sample_dossier())
+        store.import_target(sample_dossier())
         place = StoreAddress(folder=tmp_path, kind=store.kind, database=None, identity=store.identity)
     assert report_of_stored_target(place, NUMBER, "html").startswith(b"<!DOCTYPE html>")
     with pytest.raises(RecordsError, match="the store must be 000"):

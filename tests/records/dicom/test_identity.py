@@ -10,7 +10,7 @@ from tests.records.dicom.variants import FRAME, NAME, NOTE, SECRETS, SETTING, TA
 from tests.records.sample import WHEN, sample_dossier
 
 from tsis.errors import RecordsError
-from tsis.records._deidentify import shown_identity
+from tsis.records._deidentify import public_identity
 from tsis.records.dicom import dicom_files
 from tsis.records.export import fhir_observations
 
@@ -75,7 +75,7 @@ def test_an_identified_export_tells_label_and_time() -> None:
     image = dicom_files(named(), identified=True)[0].dataset()
     assert str(image.PatientName) == "Zwölf-Ünïcode 触覚 / label^"
     assert NAME in image.PatientComments
-    assert (image.PatientID, image.StudyID) == (shown_identity(named().target), "3")
+    assert (image.PatientID, image.StudyID) == (public_identity(named().target), "3")
     assert image.PatientID.startswith("subject-00003-")
     assert image.AcquisitionDateTime == f"{WHEN:%Y%m%d%H%M%S.%f}"
     assert image.TimezoneOffsetFromUTC == "+0000"

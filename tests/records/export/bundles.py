@@ -6,7 +6,8 @@ import hashlib
 import json
 from typing import TYPE_CHECKING, Any
 
-from tsis.records import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.files import to_json_value
+from tsis.records import estimate_to_json
 from tsis.records.export.bundle._layout import sealed_bytes
 from tsis.records.export.bundle._writing import _write
 
@@ -46,9 +47,9 @@ def sealed(files: dict[str, bytes]) -> dict[str, bytes]:
 def plain(dossier: TargetRecord) -> Any:
     """All of a dossier but its frames."""
     return [
-        target_to_plain(dossier.target),
-        [press_to_plain(press) for press in dossier.presses],
-        [estimate_to_plain(stored) for stored in dossier.estimates],
+        to_json_value(dossier.target),
+        [to_json_value(press) for press in dossier.presses],
+        [estimate_to_json(stored) for stored in dossier.estimates],
         [{name: values.tolist() for name, values in each.estimate.samples.items()} for each in dossier.estimates],
         sorted(dossier.calibrations),
     ]

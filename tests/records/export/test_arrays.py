@@ -14,8 +14,10 @@ from tests.records.sample import sample_dossier, sample_estimate
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import calibration_sha256, read_calibration
 from tsis.errors import FileInputError, RecordsError
-from tsis.records import TargetRecord, press_to_plain
-from tsis.records._plain import estimate_of_plain, press_of_plain
+from tsis.files import from_json_value, to_json_value
+from tsis.records import TargetRecord
+from tsis.records._estimate_json import estimate_from_json
+from tsis.records._values import StoredPress
 from tsis.records.export.arrays import write_hdf5, write_zarr
 
 
@@ -63,7 +65,8 @@ def test_everything_is_read_back_with_its_unit(tmp_path: Path, write: Write, rea
         seconds = np.asarray(stack["taken"][...]) / 1e6
         np.testing.assert_array_equal(seconds, [press.taken.timestamp() for press in presses])
         assert [stack[name].attrs["units"] for name in ("force", "pixel_size", "axis")] == ["N", "mm", "px"]
-    assert [press_of_plain(each) for each in document(file["presses"])] == list(dossier.presses)
+    stored = [from_json_value(StoredPress, item, "press", complete=True) for item in document(file["presses"])]
+    assert stored == list(dossier.presses)
     assert dossier.estimate is not None
     samples = {name: np.asarray(values[...]) for name, values in children(file["estimates/0/samples"])}
     for name, values in dossier.estimate.estimate.samples.items():
@@ -72,7 +75,7 @@ def test_everything_is_read_back_with_its_unit(tmp_path: Path, write: Write, rea
         assert said["units"] == ("kPa" if name == "young_kpa" else "mm")
         assert said["mean"] == np.mean(values)
         assert said["identified"] == (name != "young_kpa")
-    back = estimate_of_plain(document(file["estimates/0/document"]), samples)
+    back = estimate_from_json(document(file["estimates/0/document"]), samples)
     assert back.estimate.mean == dossier.estimate.estimate.mean
     assert back.estimate.provenance == dossier.estimate.estimate.provenance
     ((name, content),) = children(file["calibrations"])
@@ -95,7 +98,7 @@ def test_frames_of_other_sizes_are_stacks_of_their_own(tmp_path: Path, write: Wr
     assert [file[f"frames/target/{at}/grey"].shape for at in (0, 1)] == [(1, 96, 150), (1, 5, 7)]
     assert np.isnan(file["frames/target/1/force"][...]).all()
     assert np.isnan(file["frames/target/1/pixel_size"][...]).all()
-    assert document(file["presses"]) == [press_to_plain(press) for press in mixed.presses]
+    assert document(file["presses"]) == [to_json_value(press) for press in mixed.presses]
 
 
 @FORMATS

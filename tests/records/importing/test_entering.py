@@ -18,7 +18,13 @@ from tsis.calibration.file import calibration_sha256
 from tsis.errors import RecordsError
 from tsis.files import Disk
 from tsis.records._estimation import EstimationResult
-from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches, stored_calibration
+from tsis.records.importing import (
+    ImportOptions,
+    ImportProgress,
+    find_import_batches,
+    import_batches,
+    stored_calibration,
+)
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
@@ -55,7 +61,9 @@ def test_two_phantoms_of_one_seed_are_two_targets_with_their_own_truth(
     store: Store, two: list[Path], *, together: bool, apart: bool
 ) -> None:
     for paths in [two] if together else [[two[0]], [two[1]]]:
-        assert all(each.new for each in enter(store, find_import_batches(paths, ImportOptions()), difference=apart))
+        assert all(
+            each.new for each in import_batches(store, find_import_batches(paths, ImportOptions()), difference=apart)
+        )
     first, second = (store.target(number) for number in (1, 2))
     assert (first.name, dict(first.truth)) == ("hardness-100", HARD)
     assert (second.name, dict(second.truth)) == ("size-8", SIZE_8)
@@ -68,10 +76,10 @@ def test_two_phantoms_of_one_seed_are_two_targets_with_their_own_truth(
 
 
 def test_the_same_folders_again_add_nothing(store: Store, two: list[Path]) -> None:
-    enter(store, find_import_batches(two, ImportOptions()))
+    import_batches(store, find_import_batches(two, ImportOptions()))
     head = verify_store(store).head
     for paths in (two, two[::-1], [two[1]]):
-        for each in enter(store, find_import_batches(paths, ImportOptions())):
+        for each in import_batches(store, find_import_batches(paths, ImportOptions())):
             assert (each.new, each.added, each.present, each.estimates, each.batch.notes) == (False, 0, 4, 0, ())
             assert each.target.name == each.batch.name
     assert verify_store(store).head == head
@@ -79,7 +87,7 @@ def test_the_same_folders_again_add_nothing(store: Store, two: list[Path]) -> No
 
 def test_a_new_target_is_new_though_every_frame_is_known(store: Store, two: list[Path]) -> None:
     for number in (1, 2):
-        (entered,) = enter(store, find_import_batches([two[0]], ImportOptions()), difference=True)
+        (entered,) = import_batches(store, find_import_batches([two[0]], ImportOptions()), difference=True)
         assert (entered.target.number, entered.new, entered.added, entered.present) == (number, True, 4, 0)
 
 
@@ -87,7 +95,7 @@ def test_a_new_target_is_new_though_every_frame_is_known(store: Store, two: list
 def test_a_demo_that_was_cut_short_goes_on_beside_one_that_shares_its_frames(
     store: Store, two: list[Path], monkeypatch: pytest.MonkeyPatch, after: int
 ) -> None:
-    enter(store, find_import_batches([two[0]], ImportOptions()))
+    import_batches(store, find_import_batches([two[0]], ImportOptions()))
     whole, count = store.add_press, 0
 
     def pulled_out(*arguments: Any, **options: Any) -> Any:
@@ -101,8 +109,8 @@ def test_a_demo_that_was_cut_short_goes_on_beside_one_that_shares_its_frames(
         patch.setattr(store, "add_press", pulled_out)
         if after < 4:
             with pytest.raises(RecordsError, match=f"{after} of 4 presses are stored"):
-                enter(store, find_import_batches([two[1]], ImportOptions()))
-    (entered,) = enter(store, find_import_batches([two[1]], ImportOptions()))
+                import_batches(store, find_import_batches([two[1]], ImportOptions()))
+    (entered,) = import_batches(store, find_import_batches([two[1]], ImportOptions()))
     own = [each for each in store.targets() if each.target.id == entered.target.id]
     assert [each.presses for each in own] == [4]
     assert dict(entered.target.truth) == SIZE_8
@@ -122,7 +130,7 @@ def test_a_new_target_that_was_cut_short_says_how_to_go_on(
 
     monkeypatch.setattr(store, "add_press", pulled_out)
     with pytest.raises(RecordsError, match=r"the last in target 1 \(go on with --target 1 for its files\)"):
-        enter(store, find_import_batches([two[0]], ImportOptions()), difference=True, tally=Entering())
+        import_batches(store, find_import_batches([two[0]], ImportOptions()), difference=True, tally=ImportProgress())
 
 
 def test_no_empty_target_is_left_where_nothing_could_be_stored(
@@ -134,24 +142,24 @@ def test_no_empty_target_is_left_where_nothing_could_be_stored(
     looked = find_import_batches(two, ImportOptions())
     monkeypatch.setattr(Disk, "write", full)
     with pytest.raises(RecordsError, match=r"No space left on device .*; 0 of 8 presses are stored"):
-        enter(store, looked)
+        import_batches(store, looked)
     assert store.targets() == ()
 
 
 def test_another_truth_of_a_named_target_is_said(store: Store, two: list[Path]) -> None:
-    enter(store, find_import_batches([two[0]], ImportOptions()))
-    (entered,) = enter(store, find_import_batches([two[1]], ImportOptions()), target=1)
+    import_batches(store, find_import_batches([two[0]], ImportOptions()))
+    (entered,) = import_batches(store, find_import_batches([two[1]], ImportOptions()), target=1)
     assert any("target 1 has another truth than these frames came with" in note for note in entered.batch.notes)
 
 
 def test_what_is_said_otherwise_of_a_press_that_is_there_is_told(tmp_path: Path, store: Store) -> None:
     for number in range(3):
         save(tmp_path, number)
-    enter(store, find_import_batches([tmp_path / "Target3"], ImportOptions()))
-    (same,) = enter(store, find_import_batches([tmp_path / "Target3"], ImportOptions()))
+    import_batches(store, find_import_batches([tmp_path / "Target3"], ImportOptions()))
+    (same,) = import_batches(store, find_import_batches([tmp_path / "Target3"], ImportOptions()))
     assert same.batch.notes == ()
     said = ImportOptions(role="plain", mm_per_pixel=(0.1, 0.1), calibration=sample_calibration())
-    (again,) = enter(store, find_import_batches([tmp_path / "Target3"], said))
+    (again,) = import_batches(store, find_import_batches([tmp_path / "Target3"], said))
     assert [note.split(" that ")[0] for note in again.batch.notes] == [
         "role of 3",
         "mm_per_pixel of 3",
@@ -167,12 +175,12 @@ def test_another_packing_of_the_same_file_is_the_same_press(
 ) -> None:
     save(tmp_path / "snapshots", 1)
     paths = [*two, tmp_path / "snapshots"]
-    before = enter(store, find_import_batches(paths, ImportOptions()))
+    before = import_batches(store, find_import_batches(paths, ImportOptions()))
     frames = {press.frame for each in before for press in each.presses}
     monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", [cv2.IMWRITE_PNG_COMPRESSION, 9])
     looked = find_import_batches(paths, ImportOptions())
     assert not frames & {each.frame for batch in looked for each in batch.presses}
-    after = enter(store, looked)
+    after = import_batches(store, looked)
     assert [(each.new, each.added) for each in after] == [(False, 0)] * 3
     assert [each.target.id for each in after] == [each.target.id for each in before]
 
@@ -191,7 +199,7 @@ def test_images_join_a_target_only_where_it_holds_all_of_them_or_nothing_else(
             for number, path in zip(sorted(numbers), paths, strict=True):
                 cv2.imwrite(str(path), levels(number))
                 os.utime(path, (1e9, 1e9 + number))
-            (entered,) = enter(store, find_import_batches(paths, ImportOptions()))
+            (entered,) = import_batches(store, find_import_batches(paths, ImportOptions()))
             fitting = [each for each in model if numbers <= each or each <= numbers]
             most = max((len(each & numbers) for each in fitting), default=0)
             own = next((each for each in fitting if len(each & numbers) == most), None)
@@ -208,7 +216,7 @@ def test_images_join_a_target_only_where_it_holds_all_of_them_or_nothing_else(
 def test_a_calibration_that_is_damaged_is_not_taken_for_one_that_is_not_there(tmp_path: Path, store: Store) -> None:
     known = sample_calibration()
     save(tmp_path, 1, calibration={"name": "bench", "sha256": calibration_sha256(known)})
-    enter(store, find_import_batches([tmp_path / "Target3"], ImportOptions(calibration=known)))
+    import_batches(store, find_import_batches([tmp_path / "Target3"], ImportOptions(calibration=known)))
     held = stored_calibration(store, calibration_sha256(known))
     assert held is not None
     assert calibration_sha256(held) == calibration_sha256(known)

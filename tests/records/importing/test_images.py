@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tsis.errors import FileInputError, InputError
-from tsis.records.importing import ImportOptions, enter, find_import_batches
+from tsis.records.importing import ImportOptions, find_import_batches, import_batches
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def test_images_come_in_with_what_was_said(tmp_path: Path) -> None:
     paths = [image(tmp_path, number) for number in range(2)]
     said = ImportOptions(role="plain", force_n=(0.5, 1.0), mm_per_pixel=(0.1, 0.2), probe="tsis-2011")
     with open_store(tmp_path / "store") as store:
-        (entered,) = enter(store, find_import_batches(paths, said))
+        (entered,) = import_batches(store, find_import_batches(paths, said))
         for number, press in enumerate(sorted(store.presses(entered.target), key=lambda press: press.name)):
             np.testing.assert_array_equal(store.levels(press.frame), grey(number))
             assert (press.role, press.force_n, press.mm_per_pixel) == ("plain", (0.5, 1.0)[number], (0.1, 0.2))
@@ -54,7 +54,9 @@ def test_whatever_is_imported_how_often_each_file_is_one_press(tmp_path: Path, r
     folder.mkdir()
     with open_store(folder / "store") as store:
         for numbers in rounds:
-            enter(store, find_import_batches([image(folder, number) for number in numbers], ImportOptions()), target=1)
+            import_batches(
+                store, find_import_batches([image(folder, number) for number in numbers], ImportOptions()), target=1
+            )
         names = sorted(press.name for press in store.presses(store.target(1)))
     assert names == sorted({f"press-{number}.png" for numbers in rounds for number in numbers})
 
@@ -68,7 +70,7 @@ def test_colours_are_refused_with_what_to_do(tmp_path: Path) -> None:
 def test_grey_that_was_saved_as_colour_keeps_its_levels(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "grey.png"), np.repeat(grey(3)[..., None], 3, axis=2))
     with open_store(tmp_path / "store") as store:
-        (entered,) = enter(store, find_import_batches([tmp_path / "grey.png"], ImportOptions()))
+        (entered,) = import_batches(store, find_import_batches([tmp_path / "grey.png"], ImportOptions()))
         np.testing.assert_array_equal(store.levels(store.presses(entered.target)[0].frame), grey(3))
 
 

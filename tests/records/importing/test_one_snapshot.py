@@ -11,7 +11,7 @@ from tests.records.sample import sample_calibration
 from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import calibration_sha256, write_calibration
 from tsis.errors import FileInputError
-from tsis.records.importing import ImportOptions, enter, find_import_batches, save_snapshot_to_store
+from tsis.records.importing import ImportOptions, find_import_batches, import_batches, save_snapshot_to_store
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def test_it_is_kept_as_an_import_brings_it(tmp_path: Path) -> None:
     saved = save(tmp_path / "camera", 1)
     with open_store(tmp_path / "here") as here, open_store(tmp_path / "imported") as imported:
         said = save_snapshot_to_store(here, saved.sidecar, role="plain", probe="tsis-domed", calibration=None)
-        (entered,) = enter(
+        (entered,) = import_batches(
             imported, find_import_batches([tmp_path / "camera"], ImportOptions(role="plain", probe="tsis-domed"))
         )
         (press,), (other,) = here.presses(here.target(3)), imported.presses(entered.target)

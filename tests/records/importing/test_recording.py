@@ -17,7 +17,7 @@ from tests.records.importing.snapshot_folder import frame
 from tsis.errors import FileInputError
 from tsis.instrument.acquisition import Acquisition
 from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
-from tsis.records.importing import ImportOptions, enter, find_import_batches
+from tsis.records.importing import ImportOptions, find_import_batches, import_batches
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def write_rows(folder: Path, given: list[dict[str, str]]) -> None:
 
 def test_a_recording_comes_in_with_its_times_and_forces(tmp_path: Path, recorded: Path) -> None:
     with open_store(tmp_path / "store") as store:
-        (entered,) = enter(store, find_import_batches([recorded], ImportOptions(mm_per_pixel=(0.1, 0.1))))
+        (entered,) = import_batches(store, find_import_batches([recorded], ImportOptions(mm_per_pixel=(0.1, 0.1))))
         assert (entered.new, entered.added) == (True, FRAMES)
         presses = store.presses(entered.target)
         assert [press.settings["sequence"] for press in presses] == [str(number) for number in range(FRAMES)]
@@ -84,7 +84,7 @@ def test_a_recording_comes_in_with_its_times_and_forces(tmp_path: Path, recorded
         for number, (press, then) in enumerate(zip(presses, arrived, strict=True)):
             np.testing.assert_array_equal(store.levels(press.frame), frame(number).pixels)
             assert (BEGUN - press.taken) / timedelta(seconds=1) == pytest.approx(BEGUN_S - then, abs=2e-6)
-        (again,) = enter(store, find_import_batches([recorded], ImportOptions()))
+        (again,) = import_batches(store, find_import_batches([recorded], ImportOptions()))
         assert (again.target, again.added, again.present) == (entered.target, 0, FRAMES)
 
 
@@ -115,7 +115,7 @@ def test_a_recording_of_an_older_release_ends_when_its_index_was_written(recorde
 
 def test_a_recording_stays_the_same_one_when_its_files_are_copied(tmp_path: Path, recorded: Path) -> None:
     with open_store(tmp_path / "store") as store:
-        (before,) = enter(store, find_import_batches([recorded], ImportOptions()))
+        (before,) = import_batches(store, find_import_batches([recorded], ImportOptions()))
         os.utime(recorded / "frames.csv", (1e9, 1e9))
         (again,) = find_import_batches([recorded], ImportOptions())
         assert [each.taken for each in again.presses] == [press.taken for press in before.presses]

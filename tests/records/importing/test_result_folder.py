@@ -10,7 +10,7 @@ import pytest
 from tests.records.importing.result_folder import levels, make_demo, write
 
 from tsis.errors import FileInputError, InputError
-from tsis.records.importing import ImportOptions, enter, find_import_batches
+from tsis.records.importing import ImportOptions, find_import_batches, import_batches
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def test_virtual_presses_stay_out_of_a_store_of_subjects(demo: Path, tmp_path: P
         open_store(tmp_path / "subjects", kind="subject") as store,
         pytest.raises(InputError, match="must go into a store of phantoms"),
     ):
-        enter(store, find_import_batches([demo], ImportOptions()))
+        import_batches(store, find_import_batches([demo], ImportOptions()))
 
 
 def test_the_folder_of_another_command_says_what_to_do(demo: Path) -> None:

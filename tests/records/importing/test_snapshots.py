@@ -14,7 +14,7 @@ from tests.records.sample import sample_calibration
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import FileInputError, InputError, RecordsError, TsisError
-from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches
+from tsis.records.importing import ImportOptions, ImportProgress, find_import_batches, import_batches
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
@@ -39,7 +39,9 @@ def test_a_folder_comes_in_with_all_that_its_sidecars_say(tmp_path: Path, store:
     for number in range(3):
         save(tmp_path, number, force_n=0.1 * number)
     save(tmp_path, 9, target=4, force_n=None)
-    entered = enter(store, find_import_batches([tmp_path], ImportOptions(role="plain", mm_per_pixel=(0.1, 0.2))))
+    entered = import_batches(
+        store, find_import_batches([tmp_path], ImportOptions(role="plain", mm_per_pixel=(0.1, 0.2)))
+    )
     assert [(each.target.number, each.new, each.added, each.present) for each in entered] == [
         (3, True, 3, 0),
         (4, True, 1, 0),
@@ -58,7 +60,7 @@ def test_a_folder_comes_in_with_all_that_its_sidecars_say(tmp_path: Path, store:
 
 def test_a_camera_of_twelve_bits_keeps_its_full_scale(tmp_path: Path, store: Store) -> None:
     save(tmp_path, 1, full_scale=4095.0)
-    enter(store, find_import_batches([tmp_path], ImportOptions()))
+    import_batches(store, find_import_batches([tmp_path], ImportOptions()))
     (press,) = store.presses(store.target(3))
     assert press.full_scale == 4095.0
     np.testing.assert_array_equal(store.levels(press.frame), frame(1, full_scale=4095.0).pixels)
@@ -67,26 +69,26 @@ def test_a_camera_of_twelve_bits_keeps_its_full_scale(tmp_path: Path, store: Sto
 def test_again_it_is_there_already_whichever_of_its_files_is_named(tmp_path: Path, store: Store) -> None:
     saved = save(tmp_path, 1)
     for paths in ([tmp_path], [saved.sidecar], [saved.raw], [saved.colour, saved.raw, saved.sidecar, tmp_path]):
-        enter(store, find_import_batches(paths, ImportOptions()))
+        import_batches(store, find_import_batches(paths, ImportOptions()))
     assert len(store.presses(store.target(3))) == 1
-    enter(store, find_import_batches([tmp_path], ImportOptions()), target=8)
+    import_batches(store, find_import_batches([tmp_path], ImportOptions()), target=8)
     assert len(store.presses(store.target(8))) == 1  # another target was asked for by name
 
 
 def test_apart_means_a_new_target_whatever_the_files_say(tmp_path: Path, store: Store) -> None:
     save(tmp_path, 1)
-    (entered,) = enter(store, find_import_batches([tmp_path], ImportOptions()), difference=True)
+    (entered,) = import_batches(store, find_import_batches([tmp_path], ImportOptions()), difference=True)
     assert (entered.target.number, entered.new) == (1, True)
-    (again,) = enter(store, find_import_batches([tmp_path], ImportOptions()), difference=True)
+    (again,) = import_batches(store, find_import_batches([tmp_path], ImportOptions()), difference=True)
     assert (again.target.number, again.new, again.present) == (2, True, 0)
 
 
 def test_equal_frames_of_one_folder_are_presses_of_their_own(tmp_path: Path, store: Store) -> None:
     names = {save(tmp_path / "a", 1).raw.name for _ in range(2)}  # the same moment gives another name
     assert len(names) == 2
-    entered = enter(store, find_import_batches([tmp_path / "a"], ImportOptions()))
+    entered = import_batches(store, find_import_batches([tmp_path / "a"], ImportOptions()))
     assert entered[0].added == 2
-    assert enter(store, find_import_batches([tmp_path / "a"], ImportOptions()))[0].present == 2
+    assert import_batches(store, find_import_batches([tmp_path / "a"], ImportOptions()))[0].present == 2
 
 
 def test_a_cited_calibration_is_asked_for_found_or_refused(tmp_path: Path, store: Store) -> None:
@@ -100,7 +102,7 @@ def test_a_cited_calibration_is_asked_for_found_or_refused(tmp_path: Path, store
     assert found.presses[0].probe == "tsis-2011"
     (given,) = find_import_batches([tmp_path], ImportOptions(calibration=known))
     assert given.notes == ()
-    enter(store, [given])
+    import_batches(store, [given])
     assert calibration_sha256(
         store.calibration(store.presses(store.target(3))[0].calibration or "")
     ) == calibration_sha256(known)
@@ -146,7 +148,7 @@ def test_a_sidecar_that_tells_nonsense_is_refused_before_anything_is_stored(
     save(tmp_path, 1)
     rewrite(save(tmp_path, 2).sidecar, **changes)
     with pytest.raises(FileInputError) as refused:
-        enter(store, find_import_batches([tmp_path], ImportOptions()))
+        import_batches(store, find_import_batches([tmp_path], ImportOptions()))
     assert sentence in str(refused.value)
     assert store.targets() == ()
 
@@ -165,7 +167,7 @@ def test_a_frame_that_changes_between_looking_and_storing_is_noticed(tmp_path: P
     looked = find_import_batches([tmp_path], ImportOptions())
     saved.raw.write_bytes(other.raw.read_bytes())
     with pytest.raises(RecordsError) as told:
-        enter(store, looked)
+        import_batches(store, looked)
     assert "it was changed meanwhile; 1 of 2 presses are stored and stay" in str(told.value)
     assert len(store.presses(store.target(3))) == 1
     assert verify_store(store).sound
@@ -186,12 +188,12 @@ def test_an_import_that_ends_early_goes_on_where_it_ended(
         return stored[-1]
 
     monkeypatch.setattr(store, "add_press", pulled_out)
-    tally = Entering()
+    tally = ImportProgress()
     with pytest.raises(KeyboardInterrupt):
-        enter(store, looked, tally=tally)
+        import_batches(store, looked, tally=tally)
     assert tally.message == "2 of 4 presses are stored and stay (the same import goes on from there)"
     monkeypatch.undo()
-    (entered,) = enter(store, find_import_batches([tmp_path], ImportOptions()))
+    (entered,) = import_batches(store, find_import_batches([tmp_path], ImportOptions()))
     assert (entered.added, entered.present) == (2, 2)
     assert [press.settings["sequence"] for press in store.presses(entered.target)] == [0, 1, 2, 3]
 

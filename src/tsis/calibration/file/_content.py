@@ -10,14 +10,14 @@ from tsis.errors import CalibrationError, FileInputError, InputError
 from tsis.files import (
     as_path,
     content_sha256,
-    from_plain,
+    from_json_value,
     json_bytes,
     parse_object,
     printable_path,
     read_object,
-    require_bounded_maps,
-    to_plain,
-    without_maps,
+    require_bounded_arrays,
+    to_json_value,
+    without_packed_arrays,
     write_durably,
 )
 
@@ -32,7 +32,7 @@ LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
 
 def calibration_sha256(calibration: ProbeCalibration) -> str:
     """SHA-256 of the content, by which results cite the calibration."""
-    sha256 = document_sha256(to_plain(calibration, pack=False))
+    sha256 = document_sha256(to_json_value(calibration, pack=False))
     assert sha256 is not None  # values contain neither NaN nor endless nesting
     return sha256
 
@@ -45,8 +45,8 @@ def calibration_bytes(calibration: ProbeCalibration) -> bytes:
     InputError
         When it exceeds `LARGEST_BYTES`.
     """
-    content = to_plain(calibration)
-    require_bounded_maps(content, "calibration")
+    content = to_json_value(calibration)
+    require_bounded_arrays(content, "calibration")
     document = {
         "format": CALIBRATION_FORMAT,
         "version": CALIBRATION_VERSION,
@@ -131,8 +131,8 @@ def _parsed(document: dict[str, Any], name: str) -> ProbeCalibration:
             "damaged (take the original, or calibrate again)"
         )
     try:
-        require_bounded_maps(content, "calibration")
-        return from_plain(ProbeCalibration, content, "calibration")
+        require_bounded_arrays(content, "calibration")
+        return from_json_value(ProbeCalibration, content, "calibration")
     except InputError as error:
         raise FileInputError(f"{name}: {error}") from error
     except CalibrationError as error:
@@ -142,7 +142,7 @@ def _parsed(document: dict[str, Any], name: str) -> ProbeCalibration:
 def document_sha256(content: Any) -> str | None:
     """SHA-256 of a calibration's JSON values; None for NaN or endless nesting."""
     try:
-        return content_sha256(_as_floats(without_maps(content)), escaped=True)  # as in all existing files
+        return content_sha256(_as_floats(without_packed_arrays(content)), escaped=True)  # as in all existing files
     except (ValueError, OverflowError, RecursionError):
         return None
 

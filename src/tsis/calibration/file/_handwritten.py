@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.file._value import ProbeCalibration
 from tsis.errors import FileInputError, InputError
-from tsis.files import from_plain, printable_path, read_object
+from tsis.files import from_json_value, printable_path, read_object
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,7 +43,7 @@ def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:
     now = datetime.now(UTC).replace(microsecond=0)
     dated: dict[str, Any] = {**content, "made": now.isoformat(), "expires": (now + timedelta(days=days)).isoformat()}
     try:
-        calibration = from_plain(ProbeCalibration, dated, "calibration")
+        calibration = from_json_value(ProbeCalibration, dated, "calibration")
     except InputError as error:
         raise FileInputError(f"{printable_path(path)}: {error}") from error
     if all(getattr(calibration, part) is None for part in BY_HAND):

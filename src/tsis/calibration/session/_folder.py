@@ -20,13 +20,13 @@ from tsis.calibration.session._setup import SessionSetup, plan_steps
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
 from tsis.files import (
     as_path,
-    from_plain,
+    from_json_value,
     json_bytes,
     one_line,
     printable_path,
     read_bytes,
     read_object,
-    to_plain,
+    to_json_value,
     write_durably,
 )
 from tsis.instrument import png_bytes, read_image
@@ -102,7 +102,7 @@ class SessionFolder:
             raise FileInputError(
                 f"{printable_path(self.path)} must hold no session yet; it does (go on with it, or choose another)"
             )
-        document = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "terms": to_plain(terms)}
+        document = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "terms": to_json_value(terms)}
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             write_durably(self.path / TERMS, json_bytes(document))
@@ -122,7 +122,7 @@ class SessionFolder:
         if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
             raise FileInputError(f"{printable_path(file)} must be a {FORMAT} of version {VERSION}; got another format")
         try:
-            terms = from_plain(SessionSetup, document.get("terms"), "terms")
+            terms = from_json_value(SessionSetup, document.get("terms"), "terms")
         except InputError as error:
             raise FileInputError(f"{printable_path(file)} must be the terms of a session; got: {error}") from error
         return terms

@@ -16,7 +16,7 @@ from tsis.cli._options import AsJson
 from tsis.cli._output import CommandOutcome, people, print_json, print_notice, publish
 from tsis.cli._progress import progress_bar
 from tsis.errors import CalibrationError
-from tsis.files import to_plain
+from tsis.files import to_json_value
 from tsis.report import (
     calibration_document,
     calibration_notes,
@@ -40,7 +40,7 @@ def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
         table.add_row(*(escape(cell) for cell in row))
     provenance = {
         "session": str(session.path),
-        "terms": to_plain(session.terms()),
+        "terms": to_json_value(session.terms()),
         "sha256": calibration_sha256(stored),
     }
     return CommandOutcome(

@@ -18,7 +18,7 @@ from tsis.report import entered_text, envelope
 
 if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration
-    from tsis.records.importing import Entered
+    from tsis.records.importing import ImportedBatch
     from tsis.records.store import Store
 
 
@@ -55,7 +55,13 @@ def import_(
     a demo folder is recomputed from its frames; a bundle contains its own.
     """
     from tsis.calibration.file import read_calibration
-    from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches, require_enterable
+    from tsis.records.importing import (
+        ImportOptions,
+        ImportProgress,
+        find_import_batches,
+        import_batches,
+        require_importable,
+    )
 
     number = None if target in (None, NEW) else target_number(str(target))
     options = ImportOptions(
@@ -68,12 +74,12 @@ def import_(
     )
     with _Calibrations(store, kind, database) as calibrations, waiting("reading the files"):
         batches = find_import_batches(paths, replace(options, calibration_of=calibrations.of))
-    require_enterable(batches, kind, number)  # before a store is created
+    require_importable(batches, kind, number)  # before a store is created
     with opened(store, kind, database, create=True) as records:
-        tally = Entering()
+        tally = ImportProgress()
         try:
             with progress_bar("storing") as advance:
-                entered = enter(
+                entered = import_batches(
                     records, batches, target=number, difference=target == NEW, tally=tally, progress=advance
                 )
         except KeyboardInterrupt:
@@ -118,14 +124,14 @@ class _Calibrations:
         return self._by_name[cited]
 
 
-def _line(entered: Entered) -> str:
+def _line(entered: ImportedBatch) -> str:
     text = entered_text(
         entered.target, new=entered.new, added=entered.added, present=entered.present, estimates=entered.estimates
     )
     return f"{entered.batch.kind} in {entered.batch.source}: {text}"
 
 
-def _document(entered: Entered) -> dict[str, Any]:
+def _document(entered: ImportedBatch) -> dict[str, Any]:
     return {
         "source": str(entered.batch.source),
         "kind": entered.batch.kind,

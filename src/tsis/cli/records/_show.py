@@ -11,6 +11,7 @@ from rich.table import Table
 from tsis.cli._options import AsJson
 from tsis.cli._output import estimate_table, people, print_json, print_notice
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
+from tsis.files import to_json_value
 from tsis.report import envelope, estimate_document, estimate_messages
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def show(
     if target.note:
         console.print(target.note, markup=False)
     console.print(_presses(presses, total, offset))
-    for stored in sorted(record.in_force, key=lambda item: item.made, reverse=True):
+    for stored in sorted(record.active_estimates, key=lambda item: item.made, reverse=True):
         result = stored.estimate
         truth = target.truth if set(result.samples) <= set(target.truth) else None
         console.print(estimate_table(result, title=f"Current estimate: {stored.kind}, {stored.probe}", truth=truth))
@@ -131,19 +132,17 @@ def _until(calibration: ProbeCalibration) -> str:
 
 
 def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
-    from tsis.records import press_to_plain, target_to_plain
-
     truth = dict(record.target.truth)
     created = [
         _estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in record.estimates
     ]
     return envelope(
         "records show",
-        target=target_to_plain(record.target),
-        presses=[press_to_plain(press) for press in record.presses],
+        target=to_json_value(record.target),
+        presses=[to_json_value(press) for press in record.presses],
         presses_in_all=total,
         estimate=created[-1] if created else None,
-        in_force=[stored.id for stored in record.in_force],
+        in_force=[stored.id for stored in record.active_estimates],
         history=created[:-1],
         calibrations=[
             {"sha256": identity, "name": calibration.name, "until": _until(calibration)}
@@ -154,8 +153,8 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
 
 
 def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
-    from tsis.records import estimate_to_plain
+    from tsis.records import estimate_to_json
 
-    reference = estimate_to_plain(stored)
+    reference = estimate_to_json(stored)
     created = reference.pop("estimate")
     return {**reference, **estimate_document(stored.estimate, truth), "provenance": created["provenance"]}

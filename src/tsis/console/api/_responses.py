@@ -14,7 +14,7 @@ from tsis.console.api._models_records import (
 )
 from tsis.instrument import CameraListing
 from tsis.instrument.recording import RecordingReport
-from tsis.records import Recomputation, StoredEstimate, estimate_to_plain
+from tsis.records import Recomputation, StoredEstimate, estimate_to_json
 from tsis.report import estimate_document
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def estimate_item(stored: StoredEstimate, truth: Mapping[str, float] | None = None) -> EstimateItem:
     """A stored estimate with the truth beside its parameters, where all of them are known."""
-    reference = estimate_to_plain(stored)
+    reference = estimate_to_json(stored)
     created = reference.pop("estimate")
     beside = None if truth is None or not set(stored.estimate.samples) <= set(truth) else truth
     document = estimate_document(stored.estimate, beside)

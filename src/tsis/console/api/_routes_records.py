@@ -131,7 +131,7 @@ def list_estimates(instrument: TheInstrument, number: TargetNumber) -> Estimates
     record = instrument.store.record(target, limit=0)
     return EstimatesResponse(
         target=number,
-        in_force=[item.id for item in record.in_force],
+        in_force=[item.id for item in record.active_estimates],
         estimates=[estimate_item(estimate, target.truth) for estimate in record.estimates],
         damaged=list(record.damaged),
     )

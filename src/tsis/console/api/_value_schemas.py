@@ -12,7 +12,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from tsis.calibration.guard import GuardFlag
 from tsis.console.services import CameraChoice, CameraState, ContactView, FrameAnalysis, JobState, PressForce
-from tsis.files import free_to_plain
+from tsis.files import free_to_json
 from tsis.instrument import CameraInfo, Setting
 from tsis.instrument.recording import RecordingReport
 from tsis.records import Shift, StoredPress, Target
@@ -36,7 +36,7 @@ class Fields:
             inner = field["schema"].get("schema", {})
             if inner.get("type") == "dict":
                 inner["serialization"] = core_schema.plain_serializer_function_ser_schema(
-                    partial(free_to_plain, where=field["name"]), return_schema=inner.copy()
+                    partial(free_to_json, where=field["name"]), return_schema=inner.copy()
                 )
         values["computed_fields"] = [core_schema.computed_field(name, core_schema.str_schema()) for name in self._also]
         return schema

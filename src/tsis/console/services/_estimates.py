@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.errors import InputError, RecordsError
 from tsis.files import LARGEST_TARGET
 from tsis.model import require_integer, require_one_of
-from tsis.records import ESTIMATES, REFERENCES, EstimationRequest, environment, estimate_stored, require_options
+from tsis.records import ESTIMATES, REFERENCE_ROLES, EstimationRequest, environment, estimate_stored, require_options
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -112,7 +112,7 @@ def newest_presses(record: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
     Presses whose force nobody wrote down are all taken: the force line tells them apart. Those at 0 N touch nothing,
     and no estimate can use them.
     """
-    roles = ("target", REFERENCES[kind])
+    roles = ("target", REFERENCE_ROLES[kind])
     used = [press for press in record.presses if press.role in roles and press.force_n != 0]
     on_target = [press for press in used if press.role == "target"]
     if not on_target:

@@ -11,7 +11,7 @@ from tsis.calibration.guard import check_press
 from tsis.errors import ControlError, InputError, RecordsError, TsisError
 from tsis.imaging import colour_map
 from tsis.instrument import save_snapshot
-from tsis.records.importing import new_target, numbered, truth_note
+from tsis.records.importing import new_target, target_by_number, truth_note
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -167,12 +167,12 @@ def _moment(frame: ReceivedFrame) -> datetime:
 def _target(store: Store, taken: PressToSave, number: int) -> tuple[Target, tuple[str, ...]]:
     """The target of that number, entered where there is none, and what to know of it."""
     truth = taken.truth if store.kind == "phantom" else {}
-    target = numbered(store, number)
+    target = target_by_number(store, number)
     if target is None:
         try:
             return new_target(store, [taken.image], number=number, name=taken.name, truth=truth), ()
         except InputError:
-            target = numbered(store, number)  # somebody else has entered it this moment
+            target = target_by_number(store, number)  # somebody else has entered it this moment
             if target is None:
                 raise
     return target, tuple(truth_note(truth, target))
@@ -185,7 +185,7 @@ def _require_same_phantom(store: Store, taken: PressToSave, number: int) -> None
             f"the virtual probe presses phantoms, which a store of {store.kind}s does not keep: start the console with "
             "--kind phantom, or choose a camera"
         )
-    target = numbered(store, number)
+    target = target_by_number(store, number)
     if target is not None and target.truth and dict(target.truth) != dict(taken.truth):
         raise ControlError(
             f"target {number} is of {_phantom_words(target.name, target.truth)}; the virtual probe is on "

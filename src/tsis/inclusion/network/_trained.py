@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, InputError
-from tsis.files import as_path, canonical, digest_of_any, printable_path, read_object, write_durably
+from tsis.files import as_path, canonical, digest_or_none, printable_path, read_object, write_durably
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.network._network import Layers, Network, Span
 from tsis.inclusion.network._outputs import (
@@ -205,7 +205,7 @@ def write_networks(trained: TrainedNetworks, path: str | os.PathLike[str]) -> Pa
         "networks": [_plain(network) for network in trained.networks],
     }
     try:
-        write_durably(position, (canonical(content | {"sha256": digest_of_any(content)}) + "\n").encode())
+        write_durably(position, (canonical(content | {"sha256": digest_or_none(content)}) + "\n").encode())
     except OSError as error:
         raise FileInputError(f"{printable_path(position)} must be writable; got: {error.strerror}") from error
     return position
@@ -235,7 +235,7 @@ def read_networks(path: str | os.PathLike[str]) -> TrainedNetworks:
             f"{printable_path(position)} must be a {FORMAT!r} file of version {VERSION}; got "
             f"{content.get('format')!r:.40} of version {content.get('version')!r:.20}"
         )
-    if set(content) != KEYS or digest_of_any({**content, "sha256": None}) != content["sha256"]:
+    if set(content) != KEYS or digest_or_none({**content, "sha256": None}) != content["sha256"]:
         raise FileInputError(
             f"{printable_path(position)} must be as it was written; its content does not match its hash"
         )

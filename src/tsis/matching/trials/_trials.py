@@ -10,7 +10,7 @@ import numpy as np
 import scipy.io
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import arrays_of, one_line, printable_path, read_bytes
+from tsis.files import one_line, printable_path, read_arrays, read_bytes
 from tsis.matching._fit import UNMATCHED
 from tsis.matching.trials._distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
 from tsis.matching.trials._shapes import SHAPES
@@ -197,7 +197,7 @@ def _public_arrays(path: Path, requested: tuple[str, ...]) -> dict[str, NDArray[
     """Those of the wanted arrays that the file holds."""
     content = read_bytes(path, most=LARGEST_BYTES)
     try:
-        stored = arrays_of(content, requested, most=LARGEST_BYTES)
+        stored = read_arrays(content, requested, most=LARGEST_BYTES)
         results = {key: np.asarray(values, dtype=float) for key, values in stored.items()}
     except ValueError as error:  # among them what a file is refused for
         raise _unreadable(path, error) from error

@@ -1,10 +1,10 @@
-"""DICOM: frames as Secondary Capture, estimates as a structured report, and both sent to an archive.
+"""DICOM: frames as Secondary Capture, estimates as a structured report, and the transfer of both to an archive.
 
 ::
 
-    dicom_files(dossier, identified=False)      the instances, in memory
-    write_dicom(dossier, folder)                the same as files
-    c_store(files, host=, port=, called_ae=)    to an archive by DICOM's own protocol
+    dicom_files(record, identified=False)       the instances, in memory
+    write_dicom(record, folder)                 the same as files
+    c_store(files, host=, port=, called_ae=)    to an archive by C-STORE
     stow_rs(files, url=)                        to an archive by DICOMweb
 """
 

@@ -1,4 +1,4 @@
-"""Instances sent by DICOM's own protocol, C-STORE over an association."""
+"""Transfer of instances by C-STORE over a DICOM association."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 SILENT = "it broke off, was silent or wants TLS"
-WARNINGS = range(0xB000, 0xC000)  # stored, and the archive changed or disliked something
+WARNINGS = range(0xB000, 0xC000)  # stored with a warning
 
 
 def c_store(
@@ -31,29 +31,28 @@ def c_store(
     timeout_s: float = 30.0,
     tls: ssl.SSLContext | None = None,
 ) -> tuple[str, ...]:
-    """Store instances in an archive and return the UIDs that it took, in order.
+    """Store instances in an archive and return their UIDs in order.
 
     Parameters
     ----------
     files
-        Of `dicom_files`.
+        Result of `dicom_files`.
     host, port
-        Where the archive listens.
+        Address of the archive.
     called_ae, calling_ae
-        Names of the archive and of this program as the archive knows them, at most 16 characters of ASCII.
+        Application entity titles of the archive and of this program, at most 16 characters of ASCII.
     timeout_s
-        Seconds in [0.1, 600] to wait for a connection and for each answer.
+        Seconds in [0.1, 600] to wait for a connection and for each response.
     tls
-        Encrypts the association, checking the archive's certificate as it says; plain without it, which is how most
-        archives are run inside a hospital's network, and which anybody on the way can read.
+        Context for an encrypted association; without it the data are not encrypted.
 
     Raises
     ------
     RecordsError
-        When the archive cannot be reached, refuses the association, or does not take every instance; the message says
-        of each that failed why. The others are stored then, and sending all of them again does no harm.
+        When the archive is unreachable, refuses the association or an instance; the message gives each reason. The
+        other instances are stored; repeating the transfer is safe.
     InputError
-        When a name of an application, the port or the time is not possible.
+        When a title, the port or the timeout is invalid.
     """
     port, timeout_s = (
         require_integer("port", port, 1, 65_535),
@@ -92,7 +91,7 @@ def _title(name: str, value: str) -> str:
 def _associated(
     entity: Any, host: str, port: int, called_ae: str, timeout_s: float, tls: ssl.SSLContext | None
 ) -> Iterator[Any]:
-    """An association, established or refused, that leaves no connection behind."""
+    """An association, established or refused, whose connections are closed at the end."""
     event = import_extra("pynetdicom", feature="C-STORE", extra="dicom").evt.EVT_CONN_OPEN
     opened: list[Any] = []
     association = entity.associate(
@@ -107,15 +106,12 @@ def _associated(
     finally:
         if association.is_established:
             association.release()
-        for connection in opened:  # pynetdicom leaves one open that the archive has shut
+        for connection in opened:  # pynetdicom does not close one that the archive has closed
             connection.close()
 
 
 def _reachable(host: str, port: int, where: str, timeout_s: float, tls: ssl.SSLContext | None) -> str:
-    """The numeric address at which something listens.
-
-    A connection of our own tells why there is none, and is closed whatever happens; pynetdicom leaves one open then.
-    """
+    """The numeric address of the archive, after a trial connection, which gives a precise reason for a failure."""
     try:
         with socket.create_connection((host, port), timeout_s) as result:
             address = str(result.getpeername()[0])
@@ -158,7 +154,7 @@ def _kinds(contexts: Any) -> str:
 
 
 def _store(association: Any, file: DicomFile) -> str:
-    """Why the archive did not take an instance; empty where it did."""
+    """Why the archive refused an instance; empty on success."""
     if not association.is_established:
         return "not sent, because the archive broke off"
     if file.sop_class_uid not in {str(context.abstract_syntax) for context in association.accepted_contexts}:
@@ -168,6 +164,6 @@ def _store(association: Any, file: DicomFile) -> str:
         return "the archive gave no answer in time, or broke off"
     if status == 0 or status in WARNINGS:
         return ""
-    given = import_extra("pynetdicom.status", feature="C-STORE", extra="dicom").STORAGE_SERVICE_CLASS_STATUS
-    meaning = " ".join(given.get(status, ("unknown", ""))).strip()
+    meanings = import_extra("pynetdicom.status", feature="C-STORE", extra="dicom").STORAGE_SERVICE_CLASS_STATUS
+    meaning = " ".join(meanings.get(status, ("unknown", ""))).strip()
     return f"the archive answered 0x{status:04X} ({meaning})"

@@ -1,4 +1,4 @@
-"""Presses put together into the instances that hold them."""
+"""Secondary Capture instances of the frames."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tsis.records.dicom._identity import ExportIdentity
 
 
-MOST_BYTES = 2**28  # of pixels in an instance: what archives take at one time, and far below DICOM's 4 GiB
+MOST_BYTES = 2**28  # of pixels in an instance, accepted by archives and far below DICOM's limit of 4 GiB
 OTHER_PROBE = 10  # between the numbers of series of one role and different probes: 1, 11, 21, ...
 
 
@@ -40,17 +40,17 @@ class Stack:
     Parameters
     ----------
     role
-        Of all of them.
+        Role of the presses.
     probe
-        Name of the probe of all of them; empty where nobody wrote it down.
+        Name of the probe; empty where unknown.
     series
-        Number of the series, which is that of a role and a probe.
+        Number of the series of this role and probe.
     started
         Time of the first press of the series.
     number
-        Of the instance in its series, from 1.
+        Number of the instance in its series, from 1.
     presses
-        One a frame.
+        A press for each frame.
     levels
         Grey levels, shape (frames, rows, columns), uint8 or uint16.
     """
@@ -63,19 +63,13 @@ class Stack:
     presses: tuple[StoredPress, ...]
     levels: NDArray[Any]
 
-    def holds(self, presses: Collection[str]) -> bool:
-        """Whether a frame is that of one of these presses, given by their identities."""
+    def contains(self, presses: Collection[str]) -> bool:
+        """Whether it has a frame of these presses, by identity."""
         return any(press.id in presses for press in self.presses)
 
 
 def stacks(record: TargetRecord) -> Iterator[Stack]:
-    """The instances that a dossier's frames become, by role and probe; frames of one kind are together.
-
-    Raises
-    ------
-    RecordsError
-        When a frame is not of the size that its press states, or of a depth that the store does not keep.
-    """
+    """Stacks of equal frames by role and probe; `RecordsError` when a frame does not match its press."""
     for index, role in enumerate(ROLES, start=1):
         pressed = sorted((press for press in record.presses if press.role == role), key=lambda item: item.taken)
         for other, probe in enumerate(dict.fromkeys(press.probe for press in pressed)):
@@ -84,7 +78,6 @@ def stacks(record: TargetRecord) -> Iterator[Stack]:
 
 
 def _series(record: TargetRecord, presses: list[StoredPress], number: int) -> Iterator[Stack]:
-    """The instances of one series, whose presses are in the order of their times."""
     kinds: dict[tuple[Any, ...], list[tuple[StoredPress, NDArray[Any]]]] = {}
     for press in presses:
         levels = record.levels(press)
@@ -106,14 +99,14 @@ def _series(record: TargetRecord, presses: list[StoredPress], number: int) -> It
 
 
 def increments_ms(presses: tuple[StoredPress, ...]) -> list[str]:
-    """Times from frame to frame in milliseconds as decimal strings, the first 0."""
+    """Intervals between frames in milliseconds as decimal strings, the first 0."""
     times = [press.taken for press in presses]
     gaps = [0.0, *((late - early).total_seconds() * 1e3 for early, late in itertools.pairwise(times))]
     return [decimal(gap) for gap in gaps]
 
 
 def decimal(value: float) -> str:
-    """A number as DICOM's decimal string of at most 16 characters, with the most digits that fit."""
+    """A number as a DICOM decimal string, at most 16 characters, with as many digits as fit."""
     if not math.isfinite(value):
         raise RecordsError(f"a number of a DICOM file must be finite; got {value}")
     for digits in range(17, 0, -1):
@@ -128,7 +121,7 @@ LONGEST_TEXT = 10_000  # of the value representation LT
 
 
 def capture(stack: Stack, cover: ExportIdentity) -> Dataset:
-    """A Secondary Capture instance of a stack; it has no UID of its own yet.
+    """A Secondary Capture instance of a stack, still without a UID.
 
     One frame becomes a Secondary Capture Image, more a Multi-frame Grayscale Byte (8 bit) or Word (16 bit) one.
     """
@@ -165,7 +158,7 @@ def _image(dataset: Dataset, stack: Stack, cover: ExportIdentity) -> None:
     dataset.InstanceNumber = stack.number
     dataset.ImageType = ["ORIGINAL", "SECONDARY"]
     dataset.ConversionType = "DI"
-    dataset.Laterality = ""  # of a series that may be of a paired part; nobody told us of which side
+    dataset.Laterality = ""  # required for a part that may be paired; unknown
     dataset.PatientOrientation = ""
     dataset.LossyImageCompression = "00"
     dataset.ImageComments = RESEARCH_USE_ONLY
@@ -191,11 +184,11 @@ def _pixels(dataset: Dataset, stack: Stack) -> None:
     dataset.add_new("PixelData", "OB" if byte else "OW", raw + b"\0" * (len(raw) % 2))
     if scale := stack.presses[0].mm_per_pixel:
         x, y = scale
-        dataset.PixelSpacing = [decimal(y), decimal(x)]  # distance of rows first, as DICOM has it
+        dataset.PixelSpacing = [decimal(y), decimal(x)]  # distance of rows first
 
 
 def _display(dataset: Dataset, stack: Stack) -> None:
-    """Show everything from black to where the camera clips."""
+    """Set the display window from black to full scale."""
     full = stack.presses[0].full_scale
     dataset.WindowCenter, dataset.WindowWidth = decimal((full + 1) / 2), decimal(full + 1)
     dataset.PresentationLUTShape = "IDENTITY"
@@ -205,6 +198,6 @@ def _frames(dataset: Dataset, stack: Stack) -> None:
     dataset.NumberOfFrames = len(stack.presses)
     dataset.FrameIncrementPointer = FRAME_TIME_VECTOR
     dataset.FrameTimeVector = increments_ms(stack.presses)
-    # Must be told of many frames, and nobody looked at any: a file may have writing in it, a camera writes none.
+    # Required for multiple frames: an image file may contain text, a camera frame does not.
     dataset.BurnedInAnnotation = "NO" if all(from_camera(press) for press in stack.presses) else "YES"
     dataset.RescaleIntercept, dataset.RescaleSlope, dataset.RescaleType = "0", "1", "US"

@@ -1,4 +1,4 @@
-"""A dossier as DICOM instances: its frames, and a report on them."""
+"""Export of a target record as DICOM instances: its frames, and a report on them."""
 
 from __future__ import annotations
 
@@ -17,46 +17,39 @@ if TYPE_CHECKING:
 
 
 def dicom_files(record: TargetRecord, *, identified: bool = False) -> tuple[DicomFile, ...]:
-    """The instances of a target: one or more of Secondary Capture a role and probe of its presses, then a report.
+    """The instances of a target: Secondary Captures by role and probe of its presses, then a report.
 
-    The same dossier gives the same bytes and UIDs whenever the same version exports it. The report is there when
-    something is known to report: an estimate, forces, or flags of the presses.
+    Equal records give equal bytes and UIDs with the same version. There is a report when there is an estimate, a force,
+    or a flag of a press.
 
     Parameters
     ----------
     record
         The target with its presses and estimates.
     identified
-        Whether to tell the target's label, the names of frames and the true times. Otherwise a pseudonym stands for
-        the target, dates are taken out, and `tsis.records._deidentify` says what else; notes and camera settings are
-        in no export.
+        Whether to include the label of the target, the names of frames and the times. Otherwise the record is
+        de-identified (`tsis.records._deidentify`). Notes and camera settings are never exported.
 
     Raises
     ------
     RecordsError
-        When there is no press, or a frame is not what its press says.
+        When there is no press, or a frame does not match its press.
     MissingExtraError
         When the libraries of the extra ``dicom`` are not installed.
     """
     if not record.presses:
         raise RecordsError(f"target {record.target.number} must have at least one press to be exported; got none")
-    reported, cover = export_identity(record, identified=identified)
+    exported, cover = export_identity(record, identified=identified)
     images, files = [], []
-    for stack in stacks(reported):
+    for stack in stacks(exported):
         image = capture(stack, cover)
         files.append(sealed(image, f"{cover.file_stem}-{stack.series}-{stack.role}-{stack.number:02d}.dcm"))
         images.append((stack, image))
-    if has_report(reported):
-        files.append(sealed(report(reported, cover, images), f"{cover.file_stem}-9-report-01.dcm"))
+    if has_report(exported):
+        files.append(sealed(report(exported, cover, images), f"{cover.file_stem}-9-report-01.dcm"))
     return tuple(files)
 
 
 def write_dicom(record: TargetRecord, folder: Path, *, identified: bool = False) -> tuple[Path, ...]:
-    """Write what `dicom_files` makes into a folder, each file whole or not at all, and return the paths.
-
-    Raises
-    ------
-    RecordsError
-        As `dicom_files`; when a file cannot be written, or one of that name is there with another content.
-    """
+    """Write the instances of `dicom_files` into a folder and return the paths; errors as these two functions."""
     return write_files(dicom_files(record, identified=identified), folder)

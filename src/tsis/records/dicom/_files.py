@@ -1,4 +1,4 @@
-"""The optional libraries, imported when a feature first needs them."""
+"""DICOM files with deterministic UIDs, and lazy imports of the libraries."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 def pydicom(part: str = "") -> Any:
-    """pydicom, or a module of it."""
+    """Pydicom or a module of it."""
     return import_extra(f"pydicom.{part}" if part else "pydicom", feature="DICOM", extra="dicom")
 
 
 def highdicom(part: str = "") -> Any:
-    """highdicom, or a module of it."""
+    """Highdicom or a module of it."""
     return import_extra(f"highdicom.{part}" if part else "highdicom", feature="a DICOM report", extra="dicom")
 
 
@@ -33,17 +33,7 @@ IMPLEMENTATION = "2.25." + str(uuid.uuid5(uuid.NAMESPACE_DNS, "tsis.implementati
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DicomFile:
-    """One instance as it is written, sent and read.
-
-    Parameters
-    ----------
-    name
-        Of the file, by the pattern ``tsis-<pseudonym>-<series>-<what>-<number>.dcm``.
-    content
-        The whole file, explicit VR little endian.
-    sop_class_uid, sop_instance_uid
-        What it is, and which one.
-    """
+    """An instance as a file, explicit VR little endian, named ``tsis-<pseudonym>-<series>-<what>-<number>.dcm``."""
 
     name: str
     content: bytes
@@ -57,7 +47,7 @@ class DicomFile:
 
 
 def deterministic_uid(*parts: str | bytes) -> str:
-    """A UID below 2.25, the same for the same parts, as PS3.5 B.2 asks: the number of a UUID (here of version 5)."""
+    """A UID below 2.25 (PS3.5 B.2) from a UUID of version 5 of the parts."""
     result = hashlib.sha256(b"tsis dicom")
     for part in parts:
         raw = part.encode() if isinstance(part, str) else part
@@ -66,10 +56,9 @@ def deterministic_uid(*parts: str | bytes) -> str:
 
 
 def sealed(dataset: Dataset, name: str) -> DicomFile:
-    """Give an instance the UID that follows from all that it says, and write it.
+    """Set the UID of an instance from its content, and write it.
 
-    What is written is the same, byte for byte, whenever the same is exported by the same version; so an archive that
-    has it already knows it, and one UID never stands for two contents.
+    Equal content gives equal bytes and UIDs, and a UID never identifies two contents.
     """
     dataset.SOPInstanceUID = deterministic_uid("unsealed")
     dataset.SOPInstanceUID = deterministic_uid("instance", _bytes(dataset))
@@ -95,12 +84,12 @@ def _bytes(dataset: Dataset) -> bytes:
 
 
 def write_files(files: Iterable[DicomFile], folder: Path) -> tuple[Path, ...]:
-    """Write all files or none; those that are there with the same content are left as they are.
+    """Write all files or none, except those that exist with the same content.
 
     Raises
     ------
     RecordsError
-        When a file cannot be written, or one of that name is there with another content.
+        When a file cannot be written, or exists with other content.
     """
     folder = Path(folder)
     planned = {file.name: file.content for file in files}

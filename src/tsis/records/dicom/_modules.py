@@ -1,4 +1,4 @@
-"""What the report speaks of, in codes: those of SNOMED CT, DICOM and UCUM where they exist, else of our own scheme."""
+"""Codes of SNOMED CT, DICOM, UCUM and our scheme, and the common attributes of instances."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 SCHEME = "99TSIS"
 SCHEME_NAME = "Codes of tsis, open software for optical tactile imaging"
 
-# Ours: value -> meaning.
+# Our codes: value -> meaning.
 OWN = MappingProxyType(
     {
         "imaging": "Optical tactile imaging",
@@ -36,7 +36,7 @@ OWN = MappingProxyType(
         "no-number": "Parameter without a number",
     }
 )
-MILLIMETRE, KILOPASCAL, NEWTON, ONE = (
+MILLIMETRE, KILOPASCAL, NEWTON, UNITLESS = (
     ("mm", "UCUM", "millimeter"),
     ("kPa", "UCUM", "kilopascal"),
     ("N", "UCUM", "newton"),
@@ -54,7 +54,7 @@ NINETY_FIFTH_PERCENTILE = ("371889001", "SCT", "Ninety-fifth percentile")
 DEVICE = ("121007", "DCM", "Device")
 YES, NO = ("373066001", "SCT", "Yes"), ("373067005", "SCT", "No")
 
-# Parameter of an estimate -> concept, unit, and the way of measuring where the concept alone is not precise.
+# Parameter of an estimate -> concept, unit, and the method where the concept is not precise.
 PARAMETERS = MappingProxyType(
     {
         "diameter_mm": (DIAMETER, MILLIMETRE, None),
@@ -65,7 +65,7 @@ PARAMETERS = MappingProxyType(
 
 
 def concept(triple: tuple[str, str, str]) -> Any:
-    """A code of value, scheme and meaning as highdicom takes it."""
+    """A code of value, scheme and meaning for highdicom."""
     value, scheme, meaning = triple
     return highdicom("sr").CodedConcept(value=value, scheme_designator=scheme, meaning=meaning)
 
@@ -75,7 +75,7 @@ def own(value: str) -> Any:
     return concept((value, SCHEME, OWN[value]))
 
 
-# PS3.16 CID 7050: the profile, and what we keep because it is written by this program and cleaned.
+# PS3.16 CID 7050: the profile and its options.
 METHODS = (
     ("113100", "Basic Application Confidentiality Profile"),
     ("113104", "Clean Structured Content Option"),
@@ -86,16 +86,16 @@ METHOD_TEXT = ("Pseudonym for name and ID", "Dates and times removed", "New UIDs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """What the instances of one series share.
+    """The common attributes of a series.
 
     Parameters
     ----------
     number
-        In the study, from 1.
+        Number in the study, from 1.
     what
-        What UIDs tell it from others by, e.g. role and probe of the presses.
+        Source of its UID, e.g. role and probe of the presses.
     description
-        What people read in an archive.
+        Text for people.
     modality
         ``"OT"`` for images, ``"SR"`` for reports.
     started

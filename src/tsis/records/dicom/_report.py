@@ -1,4 +1,4 @@
-"""An estimate and the presses as measurement groups of TID 1501."""
+"""The structured report: estimates and presses as measurement groups of TID 1501."""
 
 from __future__ import annotations
 
@@ -28,10 +28,9 @@ NOT_TRUSTED = "A flag says that the model does not hold, so this estimate has no
 
 
 def estimate_group(stored: StoredEstimate, cover: ExportIdentity, sources: Sequence[Dataset]) -> Any:
-    """What was estimated, with its doubts; no numbers where the model does not hold.
+    """An estimate, without numbers where it is untrusted.
 
-    A parameter that the data do not identify has no mean and no standard deviation either: its percentiles say in
-    which range it may lie.
+    A parameter that is not identified has percentiles, but no mean and no standard deviation.
     """
     sr, estimate = highdicom("sr"), stored.estimate
     trusted = codes.concept(codes.YES if estimate.trusted else codes.NO)
@@ -55,12 +54,12 @@ def _numbers(estimate: Estimate) -> list[Any]:
     for name in estimate.samples:
         if name in codes.PARAMETERS:
             low, high = estimate.interval(INTERVAL_LEVEL)[name]
-            given = estimate.identified(name)
-            values = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])] if given else []
+            moments = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])]
+            values = moments if estimate.identified(name) else []
             values += [(codes.FIFTH_PERCENTILE, low), (codes.NINETY_FIFTH_PERCENTILE, high)]
             results += [_number(codes.PARAMETERS[name], value, derivation) for derivation, value in values]
     if estimate.presence is not None:
-        results.append(_number((codes.PROBABILITY, codes.ONE, "presence"), estimate.presence, None))
+        results.append(_number((codes.PROBABILITY, codes.UNITLESS, "presence"), estimate.presence, None))
     return results
 
 
@@ -76,10 +75,9 @@ def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[s
 
 
 def _statements(estimate: Estimate) -> list[tuple[str, str]]:
-    """Texts by our code; the sentence on what is identified holds numbers, so an untrusted one is not told."""
-    reported = {name for name in codes.PARAMETERS if estimate.trusted and estimate.identified(name)}
-    loose = [name for name in estimate.samples if name not in reported]
-    messages = [("no-number", name) for name in loose]
+    """Texts by our codes; the message on identifiability contains numbers, so an untrusted estimate has another."""
+    numbered = {name for name in codes.PARAMETERS if estimate.trusted and estimate.identified(name)}
+    messages = [("no-number", name) for name in estimate.samples if name not in numbered]
     messages += [("flag", flag) for flag in estimate.flags]
     if estimate.trusted:
         messages.append(("identifiability", estimate.identifiability))
@@ -90,7 +88,7 @@ def _statements(estimate: Estimate) -> list[tuple[str, str]]:
 
 
 def press_group(press: StoredPress, cover: ExportIdentity, source: Dataset, frame: int) -> Any:
-    """The force of one press and what its guard said, with the frame that it belongs to."""
+    """Force, role and flags of a press with its frame."""
     sr = highdicom("sr")
     frames = [frame] if "NumberOfFrames" in source else None
     group = sr.MeasurementsAndQualitativeEvaluations(
@@ -111,7 +109,7 @@ def press_group(press: StoredPress, cover: ExportIdentity, source: Dataset, fram
 
 
 def text(name: str, message: str) -> Any:
-    """A sentence under one of our codes."""
+    """A text item under our code ``name``."""
     sr = highdicom("sr")
     return sr.TextContentItem(name=codes.own(name), value=message, relationship_type=sr.RelationshipTypeValues.CONTAINS)
 
@@ -121,7 +119,7 @@ def _tracking(what: str, cover: ExportIdentity, identity: str) -> Any:
 
 
 def _algorithm(stored: StoredEstimate) -> Any:
-    """Which program computed it, and which code of it, as the record says; not the program that exports."""
+    """The program and code that computed the estimate, which may differ from the exporting program."""
     environment: Mapping[str, Any] = stored.environment
     code = environment.get("code_sha256")
     return highdicom("sr").AlgorithmIdentification(
@@ -132,20 +130,20 @@ def _algorithm(stored: StoredEstimate) -> Any:
 
 
 SERIES = 9
-NO_DATE, NO_TIME = "19000101", "000000"  # a report must have a time; this one says that it was taken out
+NO_DATE, NO_TIME = "19000101", "000000"  # a report must have a time; this one marks a removed one
 
-# The moment at which highdicom made the document; with it, the same export would not be the same.
+# Attributes with the present time, which would make equal exports differ.
 OF_NOW = ("InstanceCreationDate", "InstanceCreationTime", "ContributingEquipmentSequence")
 
 
 def has_report(record: TargetRecord) -> bool:
-    """Whether there is anything to report: an estimate, a force, or a flag."""
+    """Whether there is an estimate, a force, or a flag to report."""
     return bool(record.estimates) or any(press.force_n is not None or press.flags for press in record.presses)
 
 
 def report(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Dataset:
-    """The report on images that are exported with it; it has no UID of its own yet."""
-    created = max([stored.made for stored in record.in_force] or [press.taken for press in record.presses])
+    """The report on the exported images, still without a UID."""
+    created = max([stored.made for stored in record.active_estimates] or [press.taken for press in record.presses])
     date, time = cover.moment(created) or (NO_DATE, NO_TIME)
     sr = highdicom("sr")
     document: Dataset = sr.ComprehensiveSR(
@@ -175,12 +173,12 @@ def report(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[S
 
 def _content(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Any:
     sr = highdicom("sr")
-    positions = {  # by the press itself: two may share a frame, and those of no store have no identity
+    positions = {  # by object: two presses may have the same frame, and presses outside a store have no identity
         id(press): (image, number) for stack, image in images for number, press in enumerate(stack.presses, 1)
     }
     groups = [
-        estimate_group(stored, cover, [image for stack, image in images if stack.holds(stored.presses)])
-        for stored in record.in_force
+        estimate_group(stored, cover, [image for stack, image in images if stack.contains(stored.presses)])
+        for stored in record.active_estimates
     ]
     groups += [
         press_group(press, cover, *positions[id(press)])
@@ -193,7 +191,7 @@ def _content(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple
         imaging_measurements=groups,
     )
     notice = text("notice", RESEARCH_USE_ONLY)
-    content[0].ContentSequence.insert(-1, notice)  # readers meet it before any number
+    content[0].ContentSequence.insert(-1, notice)  # before any number
     return content
 
 

@@ -1,4 +1,4 @@
-"""Instances sent by DICOMweb, STOW-RS over HTTP."""
+"""Transfer of instances by DICOMweb (STOW-RS)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tsis.records.dicom._files import DicomFile
 
 
-# What dicomweb-client raises at an answer that is none of DICOMweb's: JSON of another form, XML that ends early.
+# Exceptions of dicomweb-client for an invalid response: JSON of another form, truncated XML.
 UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, SyntaxError)
 
 
@@ -28,30 +28,30 @@ def stow_rs(
     timeout_s: float = 30.0,
     allow_plain_http: bool = False,
 ) -> tuple[str, ...]:
-    """Store instances in an archive and return their UIDs, in order; each goes in a request of its own.
+    """Store instances in an archive, each in a separate request, and return their UIDs in order.
 
     Parameters
     ----------
     files
-        Of `dicom_files`.
+        Result of `dicom_files`.
     url
-        Where the DICOMweb service starts, as ``https://archive.example/dicom-web``.
+        Root of the DICOMweb service, e.g. ``https://archive.example/dicom-web``.
     token
-        Bearer token, sent to this address alone: an answer that sends us elsewhere is an error.
+        Bearer token, sent to this address alone: a redirect is an error.
     headers
-        Anything else that the archive asks for.
+        Further headers.
     timeout_s
-        Seconds in [0.1, 600] to wait for a connection and for each answer.
+        Seconds in [0.1, 600] to wait for a connection and for each response.
     allow_plain_http
-        Whether to send through a network without encryption. Plain ``http`` to this machine itself is always allowed.
+        Whether to send without encryption; ``http`` to this machine is always allowed.
 
     Raises
     ------
     RecordsError
-        When the archive cannot be reached, or does not take an instance; those before it are stored then, and sending
-        all of them again does no harm.
+        When the archive is unreachable or refuses an instance; the instances before it are stored, and repeating the
+        transfer is safe.
     InputError
-        When the address is none, or is plain ``http`` to another machine.
+        When the address is invalid, or is plain ``http`` to another machine.
     """
     if not files:
         raise InputError("files must hold at least one instance; got none")
@@ -61,7 +61,7 @@ def stow_rs(
     web = import_extra("dicomweb_client.api", feature="STOW-RS", extra="dicom")
     with requests.Session() as session:
         session.hooks["response"].append(_check_response)
-        session.trust_env = not here  # no proxy stands between a machine and itself
+        session.trust_env = not here  # no proxy to this machine
         session.headers.update(headers or {})
         if token is not None:
             session.auth = _bearer(token)
@@ -73,15 +73,15 @@ def stow_rs(
 
 
 def _check_address(url: str, *, allow_plain_http: bool) -> bool:
-    """Whether an address that may be sent to is of this machine itself."""
+    """Check the address; return whether it is of this machine."""
     require_type("url", url, str)
     try:
         parts = urlsplit(url)
         host = parts.hostname or ""
-        given = parts.scheme in ("http", "https") and host and parts.port != 0
+        valid = parts.scheme in ("http", "https") and host and parts.port != 0
     except ValueError:
-        given, host = False, ""
-    if not given or parts.username is not None or parts.query or parts.fragment:
+        valid, host = False, ""
+    if not valid or parts.username is not None or parts.query or parts.fragment:
         raise InputError(
             "url must be the http or https address of a DICOMweb service, without name, password or query; "
             f"got {url!r:.200}"
@@ -102,7 +102,7 @@ def _is_this_machine(host: str) -> bool:
 
 
 def _bearer(token: str) -> Any:
-    """Sets the token by itself: a session that is given none takes one from a file of the user's (.netrc)."""
+    """An authentication that sets the token; without one a session would use the user's .netrc file."""
     if not token.isascii() or not token.isprintable() or not token.strip():
         raise InputError("token must be printable ASCII; got something else, which is not repeated here")
 
@@ -115,7 +115,7 @@ def _bearer(token: str) -> Any:
 
 def _check_response(response: Any, **_: Any) -> None:
     if response.is_redirect:
-        response.close()  # nobody else does, once this has raised
+        response.close()  # not closed otherwise, after the exception
         raise RecordsError(
             f"the archive must answer at the address given; {response.url} sends to "
             f"{response.headers.get('Location', 'nowhere')!r:.200}, which was not followed"
@@ -160,7 +160,7 @@ def _refusal(response: Any, file: DicomFile, url: str) -> str:
 
 
 def _cause(error: BaseException) -> str:
-    """The innermost reason in one line; what wraps it are names of classes and addresses in memory."""
+    """The innermost reason; its wrappers only add class names and addresses."""
     reason: Any = error
     while getattr(reason, "args", None) and isinstance(reason.args[0], BaseException):
         reason = reason.args[0]

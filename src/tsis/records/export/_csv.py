@@ -1,4 +1,4 @@
-"""Rows of the tables: headings with their units, then the values."""
+"""Export of a target record as CSV tables and PNG frames."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.files import FORMULA_STARTS, free_to_plain, json_bytes
+from tsis.files import FORMULA_STARTS, free_to_json, json_bytes
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
 from tsis.records.export._whole import export_folder, frame_png
 
@@ -74,7 +74,7 @@ ESTIMATE_HEADINGS = (
 
 
 def target_rows(target: Target) -> list[list[Any]]:
-    """Headings and the one row of the target."""
+    """Headings and the row of the target."""
     row: dict[str, Any] = {
         "target": target.number,
         "kind": target.kind,
@@ -91,23 +91,23 @@ def target_rows(target: Target) -> list[list[Any]]:
 
 
 def press_rows(record: TargetRecord, frame_files: Sequence[str]) -> list[Sequence[Any]]:
-    """Headings and one row a press."""
+    """Headings and a row for each press."""
     rows: list[Sequence[Any]] = [PRESS_HEADINGS]
     for number, (press, file) in enumerate(zip(record.presses, frame_files, strict=True), start=1):
         pixel = (None, None) if press.mm_per_pixel is None else press.mm_per_pixel
-        existing = [number, press.role, press.taken.isoformat(), _float(press.force_n), *map(_float, pixel)]
-        existing += [*map(_float, press.axis_px), press.rows, press.columns, _float(press.full_scale)]
-        messages = [press.probe, " ".join(press.flags), press.name, press.note, file, press.frame, press.calibration]
-        settings = json.dumps(free_to_plain(press.settings, "settings"), sort_keys=True, allow_nan=False)
-        rows.append([*existing, *messages, settings, press.id, press.version])
+        numbers = [number, press.role, press.taken.isoformat(), _float(press.force_n), *map(_float, pixel)]
+        numbers += [*map(_float, press.axis_px), press.rows, press.columns, _float(press.full_scale)]
+        texts = [press.probe, " ".join(press.flags), press.name, press.note, file, press.frame, press.calibration]
+        settings = json.dumps(free_to_json(press.settings, "settings"), sort_keys=True, allow_nan=False)
+        rows.append([*numbers, *texts, settings, press.id, press.version])
     return rows
 
 
 def estimate_rows(record: TargetRecord) -> list[Sequence[Any]]:
-    """Headings and one row an estimate and parameter."""
+    """Headings and a row for each parameter of each estimate."""
     rows: list[Sequence[Any]] = [ESTIMATE_HEADINGS]
     for number, stored in enumerate(record.estimates, start=1):
-        rows += _parameter_rows(number, stored, in_force=stored in record.in_force)
+        rows += _parameter_rows(number, stored, in_force=stored in record.active_estimates)
     return rows
 
 
@@ -137,7 +137,7 @@ def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> I
 
 
 def _numbers(estimate: Estimate) -> dict[str, list[Any]]:
-    """Mean, sd, interval, prior sd, Cramer-Rao sd and narrowing of each parameter; the prior alone if not trusted."""
+    """Mean, sd, interval, prior sd, Cramer-Rao sd and narrowing by parameter; the prior alone if not trusted."""
     if not estimate.trusted:
         return {name: [None] * 4 + [_float(prior), None, None] for name, prior in estimate.prior_sd.items()}
     mean, sd, narrowing, interval = estimate.mean, estimate.sd, estimate.narrowing, estimate.interval(INTERVAL_LEVEL)
@@ -150,7 +150,7 @@ def _numbers(estimate: Estimate) -> dict[str, list[Any]]:
 
 
 def _float(value: float | None) -> float | None:
-    """A number of Python, which prints without its type."""
+    """A Python number, which prints without its type."""
     return None if value is None else float(value)
 
 
@@ -179,7 +179,7 @@ the data told hardly more than was believed before, and the mean says little: us
 
 
 def cell(value: Any) -> str:
-    """What a table shows of a value: text guarded so that no spreadsheet takes it for a formula.
+    """The text of a cell, guarded so that no spreadsheet takes it for a formula.
 
     Examples
     --------
@@ -197,7 +197,7 @@ def cell(value: Any) -> str:
 
 
 def table_bytes(rows: Sequence[Sequence[Any]]) -> bytes:
-    """Rows as RFC 4180 wants them, the first being the headings."""
+    """Rows, headings first, in the form of RFC 4180."""
     out = io.StringIO(newline="")
     writer = csv.writer(out, lineterminator="\r\n")
     writer.writerows([cell(item) for item in row] for row in rows)
@@ -205,25 +205,19 @@ def table_bytes(rows: Sequence[Sequence[Any]]) -> bytes:
 
 
 def csv_files(record: TargetRecord) -> dict[str, bytes]:
-    """Every file of the export by its name, frames and all: `write_csv` does not hold all of them at once.
-
-    Raises
-    ------
-    RecordsError
-        When a frame is not what its press says.
-    """
+    """The files of the export by name, all in memory; `RecordsError` when a frame does not match its press."""
     return dict(_parts(record))
 
 
 def write_csv(record: TargetRecord, folder: str | os.PathLike[str]) -> None:
-    """Write the files into a new folder, frame by frame; it appears whole or not at all.
+    """Write the files into a new folder, frame by frame and atomically.
 
     Raises
     ------
     FileInputError
         When the folder exists or cannot be written.
     RecordsError
-        When a frame is not what its press says.
+        When a frame does not match its press.
     """
     with export_folder(folder) as draft:
         (draft / "frames").mkdir()
@@ -257,5 +251,5 @@ def _content(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
 
 
 def frame_names(record: TargetRecord) -> list[str]:
-    """Name of the file of each press's frame."""
+    """File names of the frames."""
     return [f"frames/{number:05d}-{press.role}.png" for number, press in enumerate(record.presses, start=1)]

@@ -1,4 +1,4 @@
-"""Codes, quantities and references as FHIR writes them, of elements that R4 and R5 have in common."""
+"""Export of forces and estimates as FHIR observations, with the common elements of R4 and R5."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from uuid import UUID, uuid5
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.files import SHA256, json_bytes
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
-from tsis.records._deidentify import deidentified, shown_identity
+from tsis.records._deidentify import deidentified, public_identity
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -22,28 +22,28 @@ if TYPE_CHECKING:
 
 Resource = dict[str, object]
 
-ROOT = UUID("6f4c1a52-3b0e-5d0e-9a57-2f6f2f3a1d11")  # of every name below; never to be changed
+ROOT = UUID("6f4c1a52-3b0e-5d0e-9a57-2f6f2f3a1d11")  # of every name below; must never change
 CODES = f"urn:uuid:{uuid5(ROOT, 'quantities')}"
 TARGETS = f"urn:uuid:{uuid5(ROOT, 'targets')}"
 PROBES = f"urn:uuid:{uuid5(ROOT, 'probes')}"
 UCUM = "http://unitsofmeasure.org"
 ABSENT = "http://terminology.hl7.org/CodeSystem/data-absent-reason"
 ABSENT_EXTENSION = "http://hl7.org/fhir/StructureDefinition/data-absent-reason"
-DIGITS = 6  # significant ones of a number: more than any press can tell
+DIGITS = 6  # significant digits, more than any measurement has
 
 
 def urn(kind: str, identity: str) -> str:
-    """A name for a resource that is the same in every export of the same thing."""
+    """A name of a resource that is the same in every export."""
     return f"urn:uuid:{uuid5(ROOT, f'{kind}/{identity}')}"
 
 
 def concept(code: str, text: str) -> Resource:
-    """A concept of this program's own."""
+    """A concept of this program."""
     return {"coding": [{"system": CODES, "code": code, "display": text}], "text": text}
 
 
 def quantity(name: str, value: float) -> Resource:
-    """A number with the unit that the quantity's name ends in."""
+    """A number with the unit at the end of the quantity's name."""
     unit = unit_of(name)
     rounded = float(f"{value:.{DIGITS}g}")
     shown = {} if unit == NO_UNIT else {"unit": unit}  # FHIR has no empty text
@@ -51,12 +51,12 @@ def quantity(name: str, value: float) -> Resource:
 
 
 def absent(code: str, why: str) -> Resource:
-    """Why there is no value."""
+    """The reason for a missing value."""
     return {"coding": [{"system": ABSENT, "code": code}], "text": why}
 
 
 def component(code: str, text: str, name: str, value: float) -> Resource:
-    """A part of an observation: a number in the unit of ``name``, or the reason why there is none."""
+    """A component of an observation: a number in the unit of ``name``, or the reason why it is missing."""
     coded: Resource = {"code": concept(code, text)}
     if not math.isfinite(value):
         return coded | {"dataAbsentReason": absent("positive-infinity", "infinite: the data tell nothing of it")}
@@ -64,14 +64,14 @@ def component(code: str, text: str, name: str, value: float) -> Resource:
 
 
 def hashed(sha256: str, what: str) -> Resource:
-    """A reference to content by its SHA-256, as RFC 6920 names it."""
+    """A reference to content by its SHA-256, in the form of RFC 6920."""
     digest = base64.urlsafe_b64encode(bytes.fromhex(sha256)).rstrip(b"=").decode()
     name = {"system": "urn:ietf:rfc:3986", "value": f"ni:///sha-256;{digest}"}
     return {"type": "DocumentReference", "identifier": name, "display": f"{what}, SHA-256 {sha256}"}
 
 
 def unit_text(name: str) -> str:
-    """What people read of a quantity."""
+    """The name of a quantity for people."""
     return label_of(name).capitalize()
 
 
@@ -85,21 +85,20 @@ UNIDENTIFIED = "not identified: the data tell hardly more than was believed befo
 
 
 def force_observation(press: StoredPress, subject: Resource, device: Resource, *, identified: bool) -> Resource:
-    """The force of one press."""
     assert press.force_n is not None
-    observed = {"derivedFrom": [hashed(press.frame, "Frame")]} if SHA256.fullmatch(press.frame) else {}
+    sources = {"derivedFrom": [hashed(press.frame, "Frame")]} if SHA256.fullmatch(press.frame) else {}
     return {
         **_frame_of("force_n", "Force of a press", subject, device, press.taken, identified=identified),
         "method": {"text": FORCE_METHOD},
         "valueQuantity": quantity("force_n", press.force_n),
-        **observed,
+        **sources,
     }
 
 
 def estimate_observations(
     record: TargetRecord, stored: StoredEstimate, subject: Resource, device: Resource, *, identified: bool
 ) -> list[Resource]:
-    """One observation a parameter, and one of the probability that there is anything at all."""
+    """An observation for each parameter, and one for the probability of presence."""
     presses = [press for press in record.presses if press.id in set(stored.presses)]
     when = max((press.taken for press in presses), default=stored.made)
     sources = [hashed(press.frame, "Frame") for press in presses if SHA256.fullmatch(press.frame)]
@@ -123,7 +122,7 @@ def estimate_observations(
 def _frame_of(
     code: str, text: str, subject: Resource, device: Resource, when: datetime, *, identified: bool
 ) -> Resource:
-    """What every observation has."""
+    """The common elements of an observation."""
     masked = {"extension": [{"url": ABSENT_EXTENSION, "valueCode": "masked"}]}
     time = {"effectiveDateTime": when.isoformat(timespec="seconds")} if identified else {"_effectiveDateTime": masked}
     return {
@@ -138,7 +137,7 @@ def _frame_of(
 
 
 def _value(stored: StoredEstimate, name: str) -> Resource:
-    """The mean with its interval; what may not be used is not there."""
+    """The mean with its interval, or the reason why it is missing."""
     result = stored.estimate
     if not result.trusted:
         return {"dataAbsentReason": absent("error", UNTRUSTED)}
@@ -174,14 +173,14 @@ def fhir_observations(record: TargetRecord, *, identified: bool = False) -> byte
     Parameters
     ----------
     record
-        Target, presses and estimates; of each kind of estimate the last is told.
+        Target, presses and active estimates.
     identified
-        Whether times, kind, number and label of the target are told. Otherwise times are masked, a pseudonym stands
-        for the target, and `tsis.records._deidentify` says what else is left out.
+        Whether to include times, kind, number and label of the target. Otherwise times are masked and the record is
+        de-identified (`tsis.records._deidentify`).
 
     Notes
     -----
-    A phantom is a Device, a subject a Patient of whom nothing but a pseudonym is known. Free text never leaves.
+    A phantom is a Device, a subject a Patient with a pseudonym alone. Free text is never exported.
     """
     record = record if identified else deidentified(record)
     subject = {"reference": urn("target", record.target.id or str(record.target.number))}
@@ -192,7 +191,7 @@ def fhir_observations(record: TargetRecord, *, identified: bool = False) -> byte
             name = urn("force", press.id or f"{subject['reference']}/{number}")
             device: Resource = {"reference": urn("probe", press.probe)}
             entries.append((name, force_observation(press, dict(subject), device, identified=identified)))
-    for stored in record.in_force:
+    for stored in record.active_estimates:
         device = {"reference": urn("probe", stored.probe)}
         created = estimate_observations(record, stored, dict(subject), device, identified=identified)
         name = stored.id or f"{subject['reference']}/{stored.kind}"
@@ -207,19 +206,19 @@ def fhir_observations(record: TargetRecord, *, identified: bool = False) -> byte
 
 def _probes(record: TargetRecord) -> list[str]:
     names = [press.probe for press in record.presses if press.force_n is not None]
-    return sorted({*names, *(stored.probe for stored in record.in_force)})
+    return sorted({*names, *(stored.probe for stored in record.active_estimates)})
 
 
 def _subject(record: TargetRecord, *, identified: bool) -> Resource:
     target = record.target
-    existing = [{"system": TARGETS, "value": shown_identity(target) if identified else target.id}]
+    identifiers = [{"system": TARGETS, "value": public_identity(target) if identified else target.id}]
     if identified and target.name:
-        existing.append({"system": TARGETS, "value": target.name})
+        identifiers.append({"system": TARGETS, "value": target.name})
     if target.kind == "subject":
-        return {"resourceType": "Patient", "identifier": existing}
+        return {"resourceType": "Patient", "identifier": identifiers}
     return {
         "resourceType": "Device",
-        "identifier": existing,
+        "identifier": identifiers,
         "status": "active",
         "modelNumber": "phantom",
         "note": [{"text": RESEARCH_USE_ONLY}],

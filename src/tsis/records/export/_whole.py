@@ -1,4 +1,4 @@
-"""Exports that appear whole or not at all, and never in the place of others: told in one sentence where they cannot."""
+"""Atomic exports to new files and folders."""
 
 from __future__ import annotations
 
@@ -22,13 +22,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """As `tsis.files.atomic_file`.
-
-    Raises
-    ------
-    FileInputError
-        When there is something of that name, or it cannot be written.
-    """
+    """As `tsis.files.atomic_file`; `FileInputError` when the name is taken, or it cannot be written."""
     requested = as_path(path)
     with _refusing(requested), atomic_file(requested) as draft:
         yield draft
@@ -36,13 +30,7 @@ def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def export_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """As `tsis.files.atomic_folder`.
-
-    Raises
-    ------
-    FileInputError
-        When there is something of that name, or it cannot be written.
-    """
+    """As `tsis.files.atomic_folder`; `FileInputError` when the name is taken, or it cannot be written."""
     requested = as_path(path)
     with _refusing(requested), atomic_folder(requested) as draft:
         yield draft
@@ -64,11 +52,5 @@ def _refusing(requested: Path) -> Iterator[None]:
 
 
 def frame_png(record: TargetRecord, press: StoredPress) -> bytes:
-    """The frame of a press as a grey PNG of as many bits as it has.
-
-    Raises
-    ------
-    RecordsError
-        When the stored frame is not what its press says.
-    """
+    """The frame of a press as a grey PNG file of 8 or 16 bits; `RecordsError` when it does not match its press."""
     return bytes(cv2.imencode(".png", record.levels(press), QUICK_PNG)[1].tobytes())

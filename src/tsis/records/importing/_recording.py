@@ -1,4 +1,4 @@
-"""Recordings of ``tsis acquire --frames`` or ``--seconds``: the frames of its folder, after its index."""
+"""Import of recordings of ``tsis acquire --frames`` or ``--seconds``: the frames that the index lists."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError
-from tsis.files import from_plain, printable_path, read_bytes, read_object
+from tsis.files import from_json_value, printable_path, read_bytes, read_object
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
@@ -17,15 +17,15 @@ from tsis.instrument.recording import (
     VIDEO_NAME,
 )
 from tsis.records._values import require_moment
-from tsis.records.importing._found import (
+from tsis.records.importing._batch import (
     MOST_FRAMES,
     ImportBatch,
     ImportOptions,
     IncomingPress,
     cited_calibration,
-    inspect_folder,
+    inspect_file,
+    modification_time,
     own_file,
-    written,
 )
 
 if TYPE_CHECKING:
@@ -39,15 +39,15 @@ CUT_SHORT = "the recording was cut short before its report was written; its fram
 
 
 def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
-    """The frames of a recording, with the force of the gauge where it has one.
+    """The frames of a recording, with the force of a gauge.
 
-    A recording tells when it began, and how much later each frame came. One that was cut short, or made by a release
-    that did not tell it, says when its last frame came by when its index was written last.
+    A recording has its start time and the delay of each frame. Without the start time, in an interrupted recording or
+    one of an old release, the modification time of the index is that of the last frame.
 
     Raises
     ------
     FileInputError
-        When it is no such folder, is a video, or its index does not tell of the frames in it.
+        When it is no such folder, is a video, or its index does not fit its frames.
     """
     summary = _summary(folder)
     rows = _rows(own_file(folder, RECORDING_INDEX))
@@ -66,7 +66,7 @@ def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) 
         path = own_file(folder, row["kept_in"])
         presses.append(
             IncomingPress(
-                **inspect_folder(path, full_scale=_full_scale(summary)),
+                **inspect_file(path, full_scale=_full_scale(summary)),
                 role=given.role,
                 taken=_moment(moment_then, float(row["arrived_s"]) - then_s),
                 name=path.name,
@@ -134,7 +134,7 @@ def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
     for name in ("arrived_s", FORCE):
         if name == "arrived_s" or row.get(name):
             try:
-                from_plain(float, float(row[name]), name)
+                from_json_value(float, float(row[name]), name)
             except ValueError as error:
                 raise FileInputError(
                     f"{printable_path(path)} must hold a finite {name}; line {at} has {row[name]!r:.40}"
@@ -145,17 +145,17 @@ def _full_scale(summary: dict[str, Any] | None) -> float | None:
     mode = (summary or {}).get("mode")
     if not isinstance(mode, dict) or "full_scale" not in mode:
         return None
-    return from_plain(float, mode["full_scale"], "mode.full_scale")
+    return from_json_value(float, mode["full_scale"], "mode.full_scale")
 
 
 def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tuple[datetime, float]:
-    """One time of day and what the clock of ``arrived_s`` showed then."""
+    """A time of day, and ``arrived_s`` at that time."""
     if summary is None or "begun" not in summary:
-        return written(folder / RECORDING_INDEX), last_s
+        return modification_time(folder / RECORDING_INDEX), last_s
     try:
-        begun = from_plain(datetime, summary["begun"], f"{RECORDING_SUMMARY}.begun")
+        begun = from_json_value(datetime, summary["begun"], f"{RECORDING_SUMMARY}.begun")
         require_moment("begun", begun)
-        return begun, from_plain(float, summary["begun_s"], f"{RECORDING_SUMMARY}.begun_s")
+        return begun, from_json_value(float, summary["begun_s"], f"{RECORDING_SUMMARY}.begun_s")
     except (ValueError, KeyError) as error:
         raise FileInputError(
             f"{printable_path(folder / RECORDING_SUMMARY)} must tell when it began; {error}"

@@ -1,4 +1,4 @@
-"""How a target and an estimate are entered by whoever brings both: an import, and a command with ``--save``."""
+"""Import of result folders of ``tsis demo``, and entry of new targets and estimates."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from tsis.calibration.file import CALIBRATION_FILE, read_calibration
 from tsis.catalog import load_probe
 from tsis.errors import FileInputError, InputError
-from tsis.files import from_plain, printable_path, read_object
+from tsis.files import from_json_value, printable_path, read_object
 from tsis.model import grey_sha256
 from tsis.records._provenance import environment
-from tsis.records.importing._found import (
+from tsis.records.importing._batch import (
     ImportBatch,
     IncomingPress,
     RequestedEstimate,
-    inspect_folder,
+    inspect_file,
+    modification_time,
     own_file,
     read_frame,
-    written,
 )
 from tsis.records.store import frame_bytes
 
@@ -43,7 +43,7 @@ def new_target(
     name: str = "",
     truth: Mapping[str, float] | None = None,
 ) -> Target:
-    """Enter a target once its first frames lie on the disk, so that a full one leaves no target without a press."""
+    """Add a target after its first frames are on the disk, so that a full disk leaves no target without a press."""
     for image in first:
         store.blobs.put(frame_bytes(image), "png")
     return store.add_target(number=number, name=name, truth=truth)
@@ -60,12 +60,12 @@ def enter_estimate(
     calibration: ProbeCalibration,
     options: Mapping[str, Any],
 ) -> StoredEstimate:
-    """Store an estimate that was made here and now; it rests on all presses but those of the untouched probe."""
+    """Store a new estimate of all presses except those of the untouched probe."""
     return store.add_estimate(
         target,
         estimate,
         kind=kind,
-        presses=used(presses),
+        presses=estimate_presses(presses),
         probe=probe,
         calibration=calibration,
         options=options,
@@ -73,8 +73,8 @@ def enter_estimate(
     )
 
 
-def used(presses: Iterable[StoredPress]) -> tuple[StoredPress, ...]:
-    """Those that an estimate takes."""
+def estimate_presses(presses: Iterable[StoredPress]) -> tuple[StoredPress, ...]:
+    """The presses of an estimate."""
     return tuple(press for press in presses if press.role != "untouched")
 
 
@@ -84,12 +84,12 @@ TRUTH = ("diameter_mm", "depth_mm", "young_kpa")
 
 
 def result_folder(folder: Path, progress: Callable[[], None]) -> ImportBatch:
-    """The presses of a folder that ``tsis demo`` wrote, each found to be the one that was estimated.
+    """The presses in a folder of ``tsis demo``, each checked by the hash in the result.
 
     Raises
     ------
     FileInputError
-        When it is no such folder, or a frame is not the one that its result tells of.
+        When it is no such folder, or a frame differs from that of the result.
     CalibrationError
         When the calibration in it was changed.
     """
@@ -114,12 +114,11 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         )
     reported = document["estimate"]["provenance"]
     calibration = read_calibration(own_file(folder, CALIBRATION_FILE))
-    probe, phantom = from_plain(str, reported["probe"]["name"], "probe.name"), document["simulated"]["phantom"]
+    probe, phantom = from_json_value(str, reported["probe"]["name"], "probe.name"), document["simulated"]["phantom"]
     presses = list(_presses(folder, reported, calibration, probe, progress))
     inclusion = phantom.get("inclusion")
-    truth = (
-        {} if inclusion is None else {name: from_plain(float, inclusion[name], f"inclusion.{name}") for name in TRUTH}
-    )
+    names = () if inclusion is None else TRUTH
+    truth = {name: from_json_value(float, inclusion[name], f"inclusion.{name}") for name in names}
     requested = RequestedEstimate(
         kind="inclusion", probe=probe, calibration=calibration, options={"prior": dict(reported["prior"])}
     )
@@ -128,7 +127,7 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         source=folder,
         kind="virtual presses",
         presses=tuple(presses),
-        name=from_plain(str, phantom["name"], "phantom.name"),
+        name=from_json_value(str, phantom["name"], "phantom.name"),
         truth=truth,
         simulated=True,
         estimate=requested,
@@ -136,8 +135,8 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
 
 
 def _require_estimable(estimate: RequestedEstimate) -> None:
-    """Refuse what no estimate would take, before anything is stored."""
-    from tsis.records._estimation import require_options  # heavy, and of no use to other imports
+    """Check the inputs of the estimate before anything is stored."""
+    from tsis.records._estimation import require_options  # slow to import, rarely needed
 
     load_probe(estimate.probe)
     estimate.calibration.cited_response("")
@@ -147,7 +146,7 @@ def _require_estimable(estimate: RequestedEstimate) -> None:
 def _presses(
     folder: Path, document: dict[str, Any], calibration: ProbeCalibration, probe: str, progress: Callable[[], None]
 ) -> Iterator[IncomingPress]:
-    taken = written(folder / RESULT)
+    taken = modification_time(folder / RESULT)
     entries = [("target", item) for item in document["images"]] + [("plain", item) for item in document["reference"]]
     if not document["images"] or len(entries) > MOST_PRESSES:
         raise InputError(
@@ -155,7 +154,7 @@ def _presses(
         )
     scale = None
     for at, (role, entry) in enumerate(entries):
-        path = own_file(folder, from_plain(str, entry["name"], f"{role}.name"))
+        path = own_file(folder, from_json_value(str, entry["name"], f"{role}.name"))
         scale = _optional(tuple[float, float], entry["mm_per_pixel"], f"{role}.mm_per_pixel")
         grey = read_frame(path).grey
         if grey_sha256(grey) != entry["sha256"]:
@@ -163,9 +162,9 @@ def _presses(
                 f"{printable_path(path)} must be the frame that was estimated; its grey levels are others"
             )
         yield IncomingPress(
-            **inspect_folder(path),
+            **inspect_file(path),
             role=role,
-            taken=taken + timedelta(microseconds=at),  # which nobody wrote down; so their order is kept
+            taken=taken + timedelta(microseconds=at),  # unknown; this preserves their order
             name=path.name,
             force_n=_optional(float, entry["force_n"], f"{role}.force_n"),
             mm_per_pixel=scale,
@@ -177,7 +176,7 @@ def _presses(
     untouched = own_file(folder, UNTOUCHED)
     if untouched.exists():
         yield IncomingPress(
-            **inspect_folder(untouched),
+            **inspect_file(untouched),
             role="untouched",
             taken=taken + timedelta(microseconds=len(entries)),
             name=UNTOUCHED,
@@ -190,4 +189,4 @@ def _presses(
 
 
 def _optional(kind: type[Value], document: Any, where: str) -> Value | None:
-    return None if document is None else from_plain(kind, document, where)
+    return None if document is None else from_json_value(kind, document, where)

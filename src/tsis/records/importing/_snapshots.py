@@ -1,25 +1,26 @@
-"""Snapshots of ``tsis acquire`` and the console: the raw frame of each, after its sidecar."""
+"""Import of snapshots of ``tsis acquire`` and the console: the raw frame and its sidecar."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import LARGEST_TARGET, from_plain, printable_name, printable_path, read_object
+from tsis.files import LARGEST_TARGET, from_json_value, printable_name, printable_path, read_object
 from tsis.instrument import SIDECAR_FORMAT, SIDECAR_VERSION
 from tsis.model import require_integer, require_one_of
 from tsis.records._values import ROLES
-from tsis.records.importing._entering import enter
-from tsis.records.importing._found import (
+from tsis.records.importing._batch import (
     MOST_FRAMES,
     ImportBatch,
     ImportOptions,
     IncomingPress,
     cited_calibration,
-    inspect_folder,
+    inspect_file,
     own_file,
 )
+from tsis.records.importing._importing import import_batches
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -33,7 +34,7 @@ RAW = ("-raw.bmp", "-raw.png")
 
 
 def sidecar_of(path: Path) -> Path | None:
-    """The sidecar of the snapshot that a file belongs to: itself, or that beside a picture; None for other files."""
+    """The sidecar of a snapshot, from the sidecar itself or one of its images; None for other files."""
     if path.suffix == ".json":
         return path
     beside = path.with_name(f"{path.stem.removesuffix('-raw')}.json")
@@ -44,7 +45,7 @@ def sidecar_of(path: Path) -> Path | None:
 
 
 def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> tuple[ImportBatch, ...]:
-    """Snapshots in a folder, and in the folders of targets in it; none where there is no sidecar."""
+    """Snapshots in a folder and in the folders of targets in it."""
     try:
         inside = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
         sidecars = [path for position in (folder, *inside) for path in sorted(position.glob("*.json"))]
@@ -76,16 +77,16 @@ def snapshots(
     sidecars
         JSON files.
     given
-        Role, scale and calibration where the sidecars do not say it.
+        Role, scale and calibration where the sidecars lack them.
     progress
         Called after each frame.
     single
-        Whether each file was named by itself, so that another kind of JSON is an error and not passed over.
+        Whether other JSON files are an error, because the user named each file.
 
     Raises
     ------
     FileInputError
-        When a sidecar is damaged, or its frame is not the one that it tells of.
+        When a sidecar is damaged, or its frame differs from its hash.
     """
     targets: dict[int, list[IncomingPress]] = {}
     notes: dict[int, dict[str, None]] = {}
@@ -129,7 +130,7 @@ def _snapshot(
     if ending is None:
         raise InputError(f"sha256 must tell of a raw frame; got {sorted(hashes)!r:.80}")
     raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
-    read = inspect_folder(raw, full_scale=from_plain(float, document["full_scale"], "snapshot.full_scale"))
+    read = inspect_file(raw, full_scale=from_json_value(float, document["full_scale"], "snapshot.full_scale"))
     if read["sha256"] != hashes[ending]:
         raise FileInputError(f"{printable_path(raw)} must be as it was saved; its content does not match its sidecar")
     known, notes = cited_calibration(sidecar, document.get("calibration"), given)
@@ -140,7 +141,7 @@ def _snapshot(
     press = IncomingPress(
         **read,
         role=given.role if document.get("role") is None else require_one_of("role", document["role"], ROLES),
-        taken=from_plain(datetime, document["taken"], "snapshot.taken"),
+        taken=from_json_value(datetime, document["taken"], "snapshot.taken"),
         name=printable_name(raw),
         force_n=_force_n(document.get("force")),
         mm_per_pixel=scale,
@@ -153,61 +154,54 @@ def _snapshot(
 
 
 def _probe(document: dict[str, Any]) -> str:
-    """The probe that the console was told of, where it did."""
-    return "" if document.get("probe") is None else from_plain(str, document["probe"], "snapshot.probe")
+    return "" if document.get("probe") is None else from_json_value(str, document["probe"], "snapshot.probe")
 
 
 def _force_n(force: Any) -> float | None:
-    """What the gauge read; a press does not pull."""
-    return None if force is None else max(0.0, from_plain(float, force["force_n"], "force.force_n"))
+    """The force of the gauge, at least 0: a press does not pull."""
+    return None if force is None else max(0.0, from_json_value(float, force["force_n"], "force.force_n"))
 
 
 def _flags(flags: Iterable[Any]) -> Iterator[str]:
     for flag in flags:
-        yield from_plain(str, flag["name"], "flag.name")
+        yield from_json_value(str, flag["name"], "flag.name")
 
 
 def _noted(batch: ImportBatch, note: str) -> ImportBatch:
-    return ImportBatch(
-        source=batch.source,
-        kind=batch.kind,
-        presses=batch.presses,
-        number=batch.number,
-        notes=(*batch.notes, note),
-    )
+    return replace(batch, notes=(*batch.notes, note))
 
 
 def save_snapshot_to_store(
     store: Store, sidecar: Path, *, role: str, probe: str, calibration: UsableCalibration | None
 ) -> dict[str, Any]:
-    """Store the snapshot of a sidecar; what a result says of it.
+    """Store the snapshot of a sidecar; return store, target, press and notes for the result document.
 
     Parameters
     ----------
     store
-        Open for writing.
+        An open store.
     sidecar
-        The file that tells of the snapshot, beside its raw frame.
+        The sidecar, beside its raw frame.
     role
-        What is pressed: one of `tsis.records.ROLES`.
+        One of `tsis.records.ROLES`.
     probe
-        Name of the probe, where no calibration tells it.
+        Name of the probe where the calibration has none.
     calibration
-        That with which the snapshot was taken; None without one.
+        The calibration of the snapshot, or None.
 
     Raises
     ------
     TsisError
-        When it could not be stored.
+        When it cannot be stored.
     """
-    given = None if calibration is None else calibration.calibration
-    named = probe if given is None or not given.probe else given.probe
-    result = snapshots([sidecar], ImportOptions(role=role, probe=named, calibration=given), lambda: None)
-    (entered,) = enter(store, result)
-    (press,) = entered.presses
+    active = None if calibration is None else calibration.calibration
+    name = probe if active is None or not active.probe else active.probe
+    batches = snapshots([sidecar], ImportOptions(role=role, probe=name, calibration=active), lambda: None)
+    (imported,) = import_batches(store, batches)
+    (press,) = imported.presses
     return {
         "store": str(store.folder.resolve()),
-        "target": entered.target.number,
+        "target": imported.target.number,
         "press": press.id,
-        "notes": list(entered.batch.notes),
+        "notes": list(imported.batch.notes),
     }

@@ -1,8 +1,8 @@
-"""The audit: who stored or changed what and when, each entry bound to the one before it by its hash.
+"""The audit: a hash-chained log of who stored or changed what and when.
 
-An entry holds the digest of the row as it is from then on. So a changed, added or removed row shows against its last
-entry, and a changed, added or removed entry breaks the chain. That the chain was not cut short, or written anew as a
-whole, is what the anchor outside the database tells (`tsis.records.store._audit`).
+An entry has the digest of the new row. A changed, added or removed row therefore contradicts its last entry, and a
+changed, added or removed entry breaks the chain. The anchor, a file outside the database, detects a chain that was
+truncated or rewritten as a whole.
 """
 
 from __future__ import annotations
@@ -15,7 +15,17 @@ from sqlalchemy import insert, select, update
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError, TsisError
-from tsis.files import DISK, FIRST_HASH, Disk, digest, json_bytes, linked, printable_path, read_object, write_durably
+from tsis.files import (
+    DISK,
+    FIRST_HASH,
+    Disk,
+    digest,
+    json_bytes,
+    linked_entry,
+    printable_path,
+    read_object,
+    write_durably,
+)
 from tsis.model import require_integer, require_type
 from tsis.records.store._tables import audit_head_table, audit_table
 
@@ -28,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuditChange:
-    """A row as it is from now on: what was done, in which table, to which key."""
+    """A change of a row: the action, the table, the key and the new values."""
 
     action: str
     kind: str
@@ -50,13 +60,7 @@ def begin_audit(connection: Connection) -> None:
 
 
 def locked_head(connection: Connection) -> AuditHead:
-    """The last entry; from here to the end of the transaction nobody else appends.
-
-    Raises
-    ------
-    RecordsError
-        When the database does not say which that is.
-    """
+    """The last entry, locked until the end of the transaction; `RecordsError` when the database does not name it."""
     row = connection.execute(select(audit_head_table).where(audit_head_table.c.id == 1).with_for_update()).first()
     if row is None:
         raise RecordsError(
@@ -67,13 +71,13 @@ def locked_head(connection: Connection) -> AuditHead:
 
 
 def has_entry(connection: Connection, head: AuditHead) -> bool:
-    """Whether the audit holds the entry of that number with that hash."""
+    """Whether the audit has this entry."""
     result = connection.execute(select(audit_table.c.hash).where(audit_table.c.number == head.number)).scalar()
     return bool(result == head.hash)
 
 
 def last_content(connection: Connection, kind: str, row: str) -> str | None:
-    """Digest of a row as its last entry has it; None where it has none."""
+    """Digest of a row in its last entry, or None."""
     of_the_row = (audit_table.c.kind == kind) & (audit_table.c.row == row)
     return connection.execute(
         select(audit_table.c.content).where(of_the_row).order_by(audit_table.c.number.desc())
@@ -81,7 +85,7 @@ def last_content(connection: Connection, kind: str, row: str) -> str | None:
 
 
 def append_audit(connection: Connection, head: AuditHead, changes: Iterable[AuditChange], *, actor: str) -> AuditHead:
-    """Enter changes after ``head``, which `locked_head` gave, and return the new one."""
+    """Append entries after ``head``, the result of `locked_head`, and return the new head."""
     moment = datetime.now(UTC).isoformat()
     entries = []
     for change in changes:
@@ -93,7 +97,7 @@ def append_audit(connection: Connection, head: AuditHead, changes: Iterable[Audi
             "row": change.row,
             "content": digest(change.values),
         }
-        entries.append(linked(entry, head.number + 1, head.hash))
+        entries.append(linked_entry(entry, head.number + 1, head.hash))
         head = AuditHead(number=head.number + 1, hash=entries[-1]["hash"])
     if entries:
         connection.execute(insert(audit_table), entries)
@@ -104,24 +108,18 @@ def append_audit(connection: Connection, head: AuditHead, changes: Iterable[Audi
 
 
 ANCHOR_FILE = "audit-anchor.json"
-BEFORE = AuditHead(number=0, hash=FIRST_HASH)  # of a store that is about to be begun
-LOST, KIND = "anchor missing", "anchor"  # action and kind of the entry that tells of a lost anchor
+BEFORE = AuditHead(number=0, hash=FIRST_HASH)  # before the first entry
+LOST, KIND = "anchor missing", "anchor"  # action and kind of the entry that reports a lost anchor
 
 
 def write_anchor(folder: Path, store: str, head: AuditHead, *, disk: Disk = DISK) -> None:
-    """Write the anchor of the store of that identity; OSError when it cannot be written."""
+    """Write the anchor of the store with this identity; OSError when it cannot be written."""
     document = {"notice": RESEARCH_USE_ONLY, "store": store, **asdict(head)}
     write_durably(folder / ANCHOR_FILE, json_bytes(document, indent=1), disk=disk, private=True)
 
 
 def read_anchor(folder: Path) -> tuple[str, AuditHead]:
-    """Identity of the store, and the audit's last entry as it was written last.
-
-    Raises
-    ------
-    RecordsError
-        When there is none, or it is damaged.
-    """
+    """Identity of the store and the anchored entry; `RecordsError` when the anchor is missing or damaged."""
     path = folder / ANCHOR_FILE
     try:
         document = read_object(path)
@@ -136,17 +134,17 @@ def read_anchor(folder: Path) -> tuple[str, AuditHead]:
 
 
 def require_anchored(connection: Connection, folder: Path) -> bool:
-    """Refuse to add to an audit that the anchor contradicts: the next anchor would cover up what was done to it.
+    """Refuse to extend an audit that contradicts its anchor, since the next anchor would hide that.
 
     Returns
     -------
     bool
-        Whether there is an anchor at all; somebody may have moved it away to go on without it.
+        Whether there is an anchor; a user may have removed it to continue without.
 
     Raises
     ------
     RecordsError
-        When the audit does not hold the entry that the anchor tells, or the anchor is damaged.
+        When the audit lacks the anchored entry, or the anchor is damaged.
     """
     if not (folder / ANCHOR_FILE).exists():
         return False
@@ -165,8 +163,5 @@ def require_anchored(connection: Connection, folder: Path) -> bool:
 
 
 def lost_after(head: AuditHead) -> AuditChange:
-    """What the audit is told where there is no anchor although there are entries: nobody knows what was done to them.
-
-    Without it the next anchor would vouch for all of them as if nothing had been.
-    """
+    """The entry on a missing anchor: earlier entries are unprotected, which the next anchor would hide."""
     return AuditChange(action=LOST, kind=KIND, row=ANCHOR_FILE, values={"number": head.number, "hash": head.hash})

@@ -1,4 +1,4 @@
-"""Whether the file that was opened still lies where it was: who goes on in one that is gone writes into nothing."""
+"""Connections to the database of a store, and the check that its file was not moved or replaced."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tsis.records.store._engines import (
     reading_engine,
     sqlite_engine,
 )
-from tsis.records.store._upgrade import copied, newest_revision, revision, upgraded
+from tsis.records.store._upgrade import back_up, newest_revision, revision, upgrade
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,24 +29,18 @@ if TYPE_CHECKING:
 
 
 class SameFile:
-    """A database's file as it is when this is made, told from another one that takes its place.
-
-    Parameters
-    ----------
-    file
-        Where it lies; it is there.
-    """
+    """Detects that the file of a database was moved or replaced after this was created; ``file`` must exist."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
         self._opened = _identity(file)
 
     def replaced(self) -> bool:
-        """Whether it is gone from its place, or another one lies there; one look at the disk."""
+        """Whether the path is missing or has another file."""
         return _identity(self.file) != self._opened
 
     def require(self) -> None:
-        """Refuse, with `RecordsError`, to write into a file that is gone: nobody would ever find it again."""
+        """Raise `RecordsError` when the file was replaced: writes to it would be lost."""
         if self.replaced():
             raise RecordsError(
                 f"the store in {printable_path(self.file.parent)} was moved or replaced since it was "
@@ -56,21 +50,21 @@ class SameFile:
 
 
 def _identity(file: Path) -> tuple[int, int] | None:
-    """What tells a file from another of its name; None where there is none to be seen."""
+    """Device and inode of a file; None where it is missing."""
     try:
         result = file.stat()
     except OSError:
         return None
-    return result.st_dev, result.st_ino  # the latter is 0 on some systems: then only a missing file is noticed
+    return result.st_dev, result.st_ino  # the inode is 0 on some systems, which then detect only a missing file
 
 
 DATABASE_FILE = "records.sqlite3"
 CURE = "copy the whole folder of the store to where it can be written, and name that"
-_LOCK_KEY = 0x74736973  # the advisory lock of those who begin or migrate a store
+_LOCK_KEY = 0x74736973  # advisory lock to create or migrate a store
 
 
 class Database:
-    """Connections to one database whose commits last.
+    """Connections to one database with durable commits.
 
     Parameters
     ----------
@@ -79,12 +73,12 @@ class Database:
     folder
         Folder of the store.
     read_only
-        Whether it lies where nothing can be written, as on a backup medium.
+        Whether the folder is not writable, e.g. on a backup medium.
 
     Raises
     ------
     RecordsError
-        When the URL is none, the database cannot be reached, is no store, or does not sync what it commits.
+        When the URL is invalid, or the database is unreachable, is no store, or does not sync its commits.
     MissingExtraError
         When PostgreSQL is named and its driver is not installed.
     """
@@ -103,10 +97,10 @@ class Database:
         try:
             with self.reading() as connection:
                 if self.read_only:
-                    inspect(connection).get_table_names()  # what is logged and cannot be taken in shows here
+                    inspect(connection).get_table_names()  # fails where the write-ahead log cannot be applied
                 else:
                     _require_lasting(connection, self.name)
-            self._hold_on_to_the_file()
+            self._watch_file()
         except BaseException as error:
             self.close()
             if read_only and isinstance(error, RecordsError):
@@ -115,7 +109,7 @@ class Database:
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
-        """One state of the whole database, whatever others write meanwhile."""
+        """A connection that sees one state of the database, whatever others write."""
         self._require_open()
         options: dict[str, Any] = {} if self.file else {"isolation_level": "REPEATABLE READ"}
         with database_errors(self.name), self._engine.connect() as connection:
@@ -123,12 +117,12 @@ class Database:
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:
-        """A transaction that lasts when this ends, or that never was; one at a time in SQLite."""
+        """A transaction, committed durably or rolled back; one at a time in SQLite."""
         self._require_open()
         if self.read_only:
             raise RecordsError(f"{self.name} must lie where it can be written, to be added to; it does not: {CURE}")
         self.require_there()
-        # A server may be set to a stricter isolation, in which who waits for another's row is refused it in the end.
+        # A server may be set to a stricter isolation, which refuses the row after a wait.
         options: dict[str, Any] = {IMMEDIATE: True} if self.file else {"isolation_level": "READ COMMITTED"}
         with (
             database_errors(self.name),
@@ -136,18 +130,18 @@ class Database:
             connection.execution_options(**options).begin(),
         ):
             yield connection
-            self.require_there()  # what is committed to a file that is gone is lost, whatever SQLite says
+            self.require_there()  # SQLite would commit to a missing file without an error
 
     @contextmanager
     def beginning(self) -> Iterator[Connection]:
-        """As `writing`, and of those who begin or migrate a store one at a time in PostgreSQL too."""
+        """As `writing`, and one at a time in PostgreSQL too, to create or migrate a store."""
         with self.writing() as connection:
             if self.file is None:
                 connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK_KEY})
             yield connection
 
     def migrate(self) -> None:
-        """Bring the schema up to date; of an old SQLite file a copy is kept beside it first."""
+        """Upgrade the schema, after a copy of an old SQLite file."""
         with self.reading() as connection:
             present = revision(connection, self.name)
         if present == newest_revision():
@@ -158,38 +152,38 @@ class Database:
                 f"{present or 'none'}: {CURE}"
             )
         with self.beginning() as connection:
-            present = revision(connection, self.name)  # another program may have been faster
+            present = revision(connection, self.name)  # another program may have upgraded it meanwhile
             if present is not None and present != newest_revision() and self.file is not None:
-                with self.reading() as other:  # sees what was committed: the old schema
-                    copied(other, self.file, present)
-            upgraded(connection)
+                with self.reading() as other:  # sees the committed state, with the old schema
+                    back_up(other, self.file, present)
+            upgrade(connection)
 
     def empty(self) -> bool:
-        """Whether nothing was ever stored in it."""
+        """Whether the database has no schema."""
         with self.reading() as connection:
             return revision(connection, self.name) is None
 
     def replaced(self) -> bool:
-        """Whether SQLite's file is gone from where it was opened, or another one lies there; one look at the disk."""
+        """Whether SQLite's file was moved or replaced."""
         return self._opened is not None and self._opened.replaced()
 
     def require_there(self) -> None:
-        """Refuse, with `RecordsError`, to write to a store whose folder was moved, deleted or replaced."""
+        """Raise `RecordsError` when the folder of the store was moved, deleted or replaced."""
         if self._opened is not None:
             self._opened.require()
 
     def close(self) -> None:
-        """Let go of every connection."""
+        """Close every connection."""
         self._closed = True
         self._engine.dispose()
 
-    def _hold_on_to_the_file(self) -> None:
-        """From now on no connection is made to another file: kept for later, it would swallow what is stored then."""
+    def _watch_file(self) -> None:
+        """Refuse any later connection to another file, which would take the data of this store."""
         if self.file is None:
             return
         self._opened = SameFile(self.file)
         if not self.read_only:
-            for moment in ("do_connect", "connect"):  # before, so that no empty file is made, and after
+            for moment in ("do_connect", "connect"):  # before, so that no empty file is created, and after
                 event.listen(self._engine, moment, lambda *_: self.require_there())
 
     def _require_open(self) -> None:
@@ -217,11 +211,11 @@ def _require_lasting(connection: Connection, name: str) -> None:
 
 @contextmanager
 def database_errors(name: str) -> Iterator[None]:
-    """Turn what a database says into one sentence."""
+    """Convert errors of the database to `RecordsError`."""
     try:
         yield
     except DBAPIError as error:
-        if type(error) is DatabaseError:  # and none of its kinds: what SQLite says of a file that is none, or damaged
+        if type(error) is DatabaseError:  # the class itself: SQLite's error for a damaged file
             raise RecordsError(
                 f"the records in {name} must be a database that is whole; it says: {one_line(error.orig)} "
                 "(take it from a backup)"
@@ -230,5 +224,5 @@ def database_errors(name: str) -> Iterator[None]:
             f"the records in {name} must be open to reading and writing; the database says: "
             f"{one_line(error.orig)} (nothing that was stored before is lost)"
         ) from error
-    except (SQLAlchemyError, CommandError, UnicodeError) as error:  # the last: text that is none
+    except (SQLAlchemyError, CommandError, UnicodeError) as error:  # the last: invalid text
         raise RecordsError(f"the records in {name} must be readable; got: {one_line(error)}") from error

@@ -1,4 +1,4 @@
-"""Rows put in and changed, each with what the audit is told of it."""
+"""Inserts and updates of rows, each with its audit entry."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import insert, select, update
 
 from tsis.errors import InputError, RecordsError, StaleRecordError
-from tsis.files import digest_of_any
+from tsis.files import digest_or_none
 from tsis.model import require_one_of
-from tsis.records._values import entered
+from tsis.records._values import validated_entries
 from tsis.records.store import _tables as tables
 from tsis.records.store._audit import AuditChange, last_content
 from tsis.records.store._reader import press_query
@@ -25,27 +25,26 @@ if TYPE_CHECKING:
 
 
 def insert_row(connection: Connection, table: Table, row: Row, *, action: str = "add") -> AuditChange:
-    """Enter a row."""
     connection.execute(insert(table).values(row))
     return AuditChange(action=action, kind=table.name, row=row["id"], values=row)
 
 
 def insert_row_once(connection: Connection, table: Table, row: Row | None, *, action: str = "add") -> list[AuditChange]:
-    """Enter what many records share, where it is not there yet."""
+    """Insert a shared row unless it exists."""
     if row is None or connection.execute(select(table.c.id).where(table.c.id == row["id"])).first() is not None:
         return []
     return [insert_row(connection, table, row, action=action)]
 
 
 def update_row(connection: Connection, table: Table, before: Any, changed: Row) -> AuditChange:
-    """Change columns of the row of the record ``before``.
+    """Update columns of the row of ``before``.
 
     Raises
     ------
     StaleRecordError
-        When somebody has changed it since it was read.
+        When another user has changed it since it was read.
     RecordsError
-        When it is not as its last audit entry says: the next would vouch for what was done to it.
+        When the row contradicts its last audit entry; a new entry would hide that.
     """
     what = "target" if table is tables.target_table else "press"
     unchanged = (table.c.id == before.id) & (table.c.version == before.version)
@@ -55,7 +54,7 @@ def update_row(connection: Connection, table: Table, before: Any, changed: Row) 
             f"the {what} must be as it was read to be changed; somebody else has changed it since version "
             f"{before.version} (read it again)"
         )
-    if digest_of_any(result._asdict()) != last_content(connection, table.name, before.id):
+    if digest_or_none(result._asdict()) != last_content(connection, table.name, before.id):
         raise RecordsError(
             f"the {what} must be as it was stored to be changed; it was changed behind the program's back "
             "(tsis records verify tells more; take the store from a backup)"
@@ -66,7 +65,7 @@ def update_row(connection: Connection, table: Table, before: Any, changed: Row) 
 
 
 def require_row(connection: Connection, table: Table, requested: str, what: str, **of: str) -> None:
-    """Refuse, with `RecordsError`, to name a row that is not there, or not ``of`` the values given."""
+    """Raise `RecordsError` unless there is a row with this identity and the values ``of``."""
     query = select(table.c.id).where(table.c.id == requested)
     for name, value in of.items():
         query = query.where(table.c[name] == value)
@@ -78,8 +77,8 @@ EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "f
 
 
 def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Target, list[AuditChange]]]:
-    """What enters changes of a target; `InputError` when a value is not accepted, or may not be changed."""
-    changed = _columns(target_row(entered(_edited(target, "target", changes), changes)), changes)
+    """A function that applies changes to a target; `InputError` when a value is invalid or cannot be changed."""
+    changed = _columns(target_row(validated_entries(_edited(target, "target", changes), changes)), changes)
 
     def enter(connection: Connection) -> tuple[Target, list[AuditChange]]:
         change = update_row(connection, tables.target_table, target, changed)
@@ -91,7 +90,7 @@ def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connect
 def press_edit(
     press: StoredPress, changes: Mapping[str, Any]
 ) -> Callable[[Connection], tuple[StoredPress, list[AuditChange]]]:
-    """What enters changes of a press; errors as `target_edit`."""
+    """A function that applies changes to a press; errors as `target_edit`."""
     changed = _columns(press_row(_edited(press, "press", changes)), changes)
 
     def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
@@ -111,5 +110,5 @@ def _edited(record: Any, kind: str, changes: Mapping[str, Any]) -> Any:
 
 
 def _columns(row: Row, changes: Mapping[str, Any]) -> Row:
-    """What is changed in the row: all else of the record that was read may have been made up."""
+    """The changed columns only: the caller may have altered the other fields."""
     return {name: row[name] for name in (*changes, "version")}

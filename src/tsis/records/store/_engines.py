@@ -1,4 +1,4 @@
-"""Connections to SQLite and to PostgreSQL, set so that commits last and numbers come back exactly."""
+"""Engines for SQLite and PostgreSQL with durable commits and exact numbers."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, Engine
 
 
-BUSY_S = 30  # how long one waits for another that writes
-CONNECT_S = 10  # how long one waits for a server to answer at all
+BUSY_S = 30  # wait for another writer
+CONNECT_S = 10  # wait for a server
 IMMEDIATE = "tsis_immediate"
 _PING = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4, "tcp_user_timeout": 30_000}
 _PRAGMAS = (
     "synchronous=FULL",
-    "fullfsync=ON",  # these two: macOS leaves what was synced plainly in the drive's cache
+    "fullfsync=ON",  # these two: macOS' plain fsync leaves data in the cache of the drive
     "checkpoint_fullfsync=ON",
     "foreign_keys=ON",
     "trusted_schema=OFF",
 )
 SESSION = (
     f"SET lock_timeout = '{BUSY_S}s'",
-    f"SET idle_in_transaction_session_timeout = '{2 * BUSY_S}s'",  # one who sleeps must not stop all others
-    "SET extra_float_digits = 1",  # the shortest digits that mean the same number, whatever the server is set to
+    f"SET idle_in_transaction_session_timeout = '{2 * BUSY_S}s'",  # an idle client must not block the others
+    "SET extra_float_digits = 1",  # shortest exact digits, whatever the settings of the server
     "SET bytea_output = 'hex'",
 )
 
 
 def sqlite_engine(file: Path) -> Engine:
-    """Connections to a SQLite file: a write-ahead log, every commit synced."""
+    """Engine for a SQLite file with a write-ahead log and synced commits."""
     return _sqlite_engine(file, read_only=False, connect_args={"timeout": float(BUSY_S)})
 
 
 def reading_engine(file: Path) -> Engine:
-    """Connections to a SQLite file in a place where nothing can be written: they leave no trace of themselves."""
+    """Engine for a SQLite file in a folder that is not writable."""
 
     def connection() -> sqlite3.Connection:
         log = file.with_name(f"{file.name}-wal")
         logged = log.exists() and log.stat().st_size > 0
-        # Without a log nobody writes to it just now: it needs no locks, whose file could not be made here. With one,
-        # those who write keep their locks beside it, and they are looked at.
+        # Without a log there is no writer: the file needs no locks, which could not be created here. With a log,
+        # writers have their locks beside it.
         options = "mode=ro" if logged else "mode=ro&immutable=1"
         uri = f"{file.absolute().as_uri()}?{options}"
         return sqlite3.connect(uri, uri=True, timeout=float(BUSY_S), check_same_thread=False)
@@ -69,7 +69,7 @@ def _sqlite_engine(file: Path, *, read_only: bool, **options: Any) -> Engine:
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
-        # A transaction that will write takes its lock at once: one that reads first could not get it later.
+        # A transaction that will write takes its lock at once: after a read it could not get it.
         immediate = connection.get_execution_options().get(IMMEDIATE)
         connection.exec_driver_sql("BEGIN IMMEDIATE" if immediate else "BEGIN")
 
@@ -77,7 +77,7 @@ def _sqlite_engine(file: Path, *, read_only: bool, **options: Any) -> Engine:
 
 
 def use_write_ahead_log(connection: sqlite3.Connection) -> None:
-    """Switch to a write-ahead log; of two who do so at the same moment SQLite refuses one, whatever its timeout."""
+    """Switch to a write-ahead log, with retries: SQLite ignores its timeout when two clients switch at once."""
     until = time.monotonic() + BUSY_S
     while True:
         try:
@@ -91,7 +91,7 @@ def use_write_ahead_log(connection: sqlite3.Connection) -> None:
 
 
 def postgresql_engine(url: URL) -> Engine:
-    """Connections to a PostgreSQL server that never wait for ever.
+    """Engine for a PostgreSQL server with bounded waits.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def postgresql_url(text: str) -> URL:
 
 
 def public_name(url: URL) -> str:
-    """What messages call a database: without password and options, either of which may hold a secret.
+    """Name of a database in messages, without password and options, which may contain a secret.
 
     Examples
     --------

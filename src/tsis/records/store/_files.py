@@ -1,4 +1,4 @@
-"""Files under the hash of their content: frames, calibrations, samples. Nothing in them is ever changed."""
+"""Immutable files named by the hash of their content: frames, calibrations, samples."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import DISK, SHA256, Disk, fault, printable_path, read_bytes, write_durably
+from tsis.files import DISK, SHA256, Disk, image_fault, printable_path, read_bytes, write_durably
 from tsis.instrument import QUICK_PNG, whole_levels
 
 if TYPE_CHECKING:
@@ -31,11 +31,11 @@ class Blobs:
     Parameters
     ----------
     folder
-        Where they lie; it is there. Were it made anew, what belongs into a folder that was moved would be lost.
+        An existing folder. It is never created here: the store may have been moved.
     disk
-        By which steps they get there.
+        Write operations, which tests replace.
     allowed
-        Asked before each is written; raises where nothing may be.
+        Called before each write; raises where writing is not allowed.
     """
 
     def __init__(self, folder: Path, *, disk: Disk = DISK, allowed: Callable[[], None] = lambda: None) -> None:
@@ -44,22 +44,22 @@ class Blobs:
         self._lasting: set[str] = set()  # folders whose names this program has synced
 
     def put(self, content: bytes, ending: str) -> str:
-        """Keep ``content``, and return its name; then it is on the disk, whatever happens next.
+        """Save ``content`` durably and return its name.
 
-        A file that is there already and whole is not written again, since a file that is replaced can be lost on the
-        way; but it is synced again: whether it and its name ever reached the disk, nobody knows.
+        A whole file is not replaced, because that could lose it; it is synced again, because its writer may have been
+        killed before the sync.
 
         Raises
         ------
         RecordsError
-            When it cannot be written, or nobody knows whether it would last; never a part of it is left then.
+            When it cannot be written durably; no partial file remains.
         """
         name = hashlib.sha256(content).hexdigest()
         path = self.path(name, ending)
         self._allowed()
         try:
             self._make_folder(path)
-            if not self._holds(path, content):
+            if not self._has_content(path, content):
                 self._write(path, content)
         except OSError as error:
             raise RecordsError(
@@ -73,11 +73,11 @@ class Blobs:
         folder = path.parent
         if folder.name not in self._lasting or not folder.is_dir():
             self._disk.make_folder(folder, private=True)
-            self._disk.sync_folder(self.folder)  # also for one that is there: who made it may have been killed
+            self._disk.sync_folder(self.folder)  # also for an old folder: its creator may have been killed
             self._lasting.add(folder.name)
 
-    def _holds(self, path: Path, content: bytes) -> bool:
-        """Whether the file is there and whole; then it is on the disk."""
+    def _has_content(self, path: Path, content: bytes) -> bool:
+        """Whether the file is whole; it is then synced."""
         try:
             if not path.exists() or read_bytes(path) != content:
                 return False
@@ -92,17 +92,11 @@ class Blobs:
         try:
             write_durably(path, content, disk=self._disk, drafts=self.folder, replace=damaged, private=True)
         except FileExistsError:
-            if not self._holds(path, content):  # as it was written by another program meanwhile
+            if not self._has_content(path, content):  # another program wrote it meanwhile
                 raise
 
     def get(self, name: str, ending: str) -> bytes:
-        """The content of that name, found to be what was stored.
-
-        Raises
-        ------
-        RecordsError
-            When there is none, or it was changed or damaged.
-        """
+        """The verified content of a file; `RecordsError` when it is missing or damaged."""
         path = self.path(name, ending)
         try:
             content = read_bytes(path)
@@ -118,13 +112,13 @@ class Blobs:
         return content
 
     def path(self, name: str, ending: str) -> Path:
-        """Where a file lies; names are hashes, so that none leads out of the folder."""
+        """Path of a file; names are hashes, so none leads out of the folder."""
         if not SHA256.fullmatch(name) or ending not in ENDINGS:
             raise RecordsError(f"a stored file must be named by a SHA-256 and end in {ENDINGS}; got {name!r:.80}")
         return self.folder / name[:2] / f"{name}.{ending}"
 
     def names(self) -> Iterator[tuple[str, str]]:
-        """Name and ending of every file that is there."""
+        """Name and ending of every file."""
         for path in sorted(self.folder.glob("[0-9a-f][0-9a-f]/*")):
             name, _, ending = path.name.partition(".")
             if SHA256.fullmatch(name) and ending in ENDINGS:
@@ -132,20 +126,20 @@ class Blobs:
 
 
 def frame_bytes(image: TactileImage) -> bytes:
-    """Content of the file of a frame; `InputError` when its levels are not whole numbers in [0, full_scale]."""
+    """The PNG file of a frame; `InputError` when its levels are not whole numbers in [0, full_scale]."""
     return bytes(cv2.imencode(".png", whole_levels(image.grey, image.full_scale), QUICK_PNG)[1].tobytes())
 
 
 def frame_levels(content: bytes, name: str) -> NDArray[Any]:
-    """Grey levels of a file whose hash was found right, shape (rows, columns), uint8 or uint16; read-only.
+    """Grey levels of a verified file, shape (rows, columns), uint8 or uint16, read-only.
 
     Raises
     ------
     RecordsError
-        When it is no such file all the same; ``name`` says which.
+        When the content is no grey image file.
     """
     levels = None
-    if fault(content) is None:
+    if image_fault(content) is None:
         levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     if levels is None or levels.ndim != 2:
         raise RecordsError(f"frame {name[:12]} must be a grey PNG file; it is not (tsis records verify)")
@@ -165,7 +159,7 @@ def samples_bytes(estimate: Estimate) -> bytes:
     Raises
     ------
     InputError
-        When they are too many, or a name cannot be shown on one line.
+        When there are too many, or a name is not printable on one line.
 
     Examples
     --------
@@ -188,7 +182,7 @@ def samples_of(content: bytes, source: str = "samples") -> dict[str, NDArray[np.
     Raises
     ------
     FileInputError
-        When it is no such file, or a single byte of it was changed.
+        When it is no such file, or any byte was changed.
     """
     if content[: len(FORMAT)] != FORMAT:
         raise FileInputError(f"{source} must begin with {FORMAT!r}; got {content[: len(FORMAT)]!r}")
@@ -208,17 +202,17 @@ def samples_of(content: bytes, source: str = "samples") -> dict[str, NDArray[np.
 
 
 def _parts(content: bytes, parameters: list[Any], start: int, source: str) -> dict[str, NDArray[np.float64]]:
-    document: dict[str, NDArray[np.float64]] = {}
+    samples: dict[str, NDArray[np.float64]] = {}
     for name, size in parameters:
-        document[name] = np.frombuffer(content, _DOUBLE, count=size, offset=start).astype(np.float64)
+        samples[name] = np.frombuffer(content, _DOUBLE, count=size, offset=start).astype(np.float64)
         start += size * _DOUBLE.itemsize
-        if not np.isfinite(document[name]).all():
+        if not np.isfinite(samples[name]).all():
             raise FileInputError(f"{source} must hold finite samples; got others of {name!r}")
-    return document
+    return samples
 
 
 def _unsound(parameters: Any) -> str | None:
-    """What is wrong with names and lengths; None when nothing is."""
+    """The fault in names and lengths, or None."""
     if not isinstance(parameters, list) or len(parameters) > MOST_PARAMETERS:
         return "no list of parameters, or a long one"
     for parameter in parameters:

@@ -1,4 +1,4 @@
-"""Where stores lie, and how one is opened or made."""
+"""Opening and creating stores."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ from tsis.records.store._database import DATABASE_FILE, Database
 from tsis.records.store._secret import TERM, new_secret
 from tsis.records.store._store import FILES, Store
 
-ABANDONED_S = 86_400.0  # no file takes a day to be written: a draft of that age is a killed program's
+ABANDONED_S = 86_400.0  # a draft of this age is from a killed program
 
 
 def default_folder(kind: str) -> Path:
-    """Folder of this user's store of a kind: below ``$TSIS_RECORDS_DIR``, else the platform's folder for data.
+    """Folder of this user's store of a kind: below ``$TSIS_RECORDS_DIR``, else the data folder of the platform.
 
     Raises
     ------
@@ -69,31 +69,31 @@ def open_store(
     actor: str | None = None,
     disk: Disk = DISK,
 ) -> Store:
-    """Open a store, or make an empty one; where nothing can be written one can be read all the same.
+    """Open a store, read-only where the folder is not writable, or create an empty one.
 
-    A new store has folders of mode 0700 and files of mode 0600. `RecordsWarning` says when others may read an old one.
+    A new store has folders of mode 0700 and files of mode 0600; `RecordsWarning` for an old one that others may read.
 
     Parameters
     ----------
     folder
-        Where its files lie; by default that of this user and kind.
+        Folder of its files; by default that of this user and kind.
     kind
         ``"phantom"`` or ``"subject"``; a store of the other kind is refused.
     database
-        URL of a PostgreSQL database for the rows; by default they lie in SQLite in the folder.
+        URL of a PostgreSQL database for the rows; by default SQLite in the folder.
     create
-        Whether a new one may be made.
+        Whether to create a missing store.
     actor
-        Who works, for the audit; by default the user of this machine.
+        The user, for the audit; by default the user of this machine.
     disk
-        By which steps files get onto the disk.
+        Write operations, which tests replace.
 
     Raises
     ------
     RecordsError
-        When there is none and ``create`` is false; when it cannot be made, read or believed, or is of another kind.
+        When the store is missing and ``create`` is false, cannot be created or read, or is of the other kind.
     InputError
-        When the actor cannot be shown in a line.
+        When the actor is not printable on one line.
     """
     require_one_of("kind of store", kind, KINDS)
     actor = _user() if actor is None else actor
@@ -105,13 +105,13 @@ def open_store(
         )
     read_only = only_readable(position) and (database is not None or (position / DATABASE_FILE).is_file())
     if not read_only:
-        _make(position, disk, own_database=database is None)
+        _make_folders(position, disk, own_database=database is None)
     rows_of = Database(database, position, read_only=read_only)
     try:
         if not create or read_only:
             _require_begun(rows_of)
         rows_of.migrate()
-        result = _terms(rows_of) or _begun(rows_of, position, kind, actor, disk)
+        result = _terms(rows_of) or _begin(rows_of, position, kind, actor, disk)
         _require_kind(position, kind, result["kind"])
         _require_own_folder(rows_of, position, result["identity"])
         if not read_only:
@@ -123,18 +123,18 @@ def open_store(
 
 
 def only_readable(path: Path) -> bool:
-    """Whether a folder is there and nothing can be written into it, as on a backup medium or in somebody else's."""
+    """Whether a folder exists and is not writable, e.g. on a backup medium."""
     try:
         return any(item.exists() and not os.access(item, os.W_OK) for item in (path, path / DATABASE_FILE))
-    except (OSError, ValueError):  # a name that no folder can have
+    except (OSError, ValueError):  # an impossible name
         return False
 
 
-def _make(path: Path, disk: Disk, *, own_database: bool) -> None:
-    """Make the folders and the database file of a store where they are missing; remove what killed programs left."""
+def _make_folders(path: Path, disk: Disk, *, own_database: bool) -> None:
+    """Create the folders and the database file where missing; remove drafts of killed programs."""
     try:
         make_folder_durably(path / FILES, disk=disk, private=True)
-        if own_database:  # SQLite would let everyone read the file; its log takes over the mode
+        if own_database:  # SQLite would create a file that all may read; its log copies the mode
             os.close(os.open(path / DATABASE_FILE, os.O_RDWR | os.O_CREAT, PRIVATE_FILE))
     except (OSError, ValueError) as error:  # ValueError: a NUL character in its name
         raise RecordsError(
@@ -145,7 +145,7 @@ def _make(path: Path, disk: Disk, *, own_database: bool) -> None:
 
 
 def _warn_of_open_modes(path: Path) -> None:
-    """Warn, once a program, where other users of this machine may read a store that an older release made."""
+    """Warn where other users of this machine may read a store of an older release."""
     if os.name == "posix" and all(map(_open_to_others, (path, path / FILES))):
         warnings.warn(
             f"other users of this machine can read the records in {printable_path(path)} "
@@ -180,14 +180,14 @@ def _require_kind(path: Path, requested: str, kind: str) -> None:
 
 
 def _require_own_folder(database: Database, path: Path, identity: str) -> None:
-    """Refuse a folder whose files are those of another store, or that never held any."""
+    """Refuse a folder whose files belong to another store, or that never had any."""
     if (path / ANCHOR).exists():
         try:
             anchored = read_anchor(path)[0]
         except RecordsError:
-            return  # it is damaged: `verify` says so, and nothing can be added
+            return  # a damaged anchor: `verify` reports it, and nothing can be added
     elif any((path / FILES).glob("*/*")):
-        return  # the anchor is lost: `verify` says so
+        return  # a lost anchor: `verify` reports it
     else:
         with database.reading() as connection:
             if connection.execute(select(tables.frame_table.c.id).limit(1)).first() is None:
@@ -201,26 +201,26 @@ def _require_own_folder(database: Database, path: Path, identity: str) -> None:
 
 
 def _terms(database: Database) -> dict[str, str]:
-    """What the store says of itself; empty for a new one."""
+    """Properties of the store; empty for a new one."""
     with database.reading() as connection:
-        results = {row.name: row.value for row in connection.execute(select(tables.store_table))}
+        terms = {row.name: row.value for row in connection.execute(select(tables.store_table))}
         begun = any(
             connection.execute(select(table).limit(1)).first() is not None
             for table in (tables.audit_head_table, tables.audit_table)
         )
-    if (results or begun) and (results.get("kind") not in KINDS or not isinstance(results.get("identity"), str)):
-        shown_terms = {name: value for name, value in results.items() if name != TERM}
+    if (terms or begun) and (terms.get("kind") not in KINDS or not isinstance(terms.get("identity"), str)):
+        shown_terms = {name: value for name, value in terms.items() if name != TERM}
         raise RecordsError(
             f"{database.name} must say what store it is; got {shown_terms!r:.80} (take it from a backup)"
         )
-    return results
+    return terms
 
 
-def _begun(database: Database, path: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
+def _begin(database: Database, path: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
     terms = {"kind": kind, "identity": uuid.uuid4().hex, "made": rows.moment(datetime.now(UTC)), TERM: new_secret()}
     with database.beginning() as connection:
         if connection.execute(select(tables.audit_head_table)).first() is not None:
-            head = None  # another program was faster
+            head = None  # another program created it meanwhile
         else:
             _require_no_other(database, path)
             begin_audit(connection)
@@ -228,7 +228,7 @@ def _begun(database: Database, path: Path, kind: str, actor: str, disk: Disk) ->
             connection.execute(insert(tables.store_table), entered)
             changes = [AuditChange(action="add", kind="store", row=row["name"], values=row) for row in entered]
             head = append_audit(connection, locked_head(connection), changes, actor=actor)
-            _anchor(path, terms["identity"], BEFORE, disk)  # so that a store without one was tampered with
+            _anchor(path, terms["identity"], BEFORE, disk)  # a store without an anchor was tampered with
     if head is None:
         return _terms(database)
     _anchor(path, terms["identity"], head, disk)
@@ -236,10 +236,10 @@ def _begun(database: Database, path: Path, kind: str, actor: str, disk: Disk) ->
 
 
 def _require_no_other(database: Database, path: Path) -> None:
-    """Refuse to begin anew in a folder whose database was lost."""
+    """Refuse to create a store in a folder whose database was lost."""
     if (path / ANCHOR).exists():
         identity, anchored = read_anchor(path)
-        if anchored != BEFORE:  # else a first beginning was cut short
+        if anchored != BEFORE:  # equal where the creation was interrupted
             raise RecordsError(
                 f"{printable_path(path)} must have its database; {database.name} is empty, and the anchor tells of "
                 f"{anchored.number} entries of the store {identity[:12]!r} (take the database from a backup)"

@@ -1,4 +1,4 @@
-"""What is read of a store: lists by the indexes, records as values, files only after their hash was found right."""
+"""Reading a store: lists by the indexes, records as values, files after a check of their hash."""
 
 from __future__ import annotations
 
@@ -29,37 +29,37 @@ if TYPE_CHECKING:
     from tsis.records.store._files import Blobs
 
 
-MOST_AT_ONCE = 500  # names in one question to a database
-Named = TypeVar("Named")
-Whole = TypeVar("Whole")
+MOST_AT_ONCE = 500  # names in a query
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 
 
 class StoreReader:
-    """Targets with their presses, calibrations and estimates, as they are stored.
+    """Reads targets with their presses, calibrations and estimates.
 
     Parameters
     ----------
     folder, database, blobs
-        Where the store lies, its rows and its files.
+        Folder of the store, its rows and its files.
     identity, kind
-        Of the store: its own, and ``"phantom"`` or ``"subject"``.
+        Identity of the store, and ``"phantom"`` or ``"subject"``.
     """
 
     def __init__(self, folder: Path, database: Database, blobs: Blobs, *, identity: str, kind: str) -> None:
         self.folder, self.database, self.blobs, self.identity, self.kind = folder, database, blobs, identity, kind
 
     def entries(self) -> int:
-        """How many entries the audit has: it grows with every change, so that who shows a store knows when to look."""
+        """Number of audit entries; it grows with every change, so a view knows when to update."""
         with self.database.reading() as connection:
             return int(connection.execute(select(tables.audit_head_table.c.number)).scalar() or 0)
 
     def targets(self) -> tuple[TargetSummary, ...]:
-        """Every target with the number of its presses and estimates, by number."""
+        """Summaries of all targets, by number."""
         with self.database.reading() as connection:
             return target_summaries(connection)
 
     def target(self, number: int) -> Target:
-        """The target that people call by this number; `InputError` when there is none."""
+        """The target of this number, or `InputError`."""
         require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
         with self.database.reading() as connection:
             query = select(tables.target_table).where(tables.target_table.c.number == int(number))
@@ -71,18 +71,18 @@ class StoreReader:
         return rows.target_of_row(row._asdict())
 
     def presses(self, target: Target, *, limit: int | None = None, offset: int = 0) -> tuple[StoredPress, ...]:
-        """Presses of a target in the order in which they were taken, ``limit`` of them after the first ``offset``."""
+        """Presses of a target in the order of time: ``limit`` of them after the first ``offset``."""
         with self.database.reading() as connection:
             return _presses_of(connection, target, limit, offset)
 
     def press_count(self, target: Target) -> int:
-        """How many presses a target has; by the index alone."""
+        """Number of presses of a target."""
         query = select(func.count()).select_from(tables.press_table).where(tables.press_table.c.target == target.id)
         with self.database.reading() as connection:
             return int(connection.execute(query).scalar_one())
 
     def press(self, target: Target, identity: str) -> StoredPress:
-        """The press of that identity; `InputError` when the target has none."""
+        """The press of this identity, or `InputError`."""
         query = press_query().where(tables.press_table.c.id == identity, tables.press_table.c.target == target.id)
         with self.database.reading() as connection:
             row = connection.execute(query).first()
@@ -91,18 +91,18 @@ class StoreReader:
         return rows.press_of_row(row._asdict())
 
     def presses_of_frames(self, frames: Sequence[str]) -> tuple[StoredPress, ...]:
-        """Presses of any target whose frame is one of these: by it one tells what is stored already."""
+        """Presses of any target whose frame is among these."""
         result: list[Any] = []
         with self.database.reading() as connection:
             for at in range(0, len(frames), MOST_AT_ONCE):
                 some = tables.frame_table.c.id.in_(frames[at : at + MOST_AT_ONCE])
                 stored = list(connection.execute(select(tables.frame_table.c.id).where(some)).scalars())
-                if stored:  # else no press needs to be looked at
+                if stored:
                     result += connection.execute(press_query().where(tables.press_table.c.frame.in_(stored)))
         return tuple(rows.press_of_row(row._asdict()) for row in result)
 
     def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
-        """Estimates of a target in the order in which they were made; one that supersedes another after it."""
+        """Estimates of a target in the order of time, each after the one that it supersedes."""
         with self.database.reading() as connection:
             result = _estimate_rows(connection, target)
         return in_lineage([self._estimate(row) for row in result])
@@ -112,11 +112,11 @@ class StoreReader:
         return rows.estimate_of_row(row, samples_of(self.blobs.get(name, "samples"), f"samples {name:.12}"))
 
     def levels(self, frame: str) -> NDArray[Any]:
-        """Grey levels of a stored frame, shape (rows, columns), uint8 or uint16; `RecordsError` when it is damaged."""
+        """Grey levels of a stored frame, shape (rows, columns), uint8 or uint16; `RecordsError` when damaged."""
         return frame_levels(self.blobs.get(frame, "png"), frame)
 
     def calibration(self, cited: str) -> ProbeCalibration:
-        """The stored calibration of that identity; `RecordsError` when there is none or it is damaged."""
+        """The stored calibration of this identity; `RecordsError` when it is missing or damaged."""
         table = tables.calibration_table
         with self.database.reading() as connection:
             result = connection.execute(select(table.c.file).where(table.c.id == cited)).scalar()
@@ -126,17 +126,17 @@ class StoreReader:
         return parse_calibration(self.blobs.get(file, "json"), f"calibration {cited:.12}")
 
     def record(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
-        """All that is stored of a target, what is damaged left out and said; frames are read when asked for.
+        """All data of a target, or ``limit`` of its presses after the first ``offset``.
 
-        Of its presses only ``limit`` after the first ``offset``, where one is given.
+        Damaged parts are omitted and listed. Frames are read on use.
         """
-        with self.database.reading() as connection:  # one state, so that presses that estimates rest on are there
+        with self.database.reading() as connection:  # one state, which has the presses of all its estimates
             presses, created = _presses_of(connection, target, limit, offset), _estimate_rows(connection, target)
         damaged: list[str] = []
-        result = _whole(self._estimate, created, damaged)
+        result = _readable(self._estimate, created, damaged)
         cited = {str(item["calibration"]) for item in created}
         cited |= {press.calibration for press in presses if press.calibration is not None}
-        named = _whole(lambda item: (item, self.calibration(item)), sorted(cited), damaged)
+        named = _readable(lambda item: (item, self.calibration(item)), sorted(cited), damaged)
         return TargetRecord(
             target=target,
             presses=presses,
@@ -147,8 +147,8 @@ class StoreReader:
         )
 
 
-def _whole(read: Callable[[Named], Whole], names: Iterable[Named], damaged: list[str]) -> list[Whole]:
-    """What can be read of these, and a sentence more for each other: one damaged file hides nothing else."""
+def _readable(read: Callable[[Key], Value], names: Iterable[Key], damaged: list[str]) -> list[Value]:
+    """The readable values; each failure adds a message to ``damaged``."""
     results = []
     for name in names:
         try:
@@ -163,7 +163,7 @@ def _presses_of(
 ) -> tuple[StoredPress, ...]:
     table = tables.press_table.c
     page = select(table.id).where(table.target == target.id).order_by(table.taken, table.id)
-    # Which they are tells the index alone; only their own rows are read.
+    # The index gives the identities; only their own rows are read.
     result = connection.execute(
         press_query().where(table.id.in_(page.limit(limit).offset(offset))).order_by(table.taken, table.id)
     )
@@ -178,7 +178,7 @@ def _estimate_rows(connection: Connection, target: Target) -> list[rows.Row]:
 
 
 def press_query() -> Any:
-    """Presses with the size of their frames, as `tsis.records.store._rows.press_of_row` takes them."""
+    """Presses with the size of their frames, as `press_of_row` expects them."""
     sizes = (tables.frame_table.c.rows, tables.frame_table.c.columns)
     return select(tables.press_table, *sizes).join(
         tables.frame_table, tables.press_table.c.frame == tables.frame_table.c.id

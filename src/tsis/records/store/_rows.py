@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError
-from tsis.files import canonical, parsed
-from tsis.records._plain import (
-    estimate_of_plain,
-    estimate_to_plain,
-    press_of_plain,
-    press_to_plain,
-    target_of_plain,
-    target_to_plain,
+from tsis.files import canonical, from_json_value, parse_canonical, to_json_value
+from tsis.records._estimate_json import (
+    estimate_from_json,
+    estimate_to_json,
 )
+from tsis.records._values import StoredPress, Target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -24,32 +21,37 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.records._values import StoredEstimate, StoredPress, Target
+    from tsis.records._values import StoredEstimate
 
 
 Row = dict[str, Any]
-Believed = TypeVar("Believed")
+Value = TypeVar("Value")
 
 
 def moment(when: datetime) -> str:
-    """A time as every table holds it: UTC, of equal length, so that their order is that of the text."""
+    """A time as the tables store it: UTC, of equal length, so that text sorts by time."""
     return when.astimezone(UTC).isoformat(timespec="microseconds")
 
 
 def target_row(target: Target) -> Row:
     """Row of a target."""
-    document = target_to_plain(target)
+    document = to_json_value(target)
     return document | {"truth": canonical(document["truth"]), "made": moment(target.made)}
 
 
 def target_of_row(row: Mapping[str, Any]) -> Target:
-    """The target of a row; `RecordsError` when it holds what is none."""
-    return _validated(lambda: target_of_plain(dict(row) | {"truth": parsed(row["truth"], "truth")}), "target", row)
+    """The target of a row; `RecordsError` when the row is invalid."""
+
+    def target() -> Target:
+        document = dict(row) | {"truth": parse_canonical(row["truth"], "truth")}
+        return from_json_value(Target, document, "target", complete=True)
+
+    return _validated(target, "target", row)
 
 
 def press_row(press: StoredPress) -> Row:
-    """Row of a press; the size of its frame stands in that of the frame."""
-    document = press_to_plain(press)
+    """Row of a press; the row of the frame has the size of the frame."""
+    document = to_json_value(press)
     scale, axis = document.pop("mm_per_pixel") or (None, None), document.pop("axis_px")
     force = document["force_n"]
     for name in ("rows", "columns"):
@@ -68,42 +70,43 @@ def press_row(press: StoredPress) -> Row:
 
 
 def press_of_row(row: Mapping[str, Any]) -> StoredPress:
-    """The press of a row joined with the size of its frame; `RecordsError` when it holds what is none."""
+    """The press of a row joined with the size of its frame; `RecordsError` when the row is invalid."""
 
     def press() -> StoredPress:
         document = dict(row)
         scale = [document.pop("mm_per_pixel_x"), document.pop("mm_per_pixel_y")]
         document["mm_per_pixel"] = None if None in scale else scale
         document["axis_px"] = [document.pop("axis_px_x"), document.pop("axis_px_y")]
-        document["settings"] = parsed(row["settings"], "settings")
-        document["flags"] = parsed(row["flags"] or "[]", "flags")
+        document["settings"] = parse_canonical(row["settings"], "settings")
+        document["flags"] = parse_canonical(row["flags"] or "[]", "flags")
         document["note"] = row["note"] or ""
-        return press_of_plain(document)
+        return from_json_value(StoredPress, document, "press", complete=True)
 
     return _validated(press, "press", row)
 
 
 def estimate_row(stored: StoredEstimate, samples: str) -> Row:
-    """Row of an estimate whose samples are the stored file of that name."""
-    reference = estimate_to_plain(stored)
-    document = reference.pop("estimate")
-    nested = {name: canonical(reference[name]) for name in ("presses", "options", "environment")}
-    return reference | nested | {"made": moment(stored.made), "document": canonical(document), "samples": samples}
+    """Row of an estimate; ``samples`` names the file of its samples."""
+    row = estimate_to_json(stored)
+    document = row.pop("estimate")
+    nested = {name: canonical(row[name]) for name in ("presses", "options", "environment")}
+    return row | nested | {"made": moment(stored.made), "document": canonical(document), "samples": samples}
 
 
 def estimate_of_row(row: Mapping[str, Any], samples: Mapping[str, NDArray[np.float64]]) -> StoredEstimate:
-    """The estimate of a row with its samples, name -> shape (n,); `RecordsError` when it holds what is none."""
+    """The estimate of a row with its samples, name -> shape (n,); `RecordsError` when the row is invalid."""
 
     def estimate() -> StoredEstimate:
         document = {name: value for name, value in row.items() if name not in ("document", "samples")}
-        nested = {name: parsed(row[name], name) for name in ("presses", "options", "environment")}
-        return estimate_of_plain(document | nested | {"estimate": parsed(row["document"], "document")}, samples)
+        nested = {name: parse_canonical(row[name], name) for name in ("presses", "options", "environment")}
+        nested["estimate"] = parse_canonical(row["document"], "document")
+        return estimate_from_json(document | nested, samples)
 
     return _validated(estimate, "estimate", row)
 
 
 def calibration_row(calibration: ProbeCalibration, file: str) -> Row:
-    """Row of a calibration that is the stored file of that name."""
+    """Row of a calibration; ``file`` names its stored file."""
     created = "" if calibration.made is None else moment(calibration.made)
     return {
         "id": calibration_sha256(calibration),
@@ -114,7 +117,7 @@ def calibration_row(calibration: ProbeCalibration, file: str) -> Row:
     }
 
 
-def _validated(build: Callable[[], Believed], what: str, row: Mapping[str, Any]) -> Believed:
+def _validated(build: Callable[[], Value], what: str, row: Mapping[str, Any]) -> Value:
     try:
         return build()
     except InputError as error:

@@ -1,4 +1,4 @@
-"""The secret of a store, from which pseudonyms follow: made with the store, and in no export."""
+"""The secret of a store, from which pseudonyms are derived; no export contains it."""
 
 from __future__ import annotations
 
@@ -17,28 +17,22 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
 
-TERM = "secret"  # its name among the terms of a store
+TERM = "secret"  # its name in the store table
 BYTES = 32
 
 
 def new_secret() -> str:
-    """A secret that nobody can guess, as hexadecimal digits."""
+    """A random secret as hexadecimal digits."""
     return secrets.token_hex(BYTES)
 
 
 def derived(secret: str, what: str, identity: str) -> str:
-    """64 hexadecimal digits that follow from a secret and an identity; nobody gets them without the secret."""
+    """HMAC-SHA-256 of an identity under the secret, as 64 hexadecimal digits."""
     return hmac.new(bytes.fromhex(secret), f"tsis {what}\0{identity}".encode(), hashlib.sha256).hexdigest()
 
 
 def read_secret(connection: Connection) -> str | None:
-    """The secret of a store; None in one that was begun before there were any.
-
-    Raises
-    ------
-    RecordsError
-        When it was changed into none, or taken out.
-    """
+    """The secret of a store; None in a store of an older release, `RecordsError` when it was changed or removed."""
     result = connection.execute(select(store_table.c.value).where(store_table.c.name == TERM)).scalar()
     if result is None:
         entered = (
@@ -57,9 +51,9 @@ def read_secret(connection: Connection) -> str | None:
 
 
 def entered_secret(connection: Connection) -> tuple[str, list[AuditChange]]:
-    """Give a secret to a store that has none, with what the audit is told of it."""
+    """The secret of a store, created where it has none, with the audit entries."""
     secret = read_secret(connection)
-    if secret is not None:  # another program was faster
+    if secret is not None:  # another program created it meanwhile
         return secret, []
     row = {"name": TERM, "value": new_secret()}
     connection.execute(insert(store_table).values(row))

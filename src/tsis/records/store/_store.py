@@ -1,7 +1,7 @@
-"""The store: what was measured, kept so that nothing that was acknowledged is ever lost.
+"""The store: durable storage of targets, presses, calibrations and estimates.
 
-A press is written frame, sync, rename, sync of the folder, row, and only then acknowledged: by returning. Who loses
-power before that has lost what nobody was told was kept; who loses it after has lost nothing.
+A press is saved in the order frame, sync, rename, sync of the folder, row. The call returns only then, so a loss of
+power never loses a press whose saving was confirmed.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256
 from tsis.errors import InputError
-from tsis.files import DISK, Disk
+from tsis.files import DISK, Disk, from_json_value, to_json_value
 from tsis.model import TactileImage, require_type
-from tsis.records._plain import press_of_plain, press_to_plain
-from tsis.records._values import StoredEstimate, StoredPress, Target, entered, require_label, require_moment
+from tsis.records._values import StoredEstimate, StoredPress, Target, require_label, require_moment, validated_entries
 from tsis.records.store import _rows as rows
 from tsis.records.store import _tables as tables
 from tsis.records.store._audit import (
@@ -55,22 +54,22 @@ if TYPE_CHECKING:
 
 
 FILES = "files"
-Kept = TypeVar("Kept")
+Value = TypeVar("Value")
 
 
 class Store(StoreReader):
-    """Targets with their presses, calibrations and estimates; made by `tsis.records.store.open_store`.
+    """Targets with their presses, calibrations and estimates; see `tsis.records.store.open_store`.
 
     Parameters
     ----------
     folder, database
-        Where files and rows lie.
+        The files and the rows.
     identity, kind
-        Of the store: its own, and ``"phantom"`` or ``"subject"``.
+        Identity of the store, and ``"phantom"`` or ``"subject"``.
     actor
-        Who works, for the audit.
+        The user, for the audit.
     disk
-        By which steps files get onto the disk.
+        Write operations, which tests replace.
     """
 
     def __init__(
@@ -90,13 +89,13 @@ class Store(StoreReader):
         self.close()
 
     def close(self) -> None:
-        """Let go of the database."""
+        """Close the database."""
         self.database.close()
 
     # What is stored
 
     def record(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
-        """All that is stored of a target; a store that was begun without a secret gets it here, once."""
+        """All data of a target; an old store without a secret gets one here."""
         with self.database.reading() as connection:
             secret = read_secret(connection)
         if secret is None:
@@ -111,7 +110,7 @@ class Store(StoreReader):
         Raises
         ------
         InputError
-            When the number is taken, there is no next one, or a value is not accepted, as of `Target` and `entered`.
+            When the number is taken, no number is left, or a value is invalid.
         RecordsError
             When it cannot be stored.
         """
@@ -129,7 +128,7 @@ class Store(StoreReader):
             if number is not None and is_taken(connection, number):
                 raise InputError(f"number must be that of no target of this store; {number} is taken")
             target = replace(requested, number=next_number(connection)) if number is None else requested
-            return target, [insert_row(connection, tables.target_table, rows.target_row(entered(target)))]
+            return target, [insert_row(connection, tables.target_table, rows.target_row(validated_entries(target)))]
 
         return self._write(enter)
 
@@ -145,25 +144,25 @@ class Store(StoreReader):
         flags: tuple[str, ...] = (),
         note: str = "",
     ) -> StoredPress:
-        """Keep a frame and what is known of it; when this returns, no loss of power takes it away.
+        """Save a frame with its metadata; when this returns, it survives a loss of power.
 
         Parameters
         ----------
         target
-            What was pressed.
+            The target.
         image
-            The frame as the camera gave it: whole grey levels.
+            The camera frame: whole grey levels.
         role, taken, probe, flags, note
-            As of `StoredPress`.
+            As in `StoredPress`.
         calibration
-            What was in force; kept with it.
+            The active calibration, which is saved too.
 
         Raises
         ------
         InputError
-            When grey levels are not whole numbers, or a value lies outside what `StoredPress` accepts.
+            When grey levels are not whole numbers, or `StoredPress` refuses a value.
         RecordsError
-            When it cannot be stored; what was stored before is as it was.
+            When it cannot be stored; earlier data stay intact.
         """
         require_type("target", target, Target)
         require_type("image", image, TactileImage)
@@ -191,7 +190,8 @@ class Store(StoreReader):
             id=uuid.uuid4().hex,
             target=target.id,
         )
-        press = press_of_plain(press_to_plain(press))  # as it will be read again: settings as lists, not as tuples
+        # The value as a reader will get it: settings as lists, not as tuples.
+        press = from_json_value(StoredPress, to_json_value(press), "press", complete=True)
         stored = None if calibration is None else self._calibration_row(calibration)
         frame = {"id": press.frame, "rows": shape[0], "columns": shape[1], "bytes": len(content)}
 
@@ -218,14 +218,14 @@ class Store(StoreReader):
         environment: Mapping[str, Any] | None = None,
         supersedes: StoredEstimate | None = None,
     ) -> StoredEstimate:
-        """Keep an estimate with all that is needed to make it again; parameters as of `StoredEstimate`.
+        """Save an estimate with everything needed to repeat it; parameters as in `StoredEstimate`.
 
         Raises
         ------
         InputError
-            When a value lies outside what `StoredEstimate` accepts.
+            When `StoredEstimate` refuses a value.
         RecordsError
-            When a press is none of this target, or it cannot be stored.
+            When a press is not of this target, or the estimate cannot be stored.
         """
         stored = StoredEstimate(
             kind=kind,
@@ -240,32 +240,34 @@ class Store(StoreReader):
             id=uuid.uuid4().hex,
             target=target.id,
         )
-        held = self._calibration_row(calibration)
+        calibration_row = self._calibration_row(calibration)
         row = rows.estimate_row(stored, self.blobs.put(samples_bytes(estimate), "samples"))
 
         def enter(connection: Connection) -> tuple[StoredEstimate, list[AuditChange]]:
             require_row(connection, tables.target_table, target.id, "target")
             for press in stored.presses:
                 require_row(connection, tables.press_table, press, "press", target=target.id)
-            changes = insert_row_once(connection, tables.calibration_table, held)
+            changes = insert_row_once(connection, tables.calibration_table, calibration_row)
             return stored, [*changes, insert_row(connection, tables.estimate_table, row)]
 
         return self._write(enter)
 
-    def take_in(self, record: TargetRecord, *, progress: Callable[[int, int], None] | None = None) -> ImportedTarget:
-        """Enter a target of another store with its presses, estimates and calibrations, all of it or nothing.
+    def import_target(
+        self, record: TargetRecord, *, progress: Callable[[int, int], None] | None = None
+    ) -> ImportedTarget:
+        """Import a target of another store with its presses, estimates and calibrations: all or nothing.
 
         Parameters
         ----------
         record
-            As `tsis.records.export.bundle.read_bundle` gives it.
+            The record, e.g. of `tsis.records.export.bundle.read_bundle`.
         progress
-            Told (done, all) of the frames.
+            Called with (done, all) frames.
 
         Raises
         ------
         RecordsError
-            When it is of the other kind, an identity in it is that of something else here, or it cannot be stored.
+            When the kind differs, an identity is taken by another row, or the record cannot be stored.
         """
         require_kind(record.target, self.kind)
         with self.database.reading() as connection:
@@ -275,28 +277,28 @@ class Store(StoreReader):
     def _calibration_row(self, calibration: ProbeCalibration) -> rows.Row:
         return rows.calibration_row(calibration, self.blobs.put(calibration_bytes(calibration), "json"))
 
-    # What is changed: the old version stays in the audit as a digest, the new one takes its place
+    # Edits: the digest of the old version stays in the audit
 
     def edit_target(self, target: Target, **changes: Any) -> Target:
-        """Change ``name``, ``note`` or ``truth`` of a target as it was read.
+        """Change ``name``, ``note`` or ``truth`` of a target that was read before.
 
         Raises
         ------
         StaleRecordError
-            When somebody else has changed it since it was read.
+            When another user has changed it since.
         InputError
-            When a value is not accepted or may not be changed, or nothing is.
+            When a value is invalid or cannot be changed, or there is no change.
         RecordsError
-            When it was changed behind the program's back.
+            When the stored row was changed outside this program.
         """
         return self._write(target_edit(target, changes))
 
     def edit_press(self, press: StoredPress, **changes: Any) -> StoredPress:
-        """Change ``role``, ``force_n``, ``flags`` or ``note`` of a press as it was read; errors as `edit_target`."""
+        """Change ``role``, ``force_n``, ``flags`` or ``note`` of a press; errors as `edit_target`."""
         return self._write(press_edit(press, changes))
 
-    def _write(self, enter: Callable[[Connection], tuple[Kept, list[AuditChange]]]) -> Kept:
-        """Run one transaction that enters rows and their audit; when this returns, it lasts."""
+    def _write(self, enter: Callable[[Connection], tuple[Value, list[AuditChange]]]) -> Value:
+        """Commit one transaction of rows and their audit entries."""
         with self._write_lock:
             with self.database.writing() as connection:
                 head = locked_head(connection)
@@ -304,8 +306,8 @@ class Store(StoreReader):
                 saved, changes = enter(connection)
                 changes = [lost_after(head), *changes] if lost else changes
                 head = append_audit(connection, head, changes, actor=self.actor)
-            # The record lasts by now, and who were told that it failed would store it twice: an anchor that cannot be
-            # written lags behind until the next one, and `verify` tells by how much.
+            # The rows are committed: an error here would make users save them twice. The anchor lags until the next
+            # write, and `verify` reports by how much.
             with suppress(OSError):
                 write_anchor(self.folder, self.identity, head, disk=self._disk)
         return saved

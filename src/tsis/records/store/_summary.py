@@ -1,4 +1,4 @@
-"""The order of estimates: by when they were made, and each after the one that it supersedes."""
+"""Summaries of targets, and the order of estimates."""
 
 from __future__ import annotations
 
@@ -21,28 +21,18 @@ if TYPE_CHECKING:
 
 
 def in_lineage(estimates: Sequence[StoredEstimate]) -> tuple[StoredEstimate, ...]:
-    """Estimates in the order in which they were made, as far as clocks tell.
+    """The estimates of a target in the order of time; the last of each kind is active.
 
-    A clock can be set back. What supersedes another was made after it all the same, so it counts as made then at least.
-
-    Parameters
-    ----------
-    estimates
-        Of one target.
-
-    Returns
-    -------
-    tuple
-        All of them; the last is the one in force.
+    A clock can be set back, so an estimate counts as at least as late as those that it supersedes.
     """
     by_name = {stored.id: stored for stored in estimates}
 
     def made(stored: StoredEstimate) -> tuple[datetime, int, str]:
-        latest, generation, observed = stored.made, 0, {stored.id}
+        latest, generation, visited = stored.made, 0, {stored.id}
         before = stored
-        while before.supersedes in by_name and before.supersedes not in observed:  # seen: somebody tampered with it
+        while before.supersedes in by_name and before.supersedes not in visited:  # a cycle is a forgery
             before = by_name[before.supersedes]
-            observed.add(before.id)
+            visited.add(before.id)
             latest, generation = max(latest, before.made), generation + 1
         return latest, generation, stored.id
 
@@ -51,17 +41,7 @@ def in_lineage(estimates: Sequence[StoredEstimate]) -> tuple[StoredEstimate, ...
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSummary:
-    """A target and how much is stored of it.
-
-    Attributes
-    ----------
-    target
-        Itself.
-    presses, estimates
-        How many there are.
-    last
-        When it was pressed last; None when it never was.
-    """
+    """A target with the number of its presses and estimates, and the time of the last press or None."""
 
     target: Target
     presses: int
@@ -70,7 +50,6 @@ class TargetSummary:
 
 
 def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
-    """Every target of the store, by number."""
     pressed, created = tables.press_table.c, tables.estimate_table.c
     count = select(pressed.target, func.count().label("number"), func.max(pressed.taken).label("last"))
     presses = {row.target: (row.number, row.last) for row in connection.execute(count.group_by(pressed.target))}

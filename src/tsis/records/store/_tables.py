@@ -1,4 +1,4 @@
-"""The tables of a store as the present schema has them; how one gets here from older ones stands in `migrations`.
+"""The tables of the present schema; `migrations` has the steps from older ones.
 
 Times are ISO 8601 in UTC, nested values canonical JSON, both as text: the same in every database.
 """
@@ -27,7 +27,7 @@ target_table = Table(
 calibration_table = Table(
     "calibrations",
     metadata,
-    Column("id", Text, primary_key=True),  # SHA-256 of what it says, by which results cite it
+    Column("id", Text, primary_key=True),  # SHA-256 of its content, by which results cite it
     Column("file", Text, nullable=False),  # SHA-256 of its file
     Column("name", Text, nullable=False),
     Column("probe", Text, nullable=False),
@@ -80,7 +80,7 @@ estimate_table = Table(
     Column("options", Text, nullable=False),
     Column("environment", Text, nullable=False),
     Column("supersedes", Text, ForeignKey("estimates.id")),
-    Column("document", Text, nullable=False),  # the estimate but for its samples
+    Column("document", Text, nullable=False),  # the estimate without its samples
     Column("samples", Text, nullable=False),  # SHA-256 of their file
     Index("estimates_of_a_target", "target", "made", "id"),  # since schema 2
 )
@@ -94,7 +94,7 @@ audit_table = Table(
     Column("action", Text, nullable=False),
     Column("kind", Text, nullable=False),  # the table of the row
     Column("row", Text, nullable=False),  # its key
-    Column("content", Text, nullable=False),  # digest of the row as it is from now on
+    Column("content", Text, nullable=False),  # digest of the new row
     Column("previous", Text, nullable=False),
     Column("hash", Text, nullable=False),
     Index("audit_of_a_row", "kind", "row", "number"),  # since schema 2

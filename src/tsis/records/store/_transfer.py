@@ -1,4 +1,4 @@
-"""Which number a target gets: the next after all, as long as there is one."""
+"""Import of target records from other stores, and free target numbers."""
 
 from __future__ import annotations
 
@@ -35,18 +35,11 @@ _number = target_table.c.number
 
 
 def is_taken(connection: Connection, number: int) -> bool:
-    """Whether a target is called so."""
     return connection.execute(select(_number).where(_number == number)).first() is not None
 
 
 def next_number(connection: Connection) -> int:
-    """The next after all.
-
-    Raises
-    ------
-    InputError
-        When the largest is taken, so that somebody has to choose.
-    """
+    """The number after the last; `InputError` when the last is the largest."""
     last = _last(connection)
     if last >= LARGEST_TARGET:
         raise InputError(
@@ -57,7 +50,7 @@ def next_number(connection: Connection) -> int:
 
 
 def free_number(connection: Connection, requested: int) -> int:
-    """That number; where another target has it the next after all, else the lowest that is free."""
+    """The requested number, else the one after the last, else the lowest free one."""
     if not is_taken(connection, requested):
         return requested
     last = _last(connection)
@@ -81,20 +74,20 @@ ACTION = "import"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportedTarget:
-    """What became of a dossier.
+    """Result of the import of a target record.
 
     Attributes
     ----------
     target
-        As it is in this store: another number where its own was taken.
+        The target in this store, with another number where its own was taken.
     new
-        Whether it was entered, and not there before.
+        Whether the target is new here.
     presses, estimates
-        How many were added.
+        Number of added presses and estimates.
     present
-        How many presses and estimates were there already.
+        Number of presses and estimates that were here before.
     differing
-        How many of these presses say something else here than in the dossier.
+        Number of presses that differ from their version here.
     """
 
     target: Target
@@ -106,38 +99,38 @@ class ImportedTarget:
 
 
 class TargetImport:
-    """A dossier whose files are stored, ready to be entered.
+    """A target record whose files are stored; `enter` then adds its rows.
 
     Parameters
     ----------
-    dossier
-        What is taken in.
+    record
+        The record to import.
     blobs
-        Where its files go.
-    held
-        Frame of each of its presses that is here already, by the press, as `stored_frames` gives them.
+        The files of the store.
+    present
+        Stored frame by press, as `stored_frames` returns it.
     progress
-        Told (done, all) of the frames.
+        Called with (done, all) frames.
 
     Raises
     ------
     RecordsError
-        When it lacks what it cites, or a file cannot be stored.
+        When the record lacks something that it cites, or a file cannot be stored.
     """
 
     def __init__(
         self,
         record: TargetRecord,
         blobs: Blobs,
-        held: Mapping[str, str],
+        present: Mapping[str, str],
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
         self.target = record.target
         self.frames: dict[str, rows.Row] = {}
         self.presses: list[rows.Row] = []
         for done, press in enumerate(record.presses, start=1):
-            # Other libraries pack the same levels into other bytes: those that are here are not stored twice.
-            content = _content(record, press, blobs, held) or frame_bytes(record.image(press))
+            # Another library may compress equal levels to other bytes; stored levels are not stored twice.
+            content = _content(record, press, blobs, present) or frame_bytes(record.image(press))
             frame = blobs.put(content, "png")
             sizes = {"rows": press.rows, "columns": press.columns, "bytes": len(content)}
             self.frames[frame] = {"id": frame, **sizes}
@@ -150,11 +143,11 @@ class TargetImport:
         ]
         self.estimates = [
             rows.estimate_row(stored, blobs.put(samples_bytes(stored.estimate), "samples"))
-            for stored in in_lineage(record.estimates)  # a row can name only those that are there
+            for stored in in_lineage(record.estimates)  # a row can cite only earlier rows
         ]
 
     def enter(self, connection: Connection) -> tuple[ImportedTarget, list[AuditChange]]:
-        """Enter what is not there yet; `RecordsError` when an identity is that of something else here."""
+        """Add the missing rows; `RecordsError` when an identity is taken by another row."""
         stored = connection.execute(
             select(tables.target_table).where(tables.target_table.c.id == self.target.id)
         ).first()
@@ -180,24 +173,23 @@ class TargetImport:
                 raise RecordsError(f"{table.name} {row['id']!r:.40} must be of this target; here it is of another")
             else:
                 differing += there != row
-        given = len(self.presses) + len(self.estimates)
+        total = len(self.presses) + len(self.estimates)
         return ImportedTarget(
             target=target,
             new=stored is None,
             presses=added["presses"],
             estimates=added["estimates"],
-            present=given - sum(added.values()),
+            present=total - sum(added.values()),
             differing=differing,
         ), changes
 
     def _own(self) -> Iterator[tuple[Table, rows.Row]]:
-        for table, its in ((tables.press_table, self.presses), (tables.estimate_table, self.estimates)):
-            for row in its:
-                yield table, row
+        yield from ((tables.press_table, row) for row in self.presses)
+        yield from ((tables.estimate_table, row) for row in self.estimates)
 
 
 def require_kind(target: Target, kind: str) -> None:
-    """Refuse a target of the other kind, with `RecordsError`: what is known of one must never get into the other."""
+    """Raise `RecordsError` for a target of the other kind: their data must never mix."""
     if target.kind != kind:
         raise RecordsError(
             f"a store of {kind}s must hold nothing else; this target is a {target.kind} "
@@ -206,20 +198,20 @@ def require_kind(target: Target, kind: str) -> None:
 
 
 def stored_frames(connection: Connection, presses: Sequence[StoredPress]) -> dict[str, str]:
-    """Frames of those of the presses that are stored already, by the identity of the press."""
+    """Frames of the presses that are in the store, by the identity of the press."""
     table, requested = tables.press_table.c, [press.id for press in presses]
-    document: dict[str, str] = {}
+    frames: dict[str, str] = {}
     for at in range(0, len(requested), MOST_AT_ONCE):
         query = select(table.id, table.frame).where(table.id.in_(requested[at : at + MOST_AT_ONCE]))
-        document |= {row.id: row.frame for row in connection.execute(query)}
-    return document
+        frames |= {row.id: row.frame for row in connection.execute(query)}
+    return frames
 
 
 def _content(record: TargetRecord, press: StoredPress, blobs: Blobs, stored: Mapping[str, str]) -> bytes | None:
-    """The stored file of a press's frame; None where there is none that holds its grey levels."""
+    """The stored file with the grey levels of a press, or None."""
     levels = record.levels(press)
     for name in (stored.get(press.id, ""), press.frame):
-        with suppress(RecordsError):  # it is not there, or was damaged
+        with suppress(RecordsError):  # missing or damaged
             content = blobs.get(name, "png")
             if np.array_equal(frame_levels(content, name), levels):
                 return content

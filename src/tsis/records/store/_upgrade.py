@@ -1,4 +1,4 @@
-"""From the schema that a database has to the present one, in one transaction; of an old file a copy stays."""
+"""Schema upgrades in one transaction, after a copy of an old SQLite file, and checks of the schema."""
 
 from __future__ import annotations
 
@@ -27,32 +27,26 @@ if TYPE_CHECKING:
 
 
 VERSIONS = "alembic_version"
-_lock = threading.Lock()  # Alembic's context belongs to the whole process
+_lock = threading.Lock()  # Alembic's context is global to the process
 
 
 @cache
-def given_revisions() -> tuple[str, ...]:
-    """Every schema that this release can read, the present one first."""
+def readable_revisions() -> tuple[str, ...]:
+    """The schemas that this release can read, the present one first."""
     return tuple(step.revision for step in ScriptDirectory.from_config(_alembic()).walk_revisions())
 
 
 def newest_revision() -> str:
     """The present schema."""
-    return given_revisions()[0]
+    return readable_revisions()[0]
 
 
 def revision(connection: Connection, name: str) -> str | None:
-    """The schema of a database; None for an empty one.
-
-    Raises
-    ------
-    RecordsError
-        When it is one that this release does not know; ``name`` is what messages call the database.
-    """
+    """The schema of a database; None for an empty one, `RecordsError` for an unknown one."""
     if not inspect(connection).has_table(VERSIONS):
         return None
     result = list(connection.execute(text(f"SELECT version_num FROM {VERSIONS}")).scalars())
-    if len(result) != 1 or result[0] not in given_revisions():
+    if len(result) != 1 or result[0] not in readable_revisions():
         raise RecordsError(
             f"{name} must have a schema up to {newest_revision()}; it has {', '.join(map(repr, result)) or 'none':.60} "
             "(was it written by a newer release of tsis? then update tsis)"
@@ -60,26 +54,20 @@ def revision(connection: Connection, name: str) -> str | None:
     return str(result[0])
 
 
-def upgraded(connection: Connection) -> None:
-    """Run the steps that are missing, within the transaction of ``connection``."""
+def upgrade(connection: Connection) -> None:
+    """Run the missing steps within the transaction of ``connection``."""
     with _lock:
         command.upgrade(_alembic(connection), "head")
 
 
-def copied(connection: Connection, file: Path, present: str) -> None:
-    """Keep a copy of a SQLite ``file`` of schema ``present`` beside it: whole, on the disk, or not at all.
-
-    Raises
-    ------
-    RecordsError
-        When it cannot be written; then nothing is migrated.
-    """
+def back_up(connection: Connection, file: Path, present: str) -> None:
+    """Copy a SQLite ``file`` of schema ``present`` durably, or raise `RecordsError` so that nothing is migrated."""
     copy = file.with_name(f"records-of-schema-{present}.sqlite3")
     draft = copy.with_name(f".{copy.name}{UNFINISHED}")
     try:
-        draft.unlink(missing_ok=True)  # of a migration that was killed
+        draft.unlink(missing_ok=True)  # from a killed migration
         draft.touch(mode=PRIVATE_FILE)
-        # SQLite writes such a copy outside of a transaction only, into a file that is empty or missing.
+        # SQLite allows this only outside of a transaction, into an empty or missing file.
         connection.connection.driver_connection.execute("VACUUM INTO ?", (str(draft),))  # type: ignore[union-attr]
         with draft.open("rb+") as written:
             DISK.sync(written)
@@ -92,7 +80,7 @@ def copied(connection: Connection, file: Path, present: str) -> None:
         ) from error
     finally:
         with suppress(OSError):
-            draft.unlink(missing_ok=True)  # where it did not become the copy
+            draft.unlink(missing_ok=True)
 
 
 def _alembic(connection: Connection | None = None) -> Config:
@@ -102,17 +90,17 @@ def _alembic(connection: Connection | None = None) -> Config:
     return config
 
 
-_BEFORE_UPDATE_DELETE_TRUNCATE = 2 + 8 + 16 + 32  # bits of tgtype, of a trigger once a statement
-_EVER = ("O", "A")  # tgenabled: in an ordinary session
+_BEFORE_UPDATE_DELETE_TRUNCATE = 2 + 8 + 16 + 32  # bits of tgtype of a statement trigger
+_EVER = ("O", "A")  # values of tgenabled: active in an ordinary session
 
 
 def schema_faults(connection: Connection) -> Iterator[str]:
-    """One sentence for each table, column, index or trigger that is absent, changed or put in."""
+    """A message for each table, column, index or trigger that is missing, changed or added."""
     return _in_sqlite(connection) if connection.dialect.name == "sqlite" else _in_postgresql(connection)
 
 
 def _in_sqlite(connection: Connection) -> Iterator[str]:
-    for (message,) in connection.execute(text("PRAGMA integrity_check(10)")):  # an index that lacks a row hides it
+    for (message,) in connection.execute(text("PRAGMA integrity_check(10)")):  # a damaged index hides rows
         if message != "ok":
             yield f"the database file is damaged: {one_line(message)}"
     requested, result = _created_by_migrations(), _sqlite_schema(connection)
@@ -131,7 +119,7 @@ def _created_by_migrations() -> dict[tuple[str, str], str]:
     engine = create_engine("sqlite://")
     try:
         with engine.connect() as connection, connection.begin():
-            upgraded(connection)
+            upgrade(connection)
             return _sqlite_schema(connection)
     finally:
         engine.dispose()
@@ -139,7 +127,7 @@ def _created_by_migrations() -> dict[tuple[str, str], str]:
 
 def _sqlite_schema(connection: Connection) -> dict[tuple[str, str], str]:
     listed = connection.execute(text("SELECT type, name, sql FROM sqlite_master"))
-    # SQLite's own tables hold nothing of ours, and Alembic's is not always spelt the same.
+    # Without SQLite's own tables, and Alembic's, whose definition varies.
     return {
         (str(row.type), str(row.name)): " ".join(str(row.sql).split())
         for row in listed

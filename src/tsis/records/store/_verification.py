@@ -1,7 +1,6 @@
-"""Whether a store is what was stored: the schema, the audit's chain, rows against their entries, files against names.
+"""Verification of a store: the schema, the audit chain, rows against their entries, files against their hashes.
 
-A database that was tampered with may hold anything anywhere: text where numbers should be, bytes, nothing at all. That
-is a fault to be told, not an error.
+A manipulated database may contain any type anywhere. That is a fault to report, not an error.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import select
 
 from tsis.errors import RecordsError
-from tsis.files import FIRST_HASH, digest_of_any, link_faults, one_line
+from tsis.files import FIRST_HASH, digest_or_none, link_faults, one_line
 from tsis.records.store._audit import BEFORE, LOST, AuditHead, has_entry, read_anchor
 from tsis.records.store._audit import KIND as ANCHOR
 from tsis.records.store._tables import (
@@ -38,23 +37,23 @@ _AT_ONCE = 1000  # rows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreVerification:
-    """What was found.
+    """Result of a verification.
 
     Attributes
     ----------
     faults
-        One sentence for each thing that is not as it was stored; none when the store can be believed.
+        A message for each difference from the stored state; empty for a sound store.
     notes
-        One sentence for each thing that happened to the store and is no fault of what it holds.
+        A message for each other event.
     head
-        Last entry of the audit. Written down elsewhere, it shows later whether the whole store was put back.
+        Last entry of the audit. A copy of it elsewhere shows later whether the whole store was replaced.
     rows, files
-        How many were compared.
+        Number of checked rows and files.
     unnamed
-        Files that no row names: of saves that were cut short before they were acknowledged. No fault.
+        Number of files without a row, of interrupted saves. No fault.
     unanchored
-        How many of the last entries of the audit its anchor does not vouch for: of saves that were killed between row
-        and anchor, or found no room for it. No fault; the next record brings it up to date.
+        Number of audit entries after the anchor, of saves that were interrupted before the anchor was written. No
+        fault; the next save writes it.
     """
 
     faults: tuple[str, ...]
@@ -67,26 +66,16 @@ class StoreVerification:
 
     @property
     def sound(self) -> bool:
-        """Whether all is as it was stored."""
+        """Whether there are no faults."""
         return not self.faults
 
 
 def verify_store(store: Store, *, progress: Callable[[int, int], None] | None = None) -> StoreVerification:
-    """Compare all of a store with what its audit says was stored.
+    """Compare a store with its audit, read-only.
 
-    Parameters
-    ----------
-    store
-        What to verify; it is only read.
-    progress
-        Told how many of how many files were read.
-
-    Raises
-    ------
-    RecordsError
-        When the database cannot be read at all.
+    ``progress`` is called with (done, all) files. `RecordsError` when the database is unreadable.
     """
-    faults, anchored = _anchor(store)  # before the database, of which others may write more meanwhile
+    faults, anchored = _anchor(store)  # before the database, which others may extend meanwhile
     with store.database.reading() as connection:
         faults += schema_faults(connection)
         faults += _chain_faults(connection)
@@ -128,7 +117,7 @@ def _anchor(store: Store) -> tuple[list[str], AuditHead | None]:
 
 
 def _notes(connection: Connection) -> Iterator[str]:
-    """Times at which the anchor was lost and somebody went on."""
+    """Notes on lost anchors."""
     for row in _all(connection, select(audit_table).where(audit_table.c.action == LOST).order_by(audit_table.c.number)):
         number, moment, actor = (one_line(item, 80) for item in (row.number, row.moment, row.actor))
         yield (
@@ -139,7 +128,7 @@ def _notes(connection: Connection) -> Iterator[str]:
 
 
 def _head(connection: Connection) -> AuditHead:
-    """What the database says is the last entry; that before the first where it says nothing sensible."""
+    """The last entry according to the database; `BEFORE` where that is invalid."""
     results = [tuple(row) for row in connection.execute(select(audit_head_table).limit(2))]
     if len(results) != 1 or results[0][0] != 1 or type(results[0][1]) is not int or not isinstance(results[0][2], str):
         return BEFORE
@@ -168,7 +157,7 @@ def _chain_faults(connection: Connection) -> Iterator[str]:
 
 
 def _row_faults(connection: Connection) -> tuple[list[str], int]:
-    """Rows that differ from their last entry, were put in beside the audit, or taken out."""
+    """Rows that differ from their last entry, lack one, or are missing."""
     entries = _all(
         connection, select(audit_table.c.kind, audit_table.c.row, audit_table.c.content).order_by(audit_table.c.number)
     )
@@ -182,14 +171,14 @@ def _row_faults(connection: Connection) -> tuple[list[str], int]:
             key, shown = (name, row[primary]), one_line(row[primary], 80)
             if key not in last:
                 faults.append(f"{name} {shown}: this row was put in beside the audit")
-            elif last.pop(key) != digest_of_any(row):
+            elif last.pop(key) != digest_or_none(row):
                 faults.append(f"{name} {shown}: this row is not as it was stored")
     faults += [f"{one_line(name, 40)} {one_line(key, 80)}: this row was taken out" for name, key in last]
     return faults, count
 
 
 def _files(connection: Connection) -> Iterator[tuple[tuple[str, str], str]]:
-    """Name and ending of every file that rows name, and which row that is."""
+    """Name and ending of every file that a row cites, with the row."""
     kinds: tuple[tuple[Table, str, str], ...] = (
         (frame_table, "id", "png"),
         (calibration_table, "file", "json"),

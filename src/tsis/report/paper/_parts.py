@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 
 CARDS = 4  # in a row
-LONG_CARD, LONG_CAPTION = 200, 400  # drawn letters: what has more does not keep its place beside others
+LONG_CARD, LONG_CAPTION = 200, 400  # letters; longer texts are placed below
 VALUE_SIZES = (14, 12, 10, 8.5)
-EASE = 1.3  # pictures are drawn so much larger than they stand on the paper: letters of 9 points become 7
+EASE = 1.3  # pictures are drawn larger by this factor: text of 9 points becomes 7
 TALLEST, TALLEST_WIDE = 0.32 * HEIGHT, 0.8 * HEIGHT
 POINTS = 72.0  # an inch
 LEAST_POINTS = 36.0  # a side of a picture
@@ -46,7 +46,7 @@ PADDING = 6.0
 
 
 def cards(given: Sequence[Card]) -> list[Any]:
-    """Cards in rows; those with long texts below them as a table."""
+    """Cards in rows; cards with long texts follow as a table."""
     short = [card for card in given if _longest(card) <= LONG_CARD]
     long = [(card.title, card.value, card.detail) for card in given if _longest(card) > LONG_CARD]
     rows = [_card_row(short[start : start + CARDS], min(CARDS, len(short))) for start in range(0, len(short), CARDS)]
@@ -91,7 +91,7 @@ def _single_line(text: str) -> str:
 
 
 def picture_rows(given: Sequence[Picture]) -> list[list[Any]]:
-    """Rows of two pictures, or of a wide one; below a row what its captions say at length."""
+    """Rows of two pictures, or of a wide one, with long captions below the row."""
     rows: list[list[Picture]] = []
     for picture in given:
         if not picture.wide and rows and len(rows[-1]) == 1 and not rows[-1][0].wide:
@@ -122,7 +122,7 @@ def _image(picture: Picture, wide: float) -> Image:
 
 
 def _alternative_text(picture: Picture) -> str:
-    """Caption and alternative text: on paper both are read."""
+    """Caption and alternative text, which paper shows both."""
     parts = {_with_full_stop(part): None for part in (picture.caption, picture.alt) if part.strip()}
     return " ".join(part for part in parts if part != _with_full_stop(picture.title))
 
@@ -149,7 +149,7 @@ def _long_caption(picture: Picture) -> list[Paragraph]:
 
 
 def provenance(given: Mapping[str, Any]) -> list[Any]:
-    """Names and values in small letters of one width, what is nested by its path."""
+    """Names and values in small monospaced text, nested ones by path."""
     return table((), [(name, value) for name, value in leaves(given)], cell=CODE)
 
 
@@ -182,12 +182,12 @@ def _listed(value: Any) -> bool:
 
 
 def _nested(value: Any) -> bool:
-    """Whether there is more below a value than plain ones."""
+    """Whether a value contains nested values."""
     return isinstance(value, Mapping) or (_listed(value) and any(isinstance(x, Mapping) or _listed(x) for x in value))
 
 
 def _no_padding() -> list[Any]:
-    """Cells without a rim; the font is that of empty cells, which would name one that the file does not hold."""
+    """Cells without a border, and an embedded font for empty cells, whose default is not in the file."""
     return [
         ("FONTNAME", (0, 0), (-1, -1), SANS),
         *((f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")),

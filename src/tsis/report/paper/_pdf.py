@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     from tsis.report._page import Page
 
 
-TOTAL = "total"  # name of the form that holds the number of sheets
+TOTAL = "total"  # name of the form with the number of sheets
 FOOT, FOOT_SIZE = 12.0 * 72 / 25.4, 7.0
 LONGEST_NAME = 200  # letters of a heading in bookmarks and of the title in a reader's title bar
-AFTER_HEADING = 60.0  # points that must be left below a heading
+AFTER_HEADING = 60.0  # least space below a heading, points
 NOTICE = SUBTITLE.clone(
     "notice",
     fontName=BOLD,
@@ -107,7 +107,7 @@ def _story(page: Page) -> list[Any]:
 
 
 def _section(title: str, content: Sequence[Any], *, room: float = AFTER_HEADING) -> list[Any]:
-    """A heading that does not stay behind alone at the foot of a sheet."""
+    """A heading that is never alone at the foot of a sheet."""
     return [CondPageBreak(min(room + 3 * HEADING.leading, HEIGHT)), *_headings(title), *content]
 
 
@@ -135,7 +135,7 @@ class _Sheets(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no types
             producer="ReportLab",
             lang="en",
             displayDocTitle=1,
-            initialFontName=SANS,  # or the file names a font that it does not hold
+            initialFontName=SANS,  # else the file names a font that is not embedded
             invariant=1,
         )
         self.heading = title
@@ -178,7 +178,7 @@ def _cut(title: str) -> str:
 
 
 class _CountedCanvas(Canvas):  # type: ignore[misc]  # reportlab has no types
-    """Knows at the end how many sheets there are, and writes it where every foot refers to it."""
+    """Writes the number of sheets at the end, into the form that every foot refers to."""
 
     def save(self) -> None:
         """Write the number of sheets, then the file."""

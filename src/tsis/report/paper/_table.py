@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
 
 PADDING = 3.0
-LINES = 12  # of a cell; the rest of a longer one goes on in a row of its own, which may stand on the next page
+LINES = 12  # of a cell; the rest of a longer text continues in a new row, which may be on the next page
 MOST_COLUMNS = 10
 LONGEST_HEADING = 80  # letters; a row with more is not repeated
-ROOM = 0.5  # points by which a column is wider than its text, against rounding
+ROOM = 0.5  # extra width of a column in points, against rounding
 
 Rows = tuple[tuple[str, ...], ...]
 
@@ -73,7 +73,7 @@ def column_widths(least: Sequence[float], requested: Sequence[float], available:
         more = (available - sum(requested)) / len(requested)
         return [float(item + more) for item in requested]
     if sum(least) >= available:
-        fair = available / len(least)  # nobody loses who needs less than that
+        fair = available / len(least)  # columns that need less stay as they are
         modest = [min(item, fair) for item in least]
         want = [item - saved for item, saved in zip(least, modest, strict=True)]
         fraction = (available - sum(modest)) / sum(want) if sum(want) else 0.0
@@ -102,7 +102,7 @@ def _part(headings: tuple[str, ...], rows: Rows, cell: ParagraphStyle) -> LongTa
         cells += _cells(row, cell, widths)
         ends.append(len(cells) - 1)
     looks: list[Any] = [
-        ("FONTNAME", (0, 0), (-1, -1), SANS),  # of empty cells, which would name a font that the file does not hold
+        ("FONTNAME", (0, 0), (-1, -1), SANS),  # of empty cells, whose default font is not embedded
         ("VALIGN", (0, 0), (-1, -1), "TOP"),
         ("LEFTPADDING", (0, 0), (-1, -1), PADDING),
         ("RIGHTPADDING", (0, 0), (-1, -1), PADDING),

@@ -1,4 +1,4 @@
-"""Text on paper: embedded fonts, what they cannot show, and the order of letters that run from right to left."""
+"""Text on paper: embedded fonts, missing glyphs, and right-to-left text."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WASTE = 2.0  # wrapping between words takes up to so many times the lines of an 
 
 @functools.cache
 def register_fonts() -> None:
-    """Make the fonts known to reportlab, which keeps them for the whole process."""
+    """Register the fonts with reportlab, once for the process."""
     folder = Path(mpl.get_data_path()) / "fonts" / "ttf"
     for name in (SANS, BOLD, MONO):
         pdfmetrics.registerFont(TTFont(name, folder / f"{name}.ttf"))
@@ -73,7 +73,7 @@ def pieces(drawable: str, font: str, size: float, *, within: float, lines: int) 
         if used + need > lines * within and piece:
             yield piece
             piece, used = "", 0.0
-        while need > lines * within:  # one endless word
+        while need > lines * within:  # a single long word
             count = max(1, int(len(part) * lines * within / need) // 2)
             yield part[:count]
             part = part[count:]
@@ -125,7 +125,7 @@ def _visual_order(run: str) -> str:
         if number:
             clusters.append(number.group())
         elif clusters and unicodedata.bidirectional(run[position]) == "NSM":
-            clusters[-1] += run[position]  # an accent stays behind its letter
+            clusters[-1] += run[position]  # an accent follows its letter
         else:
             clusters.append(_mirrored(run[position]))
         position = number.end() if number else position + 1
@@ -151,12 +151,12 @@ BLUE, WARM, TINT = HexColor("#0072b2"), HexColor("#b34700"), HexColor("#f6f8fa")
 PAPER = A4
 SIDE, TOP, BOTTOM = 18 * mm, 18 * mm, 20 * mm
 WIDTH, HEIGHT = PAPER[0] - 2 * SIDE, PAPER[1] - TOP - BOTTOM
-GAP = 4 * mm  # between what stands side by side
-BLOCK_LINES = 40  # of a paragraph; a longer text becomes several, since laying out one costs more than its length
+GAP = 4 * mm  # between adjacent blocks
+BLOCK_LINES = 40  # of a paragraph; longer texts are split, since the layout time grows faster than the length
 
 
 def style(size: float, font: str = SANS, **more: Any) -> ParagraphStyle:
-    """A paragraph's style with the page's colour, leading and wrapping."""
+    """A paragraph style with the colour, leading and wrapping of the page."""
     register_fonts()
     given: dict[str, Any] = {
         "textColor": INK,
@@ -177,7 +177,7 @@ CODE = style(6.3, MONO)
 
 
 def paragraphs(text: str, kind: ParagraphStyle, *, within: float = WIDTH, **more: Any) -> list[Paragraph]:
-    """A text of any length and any letters in paragraphs."""
+    """Paragraphs of any text."""
     whole = drawable_text(text, kind.fontName)
     parts = pieces(whole, kind.fontName, kind.fontSize, within=within, lines=BLOCK_LINES)
     return [Paragraph(escaped(part), kind, **(more if number == 0 else {})) for number, part in enumerate(parts)]

@@ -1,4 +1,4 @@
-"""What a study says, as a document for programs."""
+"""A study as a JSON document."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
-    """All of it, as plain values with the names of Python; null where something could not be told."""
+    """The results of a study as JSON values; null where a value is unknown."""
     plan = analysis.study.plan
     scores = {
         device.results.device: {target.code: target.score for target in device.results.targets}
@@ -53,7 +53,7 @@ def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
 
 
 def study_verification_document(study_verification: StudyVerification) -> dict[str, Any]:
-    """Whether a study is as it was written."""
+    """Result of the verification of a study."""
     faults = [str(fault) for fault in study_verification.faults]
     return {
         "sound": study_verification.sound,
@@ -95,7 +95,7 @@ def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
         else _recalibration(device_analysis.recalibration),
         "errors": [_errors(error) for error in device_analysis.errors],
         "found_by": [
-            {**_fields(item, "quantity", "low", "high", "undecided"), "found": _plain(item.detected)}
+            _fields(item, "quantity", "low", "high", "undecided") | {"found": _json_value(item.detected)}
             for item in device_analysis.strata
         ],
         "agreement": [_agreement(agreement) for agreement in device_analysis.agreements],
@@ -104,25 +104,25 @@ def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
 
 
 def _fields(value: object, *names: str) -> dict[str, Any]:
-    """The named fields as plain values; a number that is not finite is null."""
-    return {name: _plain(getattr(value, name)) for name in names}
+    """The named fields as JSON values; null for a number that is not finite."""
+    return {name: _json_value(getattr(value, name)) for name in names}
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     match value:
         case Interval():
             return interval_document(value)
         case Proportion():
             return proportion_document(value)
         case tuple():
-            return [_plain(item) for item in value]
+            return [_json_value(item) for item in value]
         case float() if not math.isfinite(value):
             return None
     return value
 
 
 def interval_document(interval: Interval | None) -> dict[str, Any] | None:
-    """Both ends, the level and the method; an end that nothing bounds is null."""
+    """Both ends, the level and the method; null for an infinite end."""
     if interval is None:
         return None
     low, high = (end if math.isfinite(end) else None for end in interval)
@@ -130,7 +130,7 @@ def interval_document(interval: Interval | None) -> dict[str, Any] | None:
 
 
 def proportion_document(fraction: Proportion | None) -> dict[str, Any] | None:
-    """So many of so many, and the interval."""
+    """A proportion with its interval."""
     if fraction is None:
         return None
     results = {"successes": fraction.successes, "trials": fraction.trials, "value": fraction.value}

@@ -1,4 +1,4 @@
-"""The report of a blinded study: a page for people, a document for programs, and the readings as a table."""
+"""The report of a blinded study: a page, a JSON document, and the readings as a table."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ NOT_REPORTED = (
 
 
 def study_page(analysis: StudyAnalysis) -> Page:
-    """What the study says, with every number's interval, and what it does not tell."""
+    """The page of the results with intervals and limitations."""
     plan, devices = analysis.study.plan, analysis.devices
     present = sum(truth.has_inclusion for truth in analysis.truths.values())
     forces = " and ".join(f"{force:g}" for force in plan.forces_n)
@@ -83,7 +83,7 @@ def study_page(analysis: StudyAnalysis) -> Page:
 
 
 def study_files(analysis: StudyAnalysis) -> dict[str, bytes]:
-    """The report as a page, on paper, for programs, and all readings as a table, by the names of the files."""
+    """The files of the report by name: HTML, PDF, JSON, and a table of all readings."""
     from tsis.report.paper import pdf
 
     page = study_page(analysis)
@@ -189,7 +189,7 @@ FOLDER = "analysis"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PublishedStudy:
-    """A report that was written.
+    """A written report.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ class PublishedStudy:
 def publish_study(
     study: Study, *, by: str, out: Path | None = None, progress: Callable[[int, int], None] | None = None
 ) -> PublishedStudy:
-    """Unblind a study where it is blind still, analyse it and write the report.
+    """Unblind a study that is still blind, analyse it and write the report.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def publish_study(
         When there is no reading, or the truth cannot be read.
     """
     position = _study_path(study) if out is None else free_folder(out)
-    require_room(position)  # before what cannot be taken back
+    require_room(position)  # before the irreversible unblinding
     for device in study.devices:
         study.threshold_of(device)
     analysis = analyse(unblind(study, by=by), progress=progress)
@@ -244,7 +244,7 @@ def publish_study(
 
 
 def _study_path(study: Study) -> Path:
-    """A new folder in the study: a name that its log knows is not given again, though that report may be gone."""
+    """A new folder in the study whose name is not in the log, even of a deleted report."""
     existing = [entry.content.get("folder") for entry in study.chain.entries if entry.action == ANALYSED]
     names = itertools.chain([FOLDER], (f"{FOLDER}-{number}" for number in itertools.count(2)))
     return next(study.folder / name for name in names if name not in existing and not (study.folder / name).exists())

@@ -31,7 +31,7 @@ SQUARE = (4.6, 4.2)
 
 
 def study_pictures(analysis: StudyAnalysis) -> Iterator[Picture]:
-    """Curves of all devices, then what each said, then comparisons."""
+    """Curves of all devices, the results of each, then comparisons."""
     if any(device.curve is not None for device in analysis.devices):
         yield _curves(analysis)
     for device in analysis.devices:

@@ -37,7 +37,7 @@ NUMBERS = ("", "value", "95 % interval", "method")
 
 
 def device_tables(device_analysis: DeviceAnalysis) -> Iterator[Table]:
-    """Everything of one device, the most wanted first."""
+    """All tables of a device, the most important first."""
     device = device_analysis.results.device
     title = f"{device}: at the threshold {device_analysis.results.threshold:g}, which was fixed beforehand"
     yield Table(title=title, headings=NUMBERS, rows=tuple(_at_threshold(device_analysis)))
@@ -204,7 +204,7 @@ def _interval_text(number: AgreementValue) -> str:
 
 
 def comparison_table(device_comparison: DeviceComparison) -> Table:
-    """A device beside the first."""
+    """A comparison of a device with the first."""
     rows = []
     if device_comparison.areas is None:
         rows.append(("difference of areas", "none", device_comparison.remark, ""))
@@ -238,7 +238,7 @@ def _limits(name: str, bland_altman: BlandAltman) -> list[tuple[str, str, str, s
 
 
 def targets_table(analysis: StudyAnalysis) -> Table:
-    """Every target with what is true and what each device said first."""
+    """Every target with its truth and the first reading of each device."""
     devices = [device.results for device in analysis.devices]
     rows = []
     for index, (code, truth) in enumerate(analysis.truths.items()):

@@ -1,4 +1,4 @@
-"""Numbers of a study in words."""
+"""Texts for the numbers of a study."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def labelled(quantity: str) -> str:
 
 
 def ends(interval: Interval | None, digits: int = 3) -> str:
-    """Both ends in words; a dash where there is no interval."""
+    """Text of an interval; a dash where there is none."""
     if interval is None:
         return "-"
     low, high = (f"{end:.{digits}f}" if math.isfinite(end) else "no end" for end in interval)
@@ -54,12 +54,12 @@ def ends(interval: Interval | None, digits: int = 3) -> str:
 
 
 def method_of(interval: Interval | None) -> str:
-    """How an interval was made; empty where there is none."""
+    """Method of an interval; empty where there is none."""
     return "" if interval is None else METHODS.get(interval.method, interval.method)
 
 
 def fraction_text(proportion: Proportion | None) -> str:
-    """So many of so many, in per cent.
+    """A proportion in per cent.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def fraction_text(proportion: Proportion | None) -> str:
 
 
 def interval_text(proportion: Proportion | None) -> str:
-    """Its Wilson interval in per cent."""
+    """The Wilson interval in per cent."""
     if proportion is None:
         return "-"
     low, high = (100 * end for end in proportion.interval())
@@ -82,7 +82,7 @@ def interval_text(proportion: Proportion | None) -> str:
 
 
 def small(value: float, digits: int = 3) -> str:
-    """A number of 0 and more, which is not written as 0 where it is not.
+    """A non-negative number, shown as 0 only where it is 0.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def counted(count: int, what: str) -> str:
 
 
 def score_text(score: float, *, probability: bool) -> str:
-    """A score; a probability without a claim of certainty.
+    """A score; a probability is never shown as 0 or 1.
 
     Examples
     --------
@@ -118,7 +118,7 @@ def score_text(score: float, *, probability: bool) -> str:
 
 
 def record_notes(analysis: StudyAnalysis) -> tuple[str, ...]:
-    """Whether the study is as it was written, and the head by which that can be told later."""
+    """Result of the verification, and the head of the log for later verifications."""
     result = analysis.verification
     head = (
         f"Unblinded {result.unblinded}. The log has {result.lines} lines; its head is {result.head}. Keep the head "
@@ -134,7 +134,7 @@ def record_notes(analysis: StudyAnalysis) -> tuple[str, ...]:
 
 
 def few_notes(device_analysis: DeviceAnalysis) -> tuple[str, ...]:
-    """What to say of a study so small that it says little."""
+    """Notes on the limits of a small study."""
     if not device_analysis.few:
         return ()
     inside = sum(target.truth.has_inclusion for target in device_analysis.results.decided)
@@ -147,7 +147,7 @@ def few_notes(device_analysis: DeviceAnalysis) -> tuple[str, ...]:
 
 
 def undecided_notes(device_analysis: DeviceAnalysis) -> tuple[str, ...]:
-    """What was not read or not decided, and what it would change."""
+    """Missing readings and decisions, and their possible effect."""
     notes = []
     results, wrong = device_analysis.results, device_analysis.counts_if_wrong
     if results.undecided and wrong is not None:

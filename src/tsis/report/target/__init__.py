@@ -1,4 +1,4 @@
-"""The report of a target: everything that a store holds of it, on one page."""
+"""The report of a target with all its stored data."""
 
 from tsis.report.target._page import target_cards, target_page
 from tsis.report.target._tables import history_tables, measure, parameter_label

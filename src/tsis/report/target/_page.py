@@ -1,4 +1,4 @@
-"""Report of a target: everything that a store holds of it, on one page."""
+"""The page of a target with all its stored data."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _subtitle(record: TargetRecord) -> str:
 
 
 def target_cards(record: TargetRecord) -> tuple[Card, ...]:
-    """The numbers of the estimates in force, the newest first; what there is to estimate from where there is none."""
+    """The numbers of the active estimates, the newest first; without an estimate the available presses."""
     result = newest_first(record)
     if not result:
         return (
@@ -71,7 +71,7 @@ def target_cards(record: TargetRecord) -> tuple[Card, ...]:
 
 
 def _provenance(record: TargetRecord) -> dict[str, Any]:
-    """Where every number came from, with whole hashes and identities."""
+    """Provenance with whole hashes and identities."""
     target = record.target
     results = {heading(record, item, "estimate in force"): _estimate(item) for item in newest_first(record)}
     stored = {} if len(results) > 1 else next(iter(results.values()), {})
@@ -104,7 +104,7 @@ def _estimate(stored: StoredEstimate) -> dict[str, Any]:
 
 
 def _press(press: StoredPress) -> str:
-    """One line a press: there may be hundreds."""
+    """A line for each press: there may be hundreds."""
     messages = [
         f"frame {press.frame}",
         f"id {press.id}, version {press.version}",

@@ -1,4 +1,4 @@
-"""Pictures of a target: the strongest press, what it changed, profiles, every frame, and what the estimate says."""
+"""Pictures of a target: the strongest press and its change, profiles, all frames, and the posterior."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from tsis.report._page import Picture
 
 
-MOST_FRAMES, MOST_PROFILES = 12, 10  # that a figure shows and a reader tells apart
-ORDER = ("target", "ball", "plain", "untouched")  # what is shown at large, where there is more than one role
+MOST_FRAMES, MOST_PROFILES = 12, 10  # in a figure
+ORDER = ("target", "ball", "plain", "untouched")  # priority of the roles for the large picture
 REFERENCES = ("plain", "untouched")
 GROUPS = {"target": "target", "ball": "known ball", "plain": "plain tissue"}
 CHANGES = {
@@ -33,26 +33,26 @@ CHANGES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gallery:
-    """Pictures, and a sentence for each that could not be drawn."""
+    """Pictures, and a message for each that could not be drawn."""
 
     pictures: tuple[Picture, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __add__(self, other: Gallery) -> Gallery:
-        """Both, one after the other."""
+        """The concatenation of both."""
         return Gallery(pictures=self.pictures + other.pictures, notes=self.notes + other.notes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameWithRole:
-    """A frame that could be read, and the role of its press."""
+    """A readable frame, and the role of its press."""
 
     role: str
     image: TactileImage
 
 
 def target_gallery(record: TargetRecord) -> Gallery:
-    """Everything that the frames and the estimates in force let one draw."""
+    """All pictures of the frames and the active estimates."""
     frames, unread = _frames(record)
     gallery = unread + _posteriors(record) + _strongest(frames) + _profiles(record, frames)
     if len(frames) > 1:
@@ -61,8 +61,8 @@ def target_gallery(record: TargetRecord) -> Gallery:
 
 
 def _frames(record: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
-    """Frames in the order of their presses, of many those that estimates rest on, and what cannot be read."""
-    used = {press for stored in record.in_force for press in stored.presses}
+    """Frames in the order of their presses, of many only those of the estimates, and messages on unreadable ones."""
+    used = {press for stored in record.active_estimates for press in stored.presses}
     numbered = list(enumerate(record.presses, 1))
     chosen = sorted(numbered, key=lambda pair: (pair[1].id not in used, pair[0]))[:MOST_FRAMES]
     frames, notes = [], []
@@ -101,7 +101,7 @@ def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
 
 
 def _prior(stored: StoredEstimate) -> InclusionPrior | None:
-    """The prior that the estimate was made with, None where its record tells another kind of prior."""
+    """The prior of the estimate, or None where the record has another kind of prior."""
     reported = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}
     if not isinstance(reported, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.samples):
         return None
@@ -115,7 +115,7 @@ def _prior(stored: StoredEstimate) -> InclusionPrior | None:
 
 
 def _strongest(frames: list[FrameWithRole]) -> Gallery:
-    """The press of the highest force on what matters most, and what it changed."""
+    """The press of the highest force of the first role in `ORDER`, and its change."""
     if not frames:
         return Gallery()
     shown = max(frames, key=lambda frame: (-ORDER.index(frame.role), force_of(frame.image)))
@@ -147,7 +147,7 @@ def _change(target: TactileImage, references: list[FrameWithRole]) -> Gallery:
 
 
 def _profiles(record: TargetRecord, frames: list[FrameWithRole]) -> Gallery:
-    """Ring means, for which probe and scale must be known."""
+    """Ring means, where probe and scale are known."""
     scaled = [frame for frame in frames if frame.role in GROUPS and frame.image.mm_per_pixel is not None]
     if not scaled:
         return Gallery()
@@ -159,12 +159,12 @@ def _profiles(record: TargetRecord, frames: list[FrameWithRole]) -> Gallery:
         return Gallery(notes=(f"Profiles in rings are left out: {message}.",))
     scaled = sorted(scaled, key=lambda frame: -force_of(frame.image))[:MOST_PROFILES]
     groups = {text: [frame.image for frame in scaled if frame.role == role] for role, text in GROUPS.items()}
-    rests = any(stored.kind == "inclusion" for stored in record.in_force)
+    rests = any(stored.kind == "inclusion" for stored in record.active_estimates)
     title = "The profiles that the estimate rests on" if rests else "Profiles"
     return Gallery(pictures=(profile_picture(groups, edges, title=title),))
 
 
 def _probe(record: TargetRecord) -> str:
-    if record.in_force:  # that of the inclusion where there is one, which rests on profiles
-        return record.in_force[0].probe
+    if record.active_estimates:  # the first is of the inclusion where there is one, which uses profiles
+        return record.active_estimates[0].probe
     return next((press.probe for press in record.presses if press.probe), "")

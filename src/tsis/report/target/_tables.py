@@ -1,4 +1,4 @@
-"""Tables of a target: the estimate in force beside the truth, the presses, the calibrations, earlier estimates."""
+"""Tables of a target: active estimates beside the truth, presses, calibrations, earlier estimates."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def target_tables(record: TargetRecord) -> tuple[Table, ...]:
-    """All tables that there is anything to say in."""
+    """All tables with content."""
     return (
         *_result(record),
         *_presses(record),
@@ -39,7 +39,7 @@ def target_tables(record: TargetRecord) -> tuple[Table, ...]:
 
 
 def parameter_label(name: str) -> tuple[str, str]:
-    """Words and unit of a parameter."""
+    """Name and unit of a parameter."""
     if name in TITLES:
         return TITLES[name]
     unit = unit_of(name)
@@ -60,10 +60,10 @@ def _result(record: TargetRecord) -> tuple[Table, ...]:
         return (
             (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=given),) if given else ()
         )
-    return tuple(_estimate_in_force(record, stored) for stored in newest_first(record))
+    return tuple(_active_estimate(record, stored) for stored in newest_first(record))
 
 
-def _estimate_in_force(record: TargetRecord, stored: StoredEstimate) -> Table:
+def _active_estimate(record: TargetRecord, stored: StoredEstimate) -> Table:
     title, truth = heading(record, stored, "Estimate in force"), record.target.truth
     if stored.kind == "hardness":
         true = [
@@ -128,7 +128,7 @@ def _force_text(press: StoredPress) -> str:
 
 
 def history_tables(record: TargetRecord) -> tuple[Table, ...]:
-    """Every estimate that was made; no table where there is none."""
+    """All estimates; no table where there is none."""
     if not record.estimates:
         return ()
     headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "takes the place of")

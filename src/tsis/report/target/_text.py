@@ -1,4 +1,4 @@
-"""What the page of a subject is made of: the records without what may identify, but for label, number and times."""
+"""Texts of the page of a target, and the de-identified record of a subject for it."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ IDENTITY_NOTE = (
 
 
 def without_identity(record: TargetRecord) -> TargetRecord:
-    """A phantom's as it is; a subject's with the label alone, which is a pseudonym, and identities of this page."""
+    """The record of a phantom, or the de-identified record of a subject with label, number and times."""
     if record.target.kind != "subject":
         return record
-    from tsis.records import deidentified  # loads the libraries of records, as the dossier has
+    from tsis.records import deidentified  # slow to import
 
     result = deidentified(record)
     presses = {press.id: f"press {number}" for number, press in enumerate(result.presses, 1)}
@@ -49,12 +49,12 @@ def _renamed(stored: StoredEstimate, presses: dict[str, str], estimates: dict[st
     )
 
 
-MOST_NAMED = 12  # presses that a sentence names by their numbers
-SHORT = 12  # letters of a SHA-256 or an identity that tell it from others on a page
+MOST_NAMED = 12  # presses in a message
+SHORT = 12  # shown digits of a SHA-256 or an identity
 
 
 def time_text(when: datetime) -> str:
-    """A time as pages show it, in UTC."""
+    """Text of a time in UTC."""
     return f"{when.astimezone(UTC):%Y-%m-%d %H:%M:%S}"
 
 
@@ -65,25 +65,25 @@ def count_of(number: int, what: str) -> str:
 
 
 def roles(presses: Sequence[StoredPress]) -> str:
-    """How many presses there are of each role."""
-    from tsis.records import ROLE_NAMES  # loads the libraries of records, which have loaded for a press
+    """Number of presses of each role."""
+    from tsis.records import ROLE_NAMES  # slow to import
 
     counts = Counter(press.role for press in presses)
     return ", ".join(f"{counts[role]} {text}" for role, text in ROLE_NAMES.items() if counts[role])
 
 
 def newest_first(record: TargetRecord) -> tuple[StoredEstimate, ...]:
-    """The estimates in force, of each kind one."""
-    return tuple(sorted(record.in_force, key=lambda stored: stored.made, reverse=True))
+    """The active estimates, the newest first."""
+    return tuple(sorted(record.active_estimates, key=lambda stored: stored.made, reverse=True))
 
 
 def heading(record: TargetRecord, stored: StoredEstimate, title: str) -> str:
-    """A title, with the kind of the estimate that it is of where more than one is in force."""
-    return f"{title} ({stored.kind})" if len(record.in_force) > 1 else title
+    """A title, with the kind of the estimate where there are several active ones."""
+    return f"{title} ({stored.kind})" if len(record.active_estimates) > 1 else title
 
 
 def target_notes(record: TargetRecord) -> tuple[str, ...]:
-    """All sentences, those of the estimate in force first."""
+    """All messages, those of the active estimates first."""
     return (
         *_estimate_notes(record),
         *_flag_notes(record),
@@ -106,7 +106,7 @@ def _estimate_notes(record: TargetRecord) -> tuple[str, ...]:
 
 
 def origin(stored: StoredEstimate) -> str:
-    """What an estimate was made from, when and by which code."""
+    """Inputs, time and code of an estimate."""
     version = f"tsis {stored.environment['tsis']}" if "tsis" in stored.environment else "an unknown version of tsis"
     again = f" It takes the place of {stored.supersedes[:SHORT]}." if stored.supersedes else ""
     return (
@@ -125,7 +125,7 @@ def _coverage(record: TargetRecord, stored: StoredEstimate) -> tuple[str, ...]:
 
 
 def _flag_notes(record: TargetRecord) -> tuple[str, ...]:
-    """One sentence a flag of the press guard: the presses that it was raised for, and what it means."""
+    """A message for each flag of the press guard, with its presses and its meaning."""
     raised: dict[str, list[int]] = {}
     for number, press in enumerate(record.presses, 1):
         for flag in press.flags:
@@ -138,7 +138,7 @@ def _flag_notes(record: TargetRecord) -> tuple[str, ...]:
 
 
 def _gap_notes(record: TargetRecord) -> tuple[str, ...]:
-    """What nobody measured."""
+    """Messages on missing measurements."""
     pressed = [(number, press) for number, press in enumerate(record.presses, 1) if press.role != "untouched"]
     gaps = {
         "without a measured force": [number for number, press in pressed if press.force_n is None],

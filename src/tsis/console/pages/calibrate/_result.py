@@ -22,7 +22,7 @@ from tsis.console.pages.components import (
     unit_field,
 )
 from tsis.console.services import ENDED, FAILED
-from tsis.files import to_plain
+from tsis.files import to_json_value
 from tsis.report import Table, calibration_page, content_rows
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class CalibrationResultPanel:
         self._container.set_visibility(bool(self.identity))
 
     async def _show_result(self, made: CalibrationResult) -> None:
-        provenance = {"session": str(self._session.folder.path), "terms": to_plain(self._session.terms)}
+        provenance = {"session": str(self._session.folder.path), "terms": to_json_value(self._session.terms)}
         page = calibration_page(made.calibration, made.findings, provenance=provenance)
         sources = await self._viewer.attempt(drawings, page)
         if sources is not None:

@@ -16,7 +16,7 @@ from tsis.console.pages.design._section import Section
 from tsis.console.services import DONE, JobCancelled
 from tsis.errors import InputError
 from tsis.files import json_bytes
-from tsis.report import answer_question, compared_designs, design_document, design_page, searched_design
+from tsis.report import analyse_designs, compared_designs, design_document, design_page, searched_design
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,7 +50,7 @@ def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
         except JobCancelled:
             optimum = None
             job.say("The search was ended; these designs were compared before it.")
-        response = answer_question(question, result, optimum)
+        response = analyse_designs(question, result, optimum)
         page = design_page(response)
         return DesignResult(analysis=response, page=page, pictures=drawings(page))
 

@@ -23,7 +23,7 @@ from tsis.console.services import MOST_SEQUENCE_FRAMES
 from tsis.files import LARGEST_TARGET
 from tsis.model import require_integer
 from tsis.records import ROLE_NAMES
-from tsis.records.importing import numbered
+from tsis.records.importing import target_by_number
 
 if TYPE_CHECKING:
     from tsis.console.pages.components import OperatorControls, Viewer
@@ -65,7 +65,7 @@ class SavedTarget:
 
 def saved_target(store: Store, number: int) -> SavedTarget:
     """Read the target; errors as of the store."""
-    target = numbered(store, number)
+    target = target_by_number(store, number)
     if target is None:
         return SavedTarget(number=number)
     count = store.press_count(target)
@@ -75,7 +75,7 @@ def saved_target(store: Store, number: int) -> SavedTarget:
         target=target,
         count=count,
         presses=record.presses[::-1],
-        estimates=record.in_force,
+        estimates=record.active_estimates,
         damaged=record.damaged,
     )
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.console.services import newest_presses
-from tsis.records.importing import numbered
+from tsis.records.importing import target_by_number
 
 if TYPE_CHECKING:
     from tsis.console.services import InstrumentState
@@ -57,17 +57,17 @@ class SavedPresses:
 
 def saved_presses(store: Store, number: int) -> SavedPresses:
     """Read what is stored of a target; errors as of the store."""
-    target = numbered(store, number)
+    target = target_by_number(store, number)
     if target is None:
         return SavedPresses(number=number)
     record = store.record(target)
-    estimate = next((stored for stored in record.in_force if stored.kind == HARDNESS), None)
+    estimate = next((stored for stored in record.active_estimates if stored.kind == HARDNESS), None)
     return SavedPresses(number=number, record=record, presses=newest_presses(record, HARDNESS), estimate=estimate)
 
 
 def next_free(store: Store, number: int) -> int:
     """``number`` where nothing is kept of it, else the next after all."""
-    if numbered(store, number) is None:
+    if target_by_number(store, number) is None:
         return number
     return max(target.target.number for target in store.targets()) + 1
 

@@ -124,7 +124,7 @@ async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
 def _take_in(instrument: Instrument, folder: Path, job: Job) -> ImportedTarget:
     """Read what was uploaded and enter it."""
     try:
-        return instrument.store.take_in(read_bundle(folder / BUNDLE), progress=job.advance)
+        return instrument.store.import_target(read_bundle(folder / BUNDLE), progress=job.advance)
     except FileInputError as error:  # which names a place that nobody has seen and that is gone in a moment
         raise FileInputError(str(error).replace(f"{folder}/", "")) from error
 

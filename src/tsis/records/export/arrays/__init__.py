@@ -1,4 +1,4 @@
-"""A target as one tree of arrays with their units, as HDF5 or as Zarr: the same layout in both."""
+"""Export of a target record as a tree of arrays with units, in HDF5 or Zarr with the same layout."""
 
 from tsis.records.export.arrays._formats import write_hdf5, write_zarr
 

@@ -1,4 +1,4 @@
-"""A file that refuses no write, for libraries that break where one is refused."""
+"""The array layout in HDF5 and Zarr."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 class SpillingFile(io.RawIOBase):
-    """A new file that holds in memory what the disk does not take, and says so when it is asked.
+    """A new file that buffers failed writes in memory, for HDF5.
 
-    HDF5 that could not write its last bytes cannot close its file either, prints tracebacks, and breaks the program as
-    that ends. So it is never told: who writes asks `require_written` after each step, and drops the file.
+    After a failed write HDF5 cannot close its file, prints tracebacks, and crashes at exit. This file hides it;
+    the caller checks `require_written` after each step.
     """
 
     def __init__(self, path: Path) -> None:
@@ -33,34 +33,34 @@ class SpillingFile(io.RawIOBase):
         self._at = 0
 
     def require_written(self) -> None:
-        """Raise what the disk said when it first refused, where it did."""
+        """Raise the first error of the disk, if any."""
         if self._refused is not None:
             raise self._refused
 
     def readable(self) -> bool:
-        """Yes: HDF5 reads its own metadata."""
+        """True: HDF5 reads its own metadata."""
         return True
 
     def writable(self) -> bool:
-        """Yes, always."""
+        """True."""
         return True
 
     def seekable(self) -> bool:
-        """Yes."""
+        """True."""
         return True
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
-        """Go to a place, which may lie beyond the end."""
+        """Go to a position, which may lie beyond the end."""
         start = {io.SEEK_SET: 0, io.SEEK_CUR: self._at, io.SEEK_END: self._end()}[whence]
         self._at = start + offset
         return self._at
 
     def tell(self) -> int:
-        """The place of the next read or write."""
+        """The position of the next read or write."""
         return self._at
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        """Read what the disk has, and over it what it did not take."""
+        """Read the file, overlaid with the buffered writes."""
         requested = max(0, min(len(buffer), self._end() - self._at))
         result = bytearray(requested)
         self._file.seek(self._at)
@@ -75,7 +75,7 @@ class SpillingFile(io.RawIOBase):
         return requested
 
     def write(self, content: memoryview) -> int:  # type: ignore[override]
-        """Write all of it: on the disk, or in memory from the first refusal on."""
+        """Write all bytes to the disk, or from the first failure on to memory."""
         rest = bytes(content)
         try:
             while self._refused is None and rest:
@@ -90,7 +90,7 @@ class SpillingFile(io.RawIOBase):
         return len(content)
 
     def truncate(self, size: int | None = None) -> int:
-        """Give the file that many bytes, zeros at its end where it is longer than what was written."""
+        """Set the size of the file, padded with zeros."""
         size = self._at if size is None else size
         try:
             if self._refused is None:
@@ -100,13 +100,13 @@ class SpillingFile(io.RawIOBase):
         return size
 
     def close(self) -> None:
-        """Close it, once."""
+        """Close the file."""
         if not self.closed:
             self._file.close()
         super().close()
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        """Close it; where all else went well, raise what the disk said."""
+        """Close the file; without another exception raise the error of the disk."""
         self.close()
         if error is None:
             self.require_written()
@@ -116,23 +116,23 @@ class SpillingFile(io.RawIOBase):
 
 
 def write_hdf5(record: TargetRecord, path: str | os.PathLike[str]) -> None:
-    """Write a dossier as one new HDF5 file, frame by frame; it appears whole or not at all.
+    """Write a target record as a new HDF5 file, frame by frame and atomically.
 
     Raises
     ------
     MissingExtraError
         When h5py is not installed.
     FileInputError
-        When there is such a file, or it cannot be written.
+        When the file exists, or cannot be written.
     RecordsError
-        When a frame is not what its press says.
+        When a frame does not match its press.
     """
     h5py = import_extra("h5py", feature="HDF5 export", extra="exchange")
     with export_file(path) as draft, SpillingFile(draft) as out:
         try:
             with h5py.File(out, "w", track_order=True) as file:
                 write_layout(record, _Hdf5Tree(file, out))
-        except RuntimeError as error:  # as HDF5 says what it cannot hold
+        except RuntimeError as error:  # HDF5's error for unsupported content
             raise FileInputError(f"the file of HDF5 must be one that can be written; got: {error}") from error
 
 
@@ -147,11 +147,11 @@ class _Hdf5Tree:
         filters = {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True, "fletcher32": True}
         dataset = self.file.create_dataset(path, shape=shape, dtype=dtype, chunks=chunks, **filters)
         dataset.attrs.update(attributes)
-        return _Asking(dataset, self.out)
+        return _CheckedDataset(dataset, self.out)
 
 
-class _Asking:
-    """A dataset that asks after each part whether the disk took it."""
+class _CheckedDataset:
+    """A dataset that checks after each write whether the disk accepted it."""
 
     def __init__(self, dataset: Any, out: SpillingFile) -> None:
         self.dataset, self.out = dataset, out
@@ -162,16 +162,16 @@ class _Asking:
 
 
 def write_zarr(record: TargetRecord, path: str | os.PathLike[str]) -> None:
-    """Write a dossier as one new folder of Zarr format 3, frame by frame; it appears whole or not at all.
+    """Write a target record as a new folder of Zarr format 3, frame by frame and atomically.
 
     Raises
     ------
     MissingExtraError
         When zarr is not installed.
     FileInputError
-        When there is such a folder, or it cannot be written.
+        When the folder exists, or cannot be written.
     RecordsError
-        When a frame is not what its press says.
+        When a frame does not match its press.
     """
     zarr = import_extra("zarr", feature="Zarr export", extra="exchange")
     codecs = import_extra("zarr.codecs", feature="Zarr export", extra="exchange")
@@ -182,7 +182,7 @@ def write_zarr(record: TargetRecord, path: str | os.PathLike[str]) -> None:
 class _ZarrTree:
     def __init__(self, root: Any, codecs: Any) -> None:
         self.root = root
-        # Gzip is in the specification, which Zstandard is not; a check sum finds what a disk has changed.
+        # Gzip, unlike Zstandard, is in the specification; a checksum detects damage.
         self.codecs = (codecs.GzipCodec(level=GZIP_LEVEL), codecs.Crc32cCodec())
 
     def group(self, path: str, attributes: Mapping[str, Attribute]) -> None:
@@ -197,5 +197,5 @@ class _ZarrTree:
             compressors=self.codecs,
             fill_value=0,
             attributes=dict(attributes),
-            config={"write_empty_chunks": True},  # a lost chunk would else read as black
+            config={"write_empty_chunks": True},  # else a lost chunk would read as black
         )

@@ -1,4 +1,4 @@
-"""What a file format must be able to hold for the layout to be written into it."""
+"""Layout of a target record in groups and arrays, for every array file format."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
 from tsis.errors import RecordsError
+from tsis.files import to_json_value
 from tsis.model import INTERVAL_LEVEL, unit_of
-from tsis.records._plain import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.records._estimate_json import estimate_to_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -32,24 +33,24 @@ GZIP_LEVEL = 4  # in every format
 
 
 class Tree(Protocol):
-    """Groups and arrays by their path, as ``"frames/target/0/grey"``; attributes are text and numbers."""
+    """Groups and arrays by path, e.g. ``"frames/target/0/grey"``; attributes are text and numbers."""
 
     def group(self, path: str, attributes: Mapping[str, Attribute]) -> None:
-        """A group; ``""`` is the root."""
+        """Create a group; ``""`` is the root."""
 
     def create(self, path: str, shape: Shape, dtype: str, chunks: Shape, attributes: Mapping[str, Attribute]) -> Any:
-        """A new array of at least one axis, whose parts are set by their index; each chunk is compressed by itself."""
+        """Create an array of at least one axis that is filled by index; each chunk is compressed separately."""
 
 
 def write_array(tree: Tree, path: str, values: NDArray[Any], attributes: Mapping[str, Attribute]) -> None:
-    """A small array, in one chunk."""
+    """Write a small array in one chunk."""
     tree.create(path, values.shape, str(values.dtype), values.shape, attributes)[...] = values
 
 
 def write_stack(
     tree: Tree, path: str, frames: Iterable[NDArray[Any]], shape: Shape, dtype: str, attributes: Mapping[str, Attribute]
 ) -> None:
-    """Frames of one size, taken one by one, a chunk each; ``shape`` is (n, rows, columns)."""
+    """Write frames of one size, a chunk each; ``shape`` is (n, rows, columns)."""
     stack = tree.create(path, shape, dtype, (1, *shape[1:]), attributes)
     for at, frame in enumerate(frames):
         stack[at] = frame
@@ -60,13 +61,7 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def write_layout(record: TargetRecord, tree: Tree) -> None:
-    """Write all of a dossier, frame by frame.
-
-    Raises
-    ------
-    RecordsError
-        When a frame is not what its press says.
-    """
+    """Write a target record frame by frame; `RecordsError` when a frame does not match its press."""
     head: dict[str, Attribute] = {
         "format": FORMAT,
         "version": VERSION,
@@ -74,27 +69,27 @@ def write_layout(record: TargetRecord, tree: Tree) -> None:
         "tsis": __version__,
     }
     tree.group("", head)
-    document = target_to_plain(record.target)
+    document = to_json_value(record.target)
     shown = ("number", "kind", "name", "note", "made", "id", "version")
     tree.group("target", {name: document[name] for name in shown})
     for name, value in record.target.truth.items():
         write_array(tree, f"target/truth/{_link(name)}", np.array([value]), {"units": unit_of(name), "quantity": name})
-    _document(tree, "presses", [press_to_plain(press) for press in record.presses])
+    _document(tree, "presses", [to_json_value(press) for press in record.presses])
     for position, numbered in _stacks(record).items():
         _write_stack(record, tree, position, numbered)
     for number, stored in enumerate(record.estimates):
-        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored in record.in_force)
+        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored in record.active_estimates)
     for name, calibration in record.calibrations.items():
         _bytes(tree, f"calibrations/{_link(name)}", calibration_bytes(calibration))
 
 
 def _stacks(record: TargetRecord) -> dict[str, list[tuple[int, StoredPress]]]:
-    """Numbered presses by where their frames go: one stack a role, size and number of bits."""
-    document: dict[str, dict[tuple[int, int, bool], list[tuple[int, StoredPress]]]] = {}
+    """Numbered presses by the path of their frames: a stack for each role, size and number of bits."""
+    stacks: dict[str, dict[tuple[int, int, bool], list[tuple[int, StoredPress]]]] = {}
     for number, press in enumerate(record.presses):
         kind = (press.rows, press.columns, press.full_scale > 255)
-        document.setdefault(press.role, {}).setdefault(kind, []).append((number, press))
-    return {f"frames/{role}/{at}": kind for role, kinds in document.items() for at, kind in enumerate(kinds.values())}
+        stacks.setdefault(press.role, {}).setdefault(kind, []).append((number, press))
+    return {f"frames/{role}/{at}": kind for role, kinds in stacks.items() for at, kind in enumerate(kinds.values())}
 
 
 def _write_stack(record: TargetRecord, tree: Tree, location: str, numbered: list[tuple[int, StoredPress]]) -> None:
@@ -149,7 +144,7 @@ def _write_estimate(tree: Tree, location: str, stored: StoredEstimate, *, in_for
     tree.group(location, head)
     summary = _summary(result) if result.trusted else {}
     for name, values in result.samples.items():
-        message: dict[str, Attribute] = {
+        attributes: dict[str, Attribute] = {
             "quantity": name,
             "units": unit_of(name),
             "axes": "sample",
@@ -157,14 +152,14 @@ def _write_estimate(tree: Tree, location: str, stored: StoredEstimate, *, in_for
             "identified": result.identified(name),
             **summary.get(name, {}),
         }
-        write_array(tree, f"{location}/samples/{_link(name)}", values, message)
-    _document(tree, f"{location}/document", estimate_to_plain(stored))
+        write_array(tree, f"{location}/samples/{_link(name)}", values, attributes)
+    _document(tree, f"{location}/document", estimate_to_json(stored))
 
 
 def _summary(estimate: Estimate) -> dict[str, dict[str, Attribute]]:
-    """Numbers that readers take for the result, by parameter."""
+    """Summary statistics by parameter."""
     mean, sd, interval = estimate.mean, estimate.sd, estimate.interval(INTERVAL_LEVEL)
-    message: dict[str, dict[str, Attribute]] = {
+    summary: dict[str, dict[str, Attribute]] = {
         name: {
             "mean": mean[name],
             "sd": sd[name],
@@ -175,14 +170,14 @@ def _summary(estimate: Estimate) -> dict[str, dict[str, Attribute]]:
         for name in estimate.samples
     }
     for name, bound in estimate.cramer_rao_sd.items():
-        message[name]["cramer_rao_sd"] = "infinity" if bound == math.inf else float(bound)
-    return message
+        summary[name]["cramer_rao_sd"] = "infinity" if bound == math.inf else float(bound)
+    return summary
 
 
 def _link(name: str) -> str:
-    """A name that any format takes for one; the attribute ``quantity`` holds the name itself."""
-    document = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:100]
-    return document if document == name else f"{document}-{name.encode('utf-8', 'surrogatepass').hex()[:64]}"
+    """A name that is valid in any format; the attribute ``quantity`` has the original."""
+    link = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:100]
+    return link if link == name else f"{link}-{name.encode('utf-8', 'surrogatepass').hex()[:64]}"
 
 
 def _document(tree: Tree, path: str, content: Any) -> None:

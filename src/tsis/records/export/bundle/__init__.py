@@ -1,4 +1,4 @@
-"""The exchange bundle: a target as a folder or zip file that another store takes in, every byte of it hashed."""
+"""The exchange bundle: a target record as a folder or zip file for another store, with hashes of all files."""
 
 from tsis.records.export.bundle._layout import DOCUMENTS
 from tsis.records.export.bundle._reading import read_bundle

@@ -1,4 +1,4 @@
-"""What a bundle may hold: names, sizes, and how many of each."""
+"""Names, sizes and JSON form of the files of a bundle."""
 
 from __future__ import annotations
 
@@ -23,12 +23,11 @@ FOLDERS = (FRAMES, CALIBRATIONS, SAMPLES)
 MIB = 2**20
 MOST_FILES = 20_000
 MOST_BYTES = 16 * 1024 * MIB
-MOST_SAMPLE_BYTES = 32 * MIB  # of all estimates together: they are held at once
+MOST_SAMPLE_BYTES = 32 * MIB  # of all estimates together, which are in memory at once
 # Longest file of each kind, by the pattern of its name.
 LARGEST = {
     re.compile(r"(manifest|target|presses|estimates)\.json"): 16 * MIB,
-    re.compile(r"frames/[0-9a-f]{64}\.png"): 256
-    * MIB,  # 65 million pixels of 16 bits that cannot be packed, and their rows
+    re.compile(r"frames/[0-9a-f]{64}\.png"): 256 * MIB,  # 65 million incompressible pixels of 16 bits
     re.compile(r"calibrations/[0-9a-f]{64}\.json"): 128 * MIB,
     re.compile(r"samples/[0-9]{5}\.samples"): MOST_SAMPLE_BYTES,
 }
@@ -50,7 +49,7 @@ def samples_name(number: int) -> str:
 
 
 def largest(name: str) -> int:
-    """Most bytes that a file of that name may hold; 0 for one that a bundle may not hold at all.
+    """Largest size of a file of this name in bytes; 0 for a name that a bundle does not allow.
 
     Examples
     --------
@@ -61,13 +60,7 @@ def largest(name: str) -> int:
 
 
 def require_bounded(sizes: Mapping[str, int]) -> None:
-    """Refuse names that a bundle may not hold, and sizes that nobody needs, before anything is read.
-
-    Raises
-    ------
-    FileInputError
-        Naming the file.
-    """
+    """Raise `FileInputError` for invalid names and sizes before anything is read."""
     if len(sizes) > MOST_FILES:
         raise FileInputError(f"a bundle must hold at most {MOST_FILES} files; got more")
     for name, size in sizes.items():
@@ -88,24 +81,23 @@ SEALED = "sha256"
 
 
 def document_bytes(content: Any) -> bytes:
-    """The one spelling of plain values in a bundle."""
+    """The JSON form of values in a bundle."""
     return json_bytes(content, indent=1)
 
 
 def sealed_bytes(content: dict[str, Any]) -> bytes:
-    """The same, with the SHA-256 of everything else in it."""
+    """The JSON form with the SHA-256 of the other content."""
     seal = hashlib.sha256(document_bytes(content)).hexdigest()
     return document_bytes(content | {SEALED: seal})
 
 
 def parse(content: bytes, name: str) -> Any:
-    """The plain values of a file; ``name`` is its own.
+    """The JSON values of the file ``name``.
 
     Raises
     ------
     FileInputError
-        When it is no JSON, holds a name twice or a number that JSON has not, is nested without end or has too many
-        values.
+        When it is no JSON, has a duplicate name or an invalid number, is nested too deeply or has too many values.
     """
     values = sum(content.count(sign) for sign in (b",", b"[", b"{"))
     if values > MOST_VALUES:
@@ -117,13 +109,7 @@ def parse(content: bytes, name: str) -> Any:
 
 
 def parse_sealed(content: bytes, name: str) -> dict[str, Any]:
-    """The plain values of a file that `sealed_bytes` wrote, every byte of it as it was.
-
-    Raises
-    ------
-    FileInputError
-        As `parse`, and when a byte was changed.
-    """
+    """The JSON values of a file that `sealed_bytes` wrote; errors as `parse`, and when any byte was changed."""
     result = parse(content, name)
     if not isinstance(result, dict):
         raise FileInputError(f"{name} must hold a JSON object; got a {type(result).__name__}")

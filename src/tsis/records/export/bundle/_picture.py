@@ -1,4 +1,4 @@
-"""Frames of a bundle: grey PNG files whose header is believed before a pixel is unpacked."""
+"""Frames of a bundle: grey PNG files that are checked before they are decoded."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def read_picture(content: bytes, name: str, rows: int, columns: int) -> NDArray[
     name
         Its name, for errors.
     rows, columns
-        What it must be.
+        Expected size.
 
     Raises
     ------
     FileInputError
-        When it is no whole grey PNG file of 8 or 16 bits, of another size, too large, or holds anything but a picture.
+        When it is no whole grey PNG file of 8 or 16 bits, has another size, is too large, or has other content.
     """
     if rows * columns > LARGEST_PIXELS:
         raise FileInputError(f"{name} must hold at most {LARGEST_PIXELS} pixels; its press says {rows} x {columns}")
@@ -68,9 +68,9 @@ def _require_header(content: bytes, name: str, rows: int, columns: int) -> type:
 
 
 def _data_fault(content: bytes, size: int) -> str | None:
-    """Why the chunks of a whole file are not those of a picture whose rows take ``size`` bytes; None when they are.
+    """The fault in the chunks of an image of ``size`` bytes, or None.
 
-    Compressed text and profiles unpack to any size, and a picture needs none of them; its own data may do so too.
+    Compressed texts and profiles, which can unpack to any size, are refused.
     """
     unpacker, unpacked, position = zlib.decompressobj(), 0, len(SIGNATURE)
     while position < len(content):
@@ -93,9 +93,9 @@ def _data_fault(content: bytes, size: int) -> str | None:
 
 
 def _unpacked_bytes(unpacker: Any, data: bytes, most: int) -> int:
-    """How many bytes ``data`` unpack to, in pieces, so that they are never held; it stops soon after ``most``."""
+    """Unpacked size of ``data``, counted in pieces; the count stops soon after ``most``."""
     unpacked, piece = 0, PIECE
-    while unpacked < most and (data or piece == PIECE):  # a full piece: more may come without more data
+    while unpacked < most and (data or piece == PIECE):  # after a full piece more may follow without more data
         piece = len(unpacker.decompress(data, PIECE))
         data = unpacker.unconsumed_tail
         unpacked += piece

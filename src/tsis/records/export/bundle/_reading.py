@@ -1,4 +1,4 @@
-"""Whether the parts of a bundle belong together."""
+"""Reading a bundle: each file is checked by its hash, and the parts must belong together."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.file import calibration_sha256, parse_calibration
 from tsis.errors import CalibrationError, FileInputError, InputError
-from tsis.files import SHA256
-from tsis.records._plain import estimate_of_plain, press_of_plain, target_of_plain
+from tsis.files import SHA256, from_json_value
+from tsis.records._estimate_json import estimate_from_json
 from tsis.records._target_record import TargetRecord
+from tsis.records._values import StoredPress, Target
 from tsis.records.export.bundle._layout import (
     CALIBRATIONS,
     DOCUMENTS,
@@ -40,18 +41,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.records._values import StoredEstimate, StoredPress, Target
+    from tsis.records._values import StoredEstimate
     from tsis.records.export.bundle._sources import BundleSource
 
 
 def require_presses(target: Target, presses: Sequence[StoredPress]) -> None:
-    """Refuse presses of another target, or that disagree about a frame that they share.
-
-    Raises
-    ------
-    InputError
-        Saying which press, and why.
-    """
+    """Raise `InputError` for a press of another target, or presses that disagree about the size of their frame."""
     _require_different([press.id for press in presses], "press")
     sizes: dict[str, tuple[int, int]] = {}
     for number, press in enumerate(presses, start=1):
@@ -62,13 +57,7 @@ def require_presses(target: Target, presses: Sequence[StoredPress]) -> None:
 
 
 def require_estimates(target: Target, presses: Sequence[StoredPress], estimates: Sequence[StoredEstimate]) -> None:
-    """Refuse estimates of another target, or from presses that are not there.
-
-    Raises
-    ------
-    InputError
-        Saying which estimate, and why.
-    """
+    """Raise `InputError` for an estimate of another target, or one from presses that are missing."""
     _require_different([stored.id for stored in estimates], "estimate")
     given = {press.id for press in presses}
     for number, stored in enumerate(estimates, start=1):
@@ -80,13 +69,7 @@ def require_estimates(target: Target, presses: Sequence[StoredPress], estimates:
 def require_calibrations(
     presses: Sequence[StoredPress], estimates: Sequence[StoredEstimate], calibrations: Container[str]
 ) -> None:
-    """Refuse a bundle that lacks a calibration which it cites.
-
-    Raises
-    ------
-    InputError
-        Saying which.
-    """
+    """Raise `InputError` for a calibration that is cited but missing."""
     cited = [press.calibration for press in presses] + [stored.calibration for stored in estimates]
     for item in cited:
         if item and item not in calibrations:
@@ -94,7 +77,7 @@ def require_calibrations(
 
 
 def _require_different(identities: list[str], what: str) -> None:
-    stored = [identity for identity in identities if identity]  # what was never stored has none
+    stored = [identity for identity in identities if identity]  # a value outside a store has none
     if len(set(stored)) != len(stored):
         raise InputError(f"every {what} must have an identity of its own; got one twice")
 
@@ -105,24 +88,24 @@ def _require_own(target: Target, cited: str, where: str) -> None:
 
 
 def read_bundle(path: str | os.PathLike[str]) -> TargetRecord:
-    """Read a folder or zip file that `write_bundle` wrote, wherever it comes from.
+    """Read a folder or zip file that `write_bundle` wrote, on this machine or another.
 
-    Every file is checked, each frame unpacked once; frames are read again, and checked again, when they are asked for.
+    Every file is checked and each frame decoded once. A frame is read and checked again when it is used.
 
     Raises
     ------
     FileInputError
-        When a file is missing, unknown, too large, changed by a single byte, or holds what no dossier holds; the
-        message names the file.
+        When a file is missing, unknown, too large, changed by a single byte, or has invalid content; the message names
+        the file.
     """
     return read_source(bundle_source(path))
 
 
 def read_source(bundle_source: BundleSource) -> TargetRecord:
-    """The same from wherever the files are listed and read: see `read_bundle`."""
+    """Read a bundle from any source of files: see `read_bundle`."""
     bundle = _Bundle(bundle_source)
     with _naming(TARGET):
-        target = target_of_plain(bundle.document(TARGET))
+        target = from_json_value(Target, bundle.document(TARGET), "target", complete=True)
     presses = _presses(bundle)
     estimates = _estimates(bundle)
     with _naming(PRESSES):
@@ -144,7 +127,7 @@ def read_source(bundle_source: BundleSource) -> TargetRecord:
 
 
 class _Bundle:
-    """A place, and what its manifest says of each file."""
+    """A source of files with the entries of its manifest."""
 
     def __init__(self, bundle_source: BundleSource) -> None:
         self.path = bundle_source
@@ -162,7 +145,7 @@ class _Bundle:
                 raise FileInputError(f"{name} must hold {size} bytes, as the manifest says; got {sizes[name]}")
 
     def content(self, name: str) -> bytes:
-        """Content of a file, found as the manifest says."""
+        """Content of a file, checked against the manifest."""
         sha256, size = self.files[name]
         content = self.path.read(name, size)
         if len(content) != size or hashlib.sha256(content).hexdigest() != sha256:
@@ -170,18 +153,18 @@ class _Bundle:
         return content
 
     def document(self, name: str) -> Any:
-        """Plain values of a file."""
+        """JSON values of a file."""
         return parse(self.content(name), name)
 
     def items(self, name: str) -> list[Any]:
-        """The list of plain values that a file holds."""
+        """The JSON list in a file."""
         result = self.document(name)
         if not isinstance(result, list):
             raise FileInputError(f"{name} must hold a JSON list; got a {type(result).__name__}")
         return result
 
     def require_names(self, folder: str, requested: set[str]) -> None:
-        """Refuse files in a folder that nothing cites, and cited ones that are missing."""
+        """Refuse files that nothing cites and cited files that are missing."""
         for name in sorted(requested ^ {name for name in self.files if name.startswith(f"{folder}/")}):
             what = "it is missing" if name in requested else "nothing cites it"
             raise FileInputError(f"{name} must be in the bundle and cited by it; {what}")
@@ -208,7 +191,9 @@ def _entries(manifest: dict[str, Any]) -> dict[str, tuple[str, int]]:
 def _presses(bundle: _Bundle) -> tuple[StoredPress, ...]:
     document = bundle.items(PRESSES)
     with _naming(PRESSES):
-        return tuple(press_of_plain(item, f"press {at + 1}") for at, item in enumerate(document))
+        return tuple(
+            from_json_value(StoredPress, item, f"press {at + 1}", complete=True) for at, item in enumerate(document)
+        )
 
 
 def _estimates(bundle: _Bundle) -> tuple[StoredEstimate, ...]:
@@ -218,7 +203,7 @@ def _estimates(bundle: _Bundle) -> tuple[StoredEstimate, ...]:
     for at, item in enumerate(document):
         samples = samples_of(bundle.content(samples_name(at)), samples_name(at))
         with _naming(ESTIMATES):
-            results.append(estimate_of_plain(item, samples, f"estimate {at + 1}"))
+            results.append(estimate_from_json(item, samples, f"estimate {at + 1}"))
     return tuple(results)
 
 
@@ -236,7 +221,7 @@ def _calibrations(bundle: _Bundle) -> dict[str, ProbeCalibration]:
 
 @contextmanager
 def _naming(name: str) -> Iterator[None]:
-    """Say in which file a value was that its own class refuses."""
+    """Add the name of the file to an error that a value of it raises."""
     try:
         yield
     except FileInputError as error:

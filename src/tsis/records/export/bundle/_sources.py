@@ -1,4 +1,4 @@
-"""Where a bundle lies: a folder or a zip file, listed and read within bounds."""
+"""Sources of a bundle: a folder or a zip file, listed and read within bounds."""
 
 from __future__ import annotations
 
@@ -17,29 +17,23 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-MOST_UNPACKED, FREE_BYTES = 100, 16 * MIB  # a zip file may unpack to so many times its size, and a little more
+MOST_UNPACKED, FREE_BYTES = 100, 16 * MIB  # limit of the unpacked size: ratio to the zip file, and allowance
 END, END_64 = b"PK\x05\x06", b"PK\x06\x07"
-DIRECTORY_BYTES = 256  # of an entry in the directory of a zip file: far more than the names here take
+DIRECTORY_BYTES = 256  # of an entry in the directory of a zip file, far above the need of valid names
 
 
 class BundleSource(Protocol):
     """A bundle's files by their names."""
 
     def sizes(self) -> dict[str, int]:
-        """Size of every file in bytes, as it is declared."""
+        """Declared size of every file in bytes."""
 
     def read(self, name: str, most: int) -> bytes:
-        """Content of a file, refused when it is more than ``most`` bytes."""
+        """Content of a file of at most ``most`` bytes."""
 
 
 def bundle_source(path: str | os.PathLike[str]) -> BundleSource:
-    """The folder or zip file of that name.
-
-    Raises
-    ------
-    FileInputError
-        When there is neither.
-    """
+    """The folder or zip file of this name, or `FileInputError`."""
     position = as_path(path)
     if position.is_dir():
         return FolderSource(position)
@@ -47,36 +41,36 @@ def bundle_source(path: str | os.PathLike[str]) -> BundleSource:
 
 
 class FolderSource:
-    """A folder: plain files in it and in the folders that a bundle has, no links."""
+    """A folder: regular files in it and in the folders of a bundle, no links."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def sizes(self) -> dict[str, int]:
         """Size of every file in bytes."""
-        document: dict[str, int] = {}
+        sizes: dict[str, int] = {}
         with _refusing(printable_path(self.folder)):
-            self._list(self.folder, "", document)
-        return document
+            self._list(self.folder, "", sizes)
+        return sizes
 
-    def _list(self, folder: Path, before: str, document: dict[str, int]) -> None:
+    def _list(self, folder: Path, before: str, sizes: dict[str, int]) -> None:
         with os.scandir(folder) as entries:
             for entry in entries:
                 name = f"{before}{entry.name}"
                 status = entry.stat(follow_symlinks=False)
                 if stat.S_ISDIR(status.st_mode) and name in FOLDERS:
-                    self._list(folder / entry.name, f"{name}/", document)
+                    self._list(folder / entry.name, f"{name}/", sizes)
                 elif stat.S_ISREG(status.st_mode):
-                    document[name] = status.st_size
+                    sizes[name] = status.st_size
                 else:
                     raise FileInputError(f"{name!r:.120} must be a file of a bundle; got a link, folder or device")
-                if len(document) > MOST_FILES:
+                if len(sizes) > MOST_FILES:
                     raise FileInputError(
                         f"{printable_path(self.folder)} must hold at most {MOST_FILES} files; got more"
                     )
 
     def read(self, name: str, most: int) -> bytes:
-        """Content of a file; a link that took its place meanwhile is not followed."""
+        """Content of a file; links are not followed."""
         flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         with _refusing(name), os.fdopen(os.open(self.folder / name, flags), "rb") as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -85,13 +79,13 @@ class FolderSource:
 
 
 class ZipSource:
-    """A zip file: every size is checked as declared, and again while it is unpacked."""
+    """A zip file: declared sizes are checked first, and again during unpacking."""
 
     def __init__(self, path: Path, size: int) -> None:
         self.path, self.size = path, size
 
     def sizes(self) -> dict[str, int]:
-        """Size of every file in bytes, as the directory of the zip file declares it."""
+        """Size of every file in bytes, from the directory of the zip file."""
         with _refusing(printable_path(self.path)):
             self._require_short_directory()
             with zipfile.ZipFile(self.path) as file:
@@ -109,7 +103,7 @@ class ZipSource:
         return results
 
     def _require_short_directory(self) -> None:
-        """Reading the directory takes memory before anything can be checked: its own length is checked first."""
+        """Check the length of the directory, which takes memory before its entries can be checked."""
         with self.path.open("rb") as file:
             file.seek(max(0, self.size - 42))
             tail = file.read(42)
@@ -123,7 +117,7 @@ class ZipSource:
             )
 
     def read(self, name: str, most: int) -> bytes:
-        """Content of a file; unpacking stops one byte after ``most``."""
+        """Content of a file; unpacking stops after ``most`` bytes."""
         with _refusing(name), zipfile.ZipFile(self.path) as file, file.open(name) as entry:
             return _bounded(entry.read(most + 1), name, most)
 
@@ -140,6 +134,6 @@ def _refusing(what: str) -> Iterator[None]:
         yield
     except FileInputError:
         raise
-    except Exception as error:  # hostile bytes make unpackers raise nearly anything
+    except Exception as error:  # on hostile bytes the parsers raise nearly anything
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise FileInputError(f"{what} must be readable; got: {reason:.200}") from error

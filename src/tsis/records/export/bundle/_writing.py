@@ -1,4 +1,4 @@
-"""A dossier as a bundle, whole or not at all, and read once before it gets its name."""
+"""Writing a target record as a bundle: whole or not at all, and read once before it gets its name."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
 from tsis.errors import InputError, RecordsError
-from tsis.files import SHA256, as_path, printable_path
-from tsis.records._plain import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.files import SHA256, as_path, printable_path, to_json_value
+from tsis.records._estimate_json import estimate_to_json
 from tsis.records.export._whole import export_file, export_folder, frame_png
 from tsis.records.export.bundle._layout import (
     ESTIMATES,
@@ -42,19 +42,19 @@ EARLIEST = (1980, 1, 1, 0, 0, 0)  # the time of every file in a zip file, so tha
 
 
 def write_bundle(record: TargetRecord, path: str | os.PathLike[str]) -> str:
-    """Write all of a dossier as a new folder, or as a new zip file where the name ends in ``.zip``.
+    """Write a target record as a new folder, or as a new zip file where the name ends in ``.zip``.
 
     Returns
     -------
     str
-        SHA-256 of the manifest, which holds the hash of every other file: it names the whole bundle.
+        SHA-256 of the manifest. The manifest has the hash of every other file, so this hash identifies the bundle.
 
     Raises
     ------
     FileInputError
-        When there is something of that name, or it cannot be written.
+        When the name is taken, or the bundle cannot be written.
     RecordsError
-        When the dossier lacks what it cites, or could not be read back.
+        When the record lacks something that it cites, or the bundle cannot be read back.
     """
     requested = as_path(path)
     if requested.suffix.lower() != ".zip":
@@ -96,9 +96,9 @@ def _write(record: TargetRecord, put: Put) -> str:
 
 def _files(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
     """Every file but the manifest, one at a time."""
-    yield TARGET, document_bytes(target_to_plain(record.target))
-    yield PRESSES, document_bytes([press_to_plain(press) for press in record.presses])
-    yield ESTIMATES, document_bytes([estimate_to_plain(stored) for stored in record.estimates])
+    yield TARGET, document_bytes(to_json_value(record.target))
+    yield PRESSES, document_bytes([to_json_value(press) for press in record.presses])
+    yield ESTIMATES, document_bytes([estimate_to_json(stored) for stored in record.estimates])
     for number, stored in enumerate(record.estimates):
         yield samples_name(number), samples_bytes(stored.estimate)
     for cited, calibration in record.calibrations.items():
@@ -110,7 +110,6 @@ def _files(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
 
 
 def _require_readable(draft: Path) -> None:
-    """What is handed to others is tried first."""
     try:
         read_bundle(draft)
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Which frames of a batch are stored already, and in which target."""
+"""Matching of the frames of a batch with stored presses and their target."""
 
 from __future__ import annotations
 
@@ -13,32 +13,31 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from tsis.records._values import StoredPress, Target
-    from tsis.records.importing._found import IncomingPress
+    from tsis.records.importing._batch import IncomingPress
     from tsis.records.store import Store
 
 
-def numbered(store: Store, number: int) -> Target | None:
-    """The target that people call by this number; None where there is none yet."""
+def target_by_number(store: Store, number: int) -> Target | None:
+    """The target of this number, or None."""
     return _target(store, target_table.c.number == number)
 
 
 def stored_frames(store: Store, frames: Sequence[IncomingPress]) -> tuple[StoredPress, ...]:
-    """Presses of any target that may be one of these: by their frame, or by the file that it came from.
+    """Presses of any target with the same frame or the same source file.
 
-    Another release of the library that packs frames gives the same levels another name; the file's own hash, where a
-    press tells it, is still the same then.
+    Another release of the PNG library may give the same levels another hash; the hash of the source file is the same.
     """
     result = store.presses_of_frames([frame.frame for frame in frames])
-    given = {press.frame for press in result}
-    missing = {frame.sha256: frame.name for frame in frames if frame.frame not in given}
-    further = _named(store, sorted(set(missing.values())))
+    present = {press.frame for press in result}
+    missing = {frame.sha256: frame.name for frame in frames if frame.frame not in present}
+    further = _presses_by_name(store, sorted(set(missing.values())))
     return (*result, *(press for press in further if press.settings.get("sha256") in missing))
 
 
-def matched(frames: Sequence[IncomingPress], presses: Iterable[StoredPress]) -> list[StoredPress | None]:
-    """The press of each frame, no press for two of them; None where there is none.
+def match_presses(frames: Sequence[IncomingPress], presses: Iterable[StoredPress]) -> list[StoredPress | None]:
+    """The press of each frame, each press at most once, or None.
 
-    It is one of the same levels or the same file that has the same name, else was taken at the same time.
+    A press matches by levels or source file, and by name, else by time.
     """
     where: dict[tuple[object, object], deque[StoredPress]] = {}
     for press in presses:
@@ -57,29 +56,22 @@ def matched(frames: Sequence[IncomingPress], presses: Iterable[StoredPress]) -> 
 
 
 def target_with(store: Store, frames: Sequence[IncomingPress], presses: Sequence[StoredPress]) -> Target | None:
-    """The target that these frames belong to; None where they make a new one.
+    """The target of these frames, or None for a new one; ``presses`` is the result of `stored_frames`.
 
-    It is the one that holds all presses on the target among them. Frames of the untouched probe or of plain tissue may
-    serve several targets and tell nothing; where there is no other, all must be there. So is one whose every press is
-    among these frames, for then an import was cut short.
-
-    Parameters
-    ----------
-    store, frames
-        Where, and what is to be entered.
-    presses
-        As of `stored_frames`.
+    It is the target that has all their presses on a target, or whose presses are all among them, after an interrupted
+    import. Frames of the untouched probe and reference presses may serve several targets, so they count only where
+    there are no others.
     """
-    reporting = [frame for frame in frames if frame.role == "target"] or list(frames)
+    decisive = [frame for frame in frames if frame.role == "target"] or list(frames)
     result: list[tuple[int, Target]] = []
     for identity in dict.fromkeys(press.target for press in presses):
         own = [press for press in presses if press.target == identity]
-        reported = sum(press is not None for press in matched(reporting, own))
-        if reported == 0:
+        matches = sum(press is not None for press in match_presses(decisive, own))
+        if matches == 0:
             continue
         target = _target(store, target_table.c.id == identity)
-        stored = sum(press is not None for press in matched(frames, own))
-        if target is not None and (reported == len(reporting) or stored == store.press_count(target)):
+        stored = sum(press is not None for press in match_presses(frames, own))
+        if target is not None and (matches == len(decisive) or stored == store.press_count(target)):
             result.append((stored, target))
     return max(result, key=lambda item: (item[0], -item[1].number))[1] if result else None
 
@@ -90,7 +82,7 @@ def _unused(candidates: deque[StoredPress] | None, used: set[str]) -> StoredPres
     return candidates[0] if candidates else None
 
 
-def _named(store: Store, names: Sequence[str]) -> list[StoredPress]:
+def _presses_by_name(store: Store, names: Sequence[str]) -> list[StoredPress]:
     presses: list[StoredPress] = []
     with store.database.reading() as connection:
         for at in range(0, len(names), MOST_AT_ONCE):

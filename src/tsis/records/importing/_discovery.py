@@ -1,4 +1,4 @@
-"""Image files from any camera, with what a person says of them."""
+"""Discovery of the batches in files and folders: bundles, results, recordings, snapshots, image files."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from tsis.instrument.recording import RECORDING_INDEX, RECORDING_SUMMARY
 from tsis.model import require_one_of
 from tsis.records._values import ROLES
 from tsis.records.export.bundle import DOCUMENTS, read_bundle
-from tsis.records.importing._found import (
+from tsis.records.importing._batch import (
     MOST_FRAMES,
     ImportBatch,
     ImportOptions,
     IncomingPress,
-    inspect_folder,
-    written,
+    inspect_file,
+    modification_time,
 )
 from tsis.records.importing._recording import recording
 from tsis.records.importing._results import RESULT, result_folder
@@ -34,9 +34,9 @@ def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[
     Raises
     ------
     FileInputError
-        When one is no grey image file.
+        When a file is no grey image.
     InputError
-        When forces are neither one for all nor one for each.
+        When the number of forces is neither one nor that of the files.
     """
     if len(given.force_n) not in (0, 1, len(paths)):
         raise InputError(f"--force-n must be given once, or once for each of {len(paths)}; got {len(given.force_n)}")
@@ -48,9 +48,9 @@ def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[
     for path, force in zip(paths, forces, strict=True):
         presses.append(
             IncomingPress(
-                **inspect_folder(path),
+                **inspect_file(path),
                 role=given.role,
-                taken=given.taken or written(path),
+                taken=given.taken or modification_time(path),
                 name=printable_name(path)[:200],
                 force_n=force,
                 mm_per_pixel=given.mm_per_pixel if scale is None else scale.mm_per_pixel,
@@ -65,23 +65,23 @@ def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[
 def find_import_batches(
     paths: Sequence[Path], given: ImportOptions, *, progress: Callable[[int], None] | None = None
 ) -> tuple[ImportBatch, ...]:
-    """Look through all that paths name.
+    """Check all files that paths name.
 
     Parameters
     ----------
     paths
         Folders that tsis wrote, sidecars of snapshots, image files.
     given
-        What a person says of them.
+        Metadata from the user.
     progress
-        Told how many frames were read.
+        Called with the number of frames.
 
     Raises
     ------
     FileInputError
-        When a path is nothing that can be imported, or a file is not what its hash says.
+        When a path cannot be imported, or a file does not match its hash.
     InputError
-        When what was given does not belong to what was found.
+        When the metadata do not fit the files.
     """
     done = 0
 

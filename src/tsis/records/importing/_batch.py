@@ -1,4 +1,4 @@
-"""What an import found: frames that were looked through, and what is known of them."""
+"""Checked frames with their metadata, ready for an import."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sqlalchemy import select
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import FileInputError, InputError
-from tsis.files import free_to_plain, printable_path
+from tsis.files import free_to_json, printable_path
 from tsis.instrument import read_image
 from tsis.records._values import StoredPress
 from tsis.records.store import calibration_table, frame_bytes
@@ -32,30 +32,30 @@ LONGEST_FILE_NAME = 255  # bytes, as file systems take them
 
 
 def no_calibration(_cited: str) -> ProbeCalibration | None:
-    """Knows none."""
+    """A lookup without any calibration."""
     return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImportOptions:
-    """What a person says of the frames, where their files do not say it themselves.
+    """Metadata from the user, for frames whose files lack it.
 
     Parameters
     ----------
     role
-        As of `StoredPress`.
+        As in `StoredPress`.
     force_n
-        One for all image files, or one for each.
+        A force for all image files, or one for each.
     mm_per_pixel
         Size (x, y) of a pixel on the face in mm.
     probe
         Name of the probe.
     calibration
-        The calibration in force.
+        The active calibration.
     taken
-        When image files were taken; by default when each was written.
+        Time of image files; by default their modification time.
     calibration_of
-        Looks a calibration up by the SHA-256 that a file cites.
+        Finds a calibration by the SHA-256 that a file cites.
     """
 
     role: str = "target"
@@ -69,20 +69,20 @@ class ImportOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IncomingPress:
-    """A frame that waits to be stored: its file was read and found whole.
+    """A frame from a checked file, ready to be stored.
 
     Parameters
     ----------
     path
-        Of its file.
+        The file.
     sha256
-        Of the file as it was looked through.
+        Hash of the checked file.
     frame
-        SHA-256 under which a store keeps it.
+        Hash of the frame in a store.
     full_scale
         Grey level at which the camera clips; None for that of the file.
     role, taken, name, force_n, mm_per_pixel, probe, calibration, flags, settings
-        As of `StoredPress`.
+        As in `StoredPress`.
     """
 
     path: Path
@@ -101,8 +101,8 @@ class IncomingPress:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
-        free_to_plain(self.settings, "settings")
-        StoredPress(  # which refuses, before anything is stored, what no press may be
+        free_to_json(self.settings, "settings")
+        StoredPress(  # checks the values before anything is stored
             frame=self.frame,
             rows=1,
             columns=1,
@@ -115,7 +115,7 @@ class IncomingPress:
         )
 
     def image(self) -> TactileImage:
-        """The frame, read again; `FileInputError` when its file was changed since it was looked through."""
+        """The frame, read again; `FileInputError` when its file has changed since the check."""
         image = read_frame(self.path, full_scale=self.full_scale)
         if image.settings["sha256"] != self.sha256:
             raise FileInputError(
@@ -132,15 +132,7 @@ class IncomingPress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestedEstimate:
-    """The estimate that came with frames, to be made again from them.
-
-    Parameters
-    ----------
-    kind, probe, options
-        As of `StoredEstimate`.
-    calibration
-        With which it is made.
-    """
+    """An estimate that came with frames, to be computed again from them; fields as in `StoredEstimate`."""
 
     kind: str
     probe: str
@@ -150,28 +142,28 @@ class RequestedEstimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImportBatch:
-    """Frames of one target that came together.
+    """Frames of one target from one source.
 
     Parameters
     ----------
     source
-        Where they were found.
+        The file or folder.
     kind
-        What that is, in words.
+        Description of the source.
     presses
-        The frames in the order in which the estimate takes them.
+        The frames in the order of the estimate.
     number
-        Which target the files name; None where they name none.
+        Target number in the files, or None.
     name, truth
-        As of `Target`, for a new one.
+        As in `Target`, for a new one.
     simulated
-        Whether it is a virtual phantom that was pressed, of which a store of subjects holds none.
+        Whether the phantom is virtual; a store of subjects refuses it.
     estimate
-        What to estimate from them; None for nothing.
+        The estimate to compute, or None.
     record
-        Of a bundle all that is in it, in place of presses.
+        Content of a bundle, in place of presses.
     notes
-        One sentence for each thing to know.
+        Messages for the user.
     """
 
     source: Path
@@ -187,13 +179,7 @@ class ImportBatch:
 
 
 def read_frame(path: Path, *, full_scale: float | None = None) -> TactileImage:
-    """A frame as a store can keep it: grey, of whole levels.
-
-    Raises
-    ------
-    FileInputError
-        When it is no readable image file, or one in colour.
-    """
+    """A grey frame of whole levels; `FileInputError` when it is unreadable, or in colour."""
     image = read_image(path)
     if full_scale is not None:
         image = replace(image, full_scale=full_scale)
@@ -212,8 +198,8 @@ def read_frame(path: Path, *, full_scale: float | None = None) -> TactileImage:
     return image
 
 
-def inspect_folder(path: Path, *, full_scale: float | None = None) -> dict[str, Any]:
-    """What `IncomingPress` says of the file itself, after it was read and found whole; errors as `read_frame`."""
+def inspect_file(path: Path, *, full_scale: float | None = None) -> dict[str, Any]:
+    """The fields of `IncomingPress` for a checked file; errors as `read_frame`."""
     image = read_frame(path, full_scale=full_scale)
     return {
         "path": path,
@@ -224,13 +210,7 @@ def inspect_folder(path: Path, *, full_scale: float | None = None) -> dict[str, 
 
 
 def own_file(folder: Path, name: str) -> Path:
-    """The file of that name in a folder; names that lead elsewhere, and links, are refused.
-
-    Raises
-    ------
-    FileInputError
-        When the name is none of a file of the folder itself.
-    """
+    """The file of this name in a folder; `FileInputError` for names that lead elsewhere, and for links."""
     path = folder / name
     if not _is_safe_name(name) or name in ("", ".", ".."):
         raise FileInputError(f"{printable_path(folder)} must name files of its own; it names {name!r:.80}")
@@ -243,8 +223,7 @@ def _is_safe_name(name: str) -> bool:
     return name.isprintable() and len(name.encode()) <= LONGEST_FILE_NAME and not any(mark in name for mark in "/\\")
 
 
-def written(path: Path) -> datetime:
-    """When a file was written last."""
+def modification_time(path: Path) -> datetime:
     try:
         return datetime.fromtimestamp(path.stat().st_mtime, UTC)
     except (OSError, ValueError, OverflowError) as error:
@@ -252,7 +231,7 @@ def written(path: Path) -> datetime:
 
 
 def stored_calibration(store: Store, cited: str) -> ProbeCalibration | None:
-    """The calibration of that identity in a store; None where it is not in it, `RecordsError` when it is damaged."""
+    """The calibration of this identity in a store, or None; `RecordsError` when it is damaged."""
     with store.database.reading() as connection:
         result = connection.execute(select(calibration_table.c.id).where(calibration_table.c.id == cited)).first()
     return None if result is None else store.calibration(cited)
@@ -261,14 +240,14 @@ def stored_calibration(store: Store, cited: str) -> ProbeCalibration | None:
 def cited_calibration(
     source: Path, citation: Any, given: ImportOptions
 ) -> tuple[ProbeCalibration | None, tuple[str, ...]]:
-    """The calibration, and what to know when it is not to be had.
+    """The calibration that a file cites, or None, and notes.
 
     Raises
     ------
     FileInputError
-        When the citation is none.
+        When the citation is invalid.
     InputError
-        When another calibration was given than the files cite.
+        When the user gave another calibration.
     """
     if citation is None:
         return given.calibration, ()

@@ -1,4 +1,4 @@
-"""What a frame that is there already is said to be now, and is not in the store."""
+"""Import of checked batches into a store, and notes on differences from stored presses."""
 
 from __future__ import annotations
 
@@ -8,35 +8,25 @@ from typing import TYPE_CHECKING
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError, TsisError
-from tsis.records.importing._present import matched, numbered, stored_frames, target_with
-from tsis.records.importing._results import enter_estimate, new_target, used
+from tsis.records.importing._matching import match_presses, stored_frames, target_by_number, target_with
+from tsis.records.importing._results import enter_estimate, estimate_presses, new_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from tsis.records._target_record import TargetRecord
     from tsis.records._values import StoredPress, Target
-    from tsis.records.importing._found import ImportBatch, IncomingPress
+    from tsis.records.importing._batch import ImportBatch, IncomingPress
     from tsis.records.store import Store
 
 
-EDITABLE = ("role", "force_n")  # of these; the others are as they came
+EDITABLE = ("role", "force_n")  # others cannot be edited
 
 
 def differing_notes(
     frames: Sequence[IncomingPress], presses: Sequence[StoredPress | None], number: int
 ) -> tuple[str, ...]:
-    """One sentence for each thing that is said of frames otherwise than it is stored, with what to do about it.
-
-    Parameters
-    ----------
-    frames
-        What was to be entered.
-    presses
-        The press of each that was there already; None for others.
-    number
-        Of the target.
-    """
+    """A note, with a cure, for each property in which frames differ from their stored presses (None for new ones)."""
     pairs = ((frame, press) for frame, press in zip(frames, presses, strict=True) if press is not None)
     counts = Counter(name for item, press in pairs for name in _differences(item, press))
     edit, anew = f"tsis records edit {number} --press", "tsis records import --target new"
@@ -48,7 +38,7 @@ def differing_notes(
 
 
 def truth_note(truth: Mapping[str, float], target: Target) -> tuple[str, ...]:
-    """One sentence where frames come with another truth than their target has."""
+    """A note where the truth of the frames differs from that of the target."""
     if not truth or dict(truth) == dict(target.truth):
         return ()
     return (
@@ -58,37 +48,37 @@ def truth_note(truth: Mapping[str, float], target: Target) -> tuple[str, ...]:
 
 
 def _differences(item: IncomingPress, press: StoredPress) -> Iterator[str]:
-    """Names of what was said and is not so; what nobody said is no difference."""
-    given = None if item.calibration is None else calibration_sha256(item.calibration)
-    message: Iterable[tuple[str, object, object]] = (
+    """Names of the given properties that differ."""
+    calibration = None if item.calibration is None else calibration_sha256(item.calibration)
+    properties: Iterable[tuple[str, object, object]] = (
         ("role", item.role, press.role),
         ("force_n", item.force_n, press.force_n),
         ("mm_per_pixel", item.mm_per_pixel, press.mm_per_pixel),
-        ("calibration", given, press.calibration),
+        ("calibration", calibration, press.calibration),
     )
-    for name, now, stored in message:
+    for name, now, stored in properties:
         if now is not None and now != stored:
             yield name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Entered:
-    """What became of a batch.
+class ImportedBatch:
+    """Result of the import of a batch.
 
     Attributes
     ----------
     batch
-        Itself.
+        The batch, with further notes.
     target
-        Where its presses are now.
+        The target of its presses.
     new
-        Whether that target was entered for it.
+        Whether the target is new.
     added, present
-        Presses that were stored, and that were there already.
+        Number of new presses, and of those that were stored before.
     estimates
-        How many estimates were added.
+        Number of added estimates.
     presses
-        Those of the batch as they are stored, in its order; none of a bundle.
+        The stored presses in the order of the batch; empty for a bundle.
     """
 
     batch: ImportBatch
@@ -101,17 +91,17 @@ class Entered:
 
 
 @dataclass(slots=True, kw_only=True)
-class Entering:
-    """How far an import has come, for whoever is told when it ends early.
+class ImportProgress:
+    """Progress of an import, also for the message when it fails.
 
     Attributes
     ----------
     total, done, stored
-        Presses: of all batches, looked at so far, and stored of them.
+        Number of presses: of all batches, processed, and stored.
     separate
-        Whether every batch gets a target of its own.
+        Whether every batch gets a separate target.
     targets
-        Numbers of those that were begun.
+        Numbers of the targets so far.
     """
 
     total: int = 0
@@ -122,17 +112,15 @@ class Entering:
 
     @property
     def message(self) -> str:
-        """What is stored by now."""
-        reported = f"{self.stored} of {self.total} presses are stored and stay"
+        """The number of stored presses, and how to continue."""
+        text = f"{self.stored} of {self.total} presses are stored and stay"
         if not self.separate or not self.targets:
-            return f"{reported} (the same import goes on from there)"
-        return (
-            f"{reported}, the last in target {self.targets[-1]} (go on with --target {self.targets[-1]} for its files)"
-        )
+            return f"{text} (the same import goes on from there)"
+        return f"{text}, the last in target {self.targets[-1]} (go on with --target {self.targets[-1]} for its files)"
 
 
-def require_enterable(batches: Iterable[ImportBatch], kind: str, target: int | None = None) -> None:
-    """Refuse, with `InputError`, batches that do not belong into a store of that kind, or under that number."""
+def require_importable(batches: Iterable[ImportBatch], kind: str, target: int | None = None) -> None:
+    """Raise `InputError` for batches that do not fit the kind of the store, or a bundle with a target number."""
     for batch in batches:
         if batch.record is not None and target is not None:
             raise InputError("--target is not used with a bundle, whose target keeps its identity; leave it out")
@@ -142,65 +130,65 @@ def require_enterable(batches: Iterable[ImportBatch], kind: str, target: int | N
             raise InputError(f"{batch.kind} must go into a store of {own}s; this one is of {kind}s (--kind {own})")
 
 
-def enter(
+def import_batches(
     store: Store,
     batches: Sequence[ImportBatch],
     *,
     target: int | None = None,
     difference: bool = False,
-    tally: Entering | None = None,
+    tally: ImportProgress | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> tuple[Entered, ...]:
-    """Store every press that is not there yet, then estimate what is to be estimated.
+) -> tuple[ImportedBatch, ...]:
+    """Store the new presses of each batch, then compute its estimate.
 
-    A press is there already when its target holds the same frame under the same name, or as taken at the same time.
-    What is there stays as it is, and what is said of it otherwise now becomes a note.
+    A press is not new when its target has the same frame of the same name or time. A stored press does not change;
+    differences become notes.
 
     Parameters
     ----------
     store
-        Where to.
+        The destination.
     batches
-        What was looked through.
+        The result of `find_import_batches`.
     target
-        Number of the target for all of them, entered where there is none; by default the one that the files name, else
-        the one that holds all presses on the target of a batch already, else a new one for each.
+        Number of the target for all batches, created where missing; by default the number in the files, else the target
+        that has all presses of a batch, else a new one for each batch.
     difference
-        Whether to enter a new target for each, whatever number its files name and wherever its frames are.
+        Whether to create a new target for each batch in any case.
     tally
-        Kept up to date while it goes.
+        Updated during the import.
     progress
-        Told (done, all) presses.
+        Called with (done, all) presses.
 
     Raises
     ------
     RecordsError
-        When it could not go on; it says how much was stored.
+        When it fails; the message tells how many presses are stored.
     InputError
-        When a batch does not belong into this store; nothing was stored then.
+        When a batch does not fit this store; nothing is stored then.
     """
-    tally = tally or Entering()
+    tally = tally or ImportProgress()
     tally.separate = difference
     tally.total = sum(_size(batch) for batch in batches)
-    require_enterable(batches, store.kind, target)
+    require_importable(batches, store.kind, target)
     try:
         return tuple(
-            _entered(store, batch, target or (None if difference else batch.number), tally, progress)
+            _import_batch(store, batch, target or (None if difference else batch.number), tally, progress)
             for batch in batches
         )
     except TsisError as error:
         raise RecordsError(f"{error}; {tally.message}") from error
 
 
-def _entered(
+def _import_batch(
     store: Store,
     batch: ImportBatch,
     number: int | None,
-    tally: Entering,
+    tally: ImportProgress,
     progress: Callable[[int, int], None] | None,
-) -> Entered:
+) -> ImportedBatch:
     if batch.record is not None:
-        return _taken_in(store, batch, batch.record, tally, progress)
+        return _import_record(store, batch, batch.record, tally, progress)
     stored = () if tally.separate else stored_frames(store, batch.presses)
     target = _target(store, batch, number, stored, difference=tally.separate)
     new = target is None
@@ -208,26 +196,26 @@ def _entered(
         first = [press.image() for press in batch.presses[:1]]
         target = new_target(store, first, number=number, name=batch.name, truth=batch.truth)
     tally.targets.append(target.number)
-    held = matched(batch.presses, [press for press in stored if press.target == target.id])
+    matches = match_presses(batch.presses, [press for press in stored if press.target == target.id])
     presses = []
-    for item, there in zip(batch.presses, held, strict=True):
+    for item, there in zip(batch.presses, matches, strict=True):
         if there is None:
-            presses.append(_stored(store, target, item))
+            presses.append(_add_press(store, target, item))
             tally.stored += 1
         else:
             presses.append(there)
         tally.done += 1
         if progress is not None:
             progress(tally.done, tally.total)
-    present = sum(1 for item in held if item is not None)
-    notes = (*truth_note(batch.truth, target), *differing_notes(batch.presses, held, target.number))
-    return Entered(
+    present = sum(1 for item in matches if item is not None)
+    notes = (*truth_note(batch.truth, target), *differing_notes(batch.presses, matches, target.number))
+    return ImportedBatch(
         batch=replace(batch, notes=(*batch.notes, *notes)),
         target=target,
         new=new,
         added=len(presses) - present,
         present=present,
-        estimates=_estimated(store, target, batch, presses),
+        estimates=_add_estimate(store, target, batch, presses),
         presses=tuple(presses),
     )
 
@@ -235,23 +223,23 @@ def _entered(
 def _target(
     store: Store, batch: ImportBatch, number: int | None, stored: Sequence[StoredPress], *, difference: bool
 ) -> Target | None:
-    """Where a batch goes; None for a target that is yet to be entered."""
+    """The target of a batch; None for a new one."""
     if difference:
         return None
-    return target_with(store, batch.presses, stored) if number is None else numbered(store, number)
+    return target_with(store, batch.presses, stored) if number is None else target_by_number(store, number)
 
 
 def _size(batch: ImportBatch) -> int:
     return len(batch.presses) if batch.record is None else len(batch.record.presses)
 
 
-def _taken_in(
+def _import_record(
     store: Store,
     batch: ImportBatch,
     record: TargetRecord,
-    tally: Entering,
+    tally: ImportProgress,
     progress: Callable[[int, int], None] | None,
-) -> Entered:
+) -> ImportedBatch:
     before = tally.done
 
     def count(done: int, _all: int) -> None:
@@ -259,14 +247,14 @@ def _taken_in(
         if progress is not None:
             progress(tally.done, tally.total)
 
-    taken = store.take_in(record, progress=count)
+    taken = store.import_target(record, progress=count)
     tally.stored += taken.presses
     notes = batch.notes
     if taken.differing:
         notes += (f"{taken.differing} of what was there already says something else here, and stays as it is here",)
     if taken.target.number != record.target.number:
         notes += (f"number {record.target.number} is that of another target here",)
-    return Entered(
+    return ImportedBatch(
         batch=replace(batch, notes=notes),
         target=taken.target,
         new=taken.new,
@@ -276,7 +264,7 @@ def _taken_in(
     )
 
 
-def _stored(store: Store, target: Target, press: IncomingPress) -> StoredPress:
+def _add_press(store: Store, target: Target, press: IncomingPress) -> StoredPress:
     return store.add_press(
         target,
         press.image(),
@@ -288,15 +276,15 @@ def _stored(store: Store, target: Target, press: IncomingPress) -> StoredPress:
     )
 
 
-def _estimated(store: Store, target: Target, batch: ImportBatch, presses: Sequence[StoredPress]) -> int:
-    """Store the estimate of a batch, unless there is none or one of the same presses is there; how many were stored."""
+def _add_estimate(store: Store, target: Target, batch: ImportBatch, presses: Sequence[StoredPress]) -> int:
+    """Compute and store the estimate of a batch unless one of the same presses exists; return the number stored."""
     requested = batch.estimate
     if requested is None:
         return 0
-    from tsis.records._estimation import EstimationRequest, estimate_stored  # heavy, and most imports estimate nothing
+    from tsis.records._estimation import EstimationRequest, estimate_stored  # slow to import, rarely needed
 
     record = store.record(target)
-    rests_on = used(presses)
+    rests_on = estimate_presses(presses)
     identities = {press.id for press in rests_on}
     if any(set(estimate.presses) == identities and estimate.kind == requested.kind for estimate in record.estimates):
         return 0

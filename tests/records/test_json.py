@@ -14,17 +14,15 @@ from hypothesis import strategies as st
 from tests.records.sample import sample_dossier
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import free_to_plain
+from tsis.files import free_to_json, from_json_value, to_json_value
 from tsis.model import Estimate
 from tsis.records import (
     StoredEstimate,
     StoredPress,
     Target,
-    estimate_to_plain,
-    press_to_plain,
-    target_to_plain,
+    estimate_to_json,
 )
-from tsis.records._plain import estimate_of_plain, press_of_plain, target_of_plain
+from tsis.records._estimate_json import estimate_from_json
 from tsis.records.store import samples_bytes, samples_of
 
 SETTINGS = settings(max_examples=150)
@@ -77,7 +75,7 @@ def assert_same(one: Any, other: Any) -> None:
     )
 )
 def test_a_target_comes_back_bit_for_bit(target: Target) -> None:
-    assert_same(target, target_of_plain(through_json(target_to_plain(target))))
+    assert_same(target, from_json_value(Target, through_json(to_json_value(target)), "target", complete=True))
 
 
 @SETTINGS
@@ -105,7 +103,7 @@ def test_a_target_comes_back_bit_for_bit(target: Target) -> None:
     )
 )
 def test_a_press_comes_back_bit_for_bit(press: StoredPress) -> None:
-    assert_same(press, press_of_plain(through_json(press_to_plain(press))))
+    assert_same(press, from_json_value(StoredPress, through_json(to_json_value(press)), "press", complete=True))
 
 
 @st.composite
@@ -144,7 +142,7 @@ def estimates(draw: st.DrawFn) -> StoredEstimate:
 @given(estimates())
 def test_an_estimate_and_its_samples_come_back_bit_for_bit(stored: StoredEstimate) -> None:
     samples = samples_of(samples_bytes(stored.estimate))
-    back = estimate_of_plain(through_json(estimate_to_plain(stored)), samples)
+    back = estimate_from_json(through_json(estimate_to_json(stored)), samples)
     assert_same(stored, back)
     assert_same(stored.estimate, back.estimate)
     assert list(back.estimate.samples) == list(stored.estimate.samples)
@@ -153,7 +151,7 @@ def test_an_estimate_and_its_samples_come_back_bit_for_bit(stored: StoredEstimat
 
 
 def test_what_is_no_json_in_settings_becomes_plain() -> None:
-    plain = free_to_plain(
+    plain = free_to_json(
         {
             "gain": np.float32(0.5),
             "binning": np.int16(2),
@@ -192,20 +190,20 @@ def test_what_is_no_json_in_settings_becomes_plain() -> None:
 )
 def test_what_would_not_come_back_is_refused(value: object, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        free_to_plain(value, "settings")
+        free_to_json(value, "settings")
 
 
 def test_nesting_without_end_is_refused_both_ways() -> None:
     endless: list[Any] = []
     endless.append(endless)
     with pytest.raises(InputError, match="nested at most"):
-        free_to_plain(endless, "settings")
-    plain = press_to_plain(sample_dossier().presses[0])
+        free_to_json(endless, "settings")
+    plain = to_json_value(sample_dossier().presses[0])
     deep: Any = 1
     for _ in range(50):
         deep = {"a": deep}
     with pytest.raises(InputError, match="nested at most"):
-        press_of_plain(plain | {"settings": deep})
+        from_json_value(StoredPress, plain | {"settings": deep}, "press", complete=True)
 
 
 @pytest.mark.parametrize(
@@ -233,10 +231,10 @@ def test_nesting_without_end_is_refused_both_ways() -> None:
     ],
 )
 def test_a_press_with_another_value_is_refused(change: dict[str, Any]) -> None:
-    plain = press_to_plain(sample_dossier().presses[0])
-    press_of_plain(plain)
+    plain = to_json_value(sample_dossier().presses[0])
+    from_json_value(StoredPress, plain, "press", complete=True)
     with pytest.raises(InputError):
-        press_of_plain(plain | change)
+        from_json_value(StoredPress, plain | change, "press", complete=True)
 
 
 def test_every_changed_byte_of_samples_is_refused() -> None:
