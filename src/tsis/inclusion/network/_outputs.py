@@ -194,7 +194,7 @@ def simulated_outputs(
     )
     rings = getattr(surrogate, field).mapped(ring_means(surrogate, reading.edges_mm))
     at = rings.at_tissue(tissue_young_kpa, thickness_mm)
-    return reading(at(*table.T), at.plain)
+    return reading(at(*table.T), at.baseline)
 
 
 def printed_frame_outputs(
