@@ -21,7 +21,7 @@ from scipy.interpolate import RectBivariateSpline
 import tsis
 from tsis.imaging import Sensor, expose, render
 from tsis.inclusion import ring_edges
-from tsis.inclusion.checks import SEEN, inclusion_position
+from tsis.inclusion.checks import APPARENT_FRACTION, inclusion_position
 from tsis.inclusion.posterior import off_axis_profile
 from tsis.mechanics import press
 from tsis.mechanics.solid import SolidResolution, press_solid
@@ -144,7 +144,7 @@ def seen_at(pressed: PressMap, plain: PressMap, bare: tsis.PressField) -> float:
     places = [
         inclusion_position(frame(light), frame(below), answer, radius_mm=PROBE.radius_mm).x_mm for _ in range(FRAMES)
     ]
-    return SEEN * float(np.mean(places))
+    return APPARENT_FRACTION * float(np.mean(places))
 
 
 def main() -> None:

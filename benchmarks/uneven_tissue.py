@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
 from tsis.files import content_key
-from tsis.inclusion.posterior import FARTHEST, MOVES
+from tsis.inclusion.posterior import FARTHEST, SHIFTED
 from tsis.mechanics import press
 from tsis.mechanics.surrogate import cached_arrays, contrast_factor, mechanical_content
 from tsis.model import Inclusion, Phantom, PressField, PressMap, Probe
@@ -161,10 +161,10 @@ class FaceGrid:
         away = float(np.hypot(*offset_mm))
         if away > FARTHEST * self.edge * (1 + 1e-9):
             raise ValueError(f"offset_mm must be at most {FARTHEST * self.edge:g}; got {away:g}")
-        level = np.array([np.interp(np.minimum(radius_mm, MOVES * self.edge), radius_mm, one) for one in change])
+        level = np.array([np.interp(np.minimum(radius_mm, SHIFTED * self.edge), radius_mm, one) for one in change])
         stays = self._on_grid(change - level, radius_mm)
         growth = 1 / (1 - (away / self.edge) ** 2)
-        from_it = np.minimum(np.hypot(self.x - offset_mm[0], self.y - offset_mm[1]), MOVES * self.edge)
+        from_it = np.minimum(np.hypot(self.x - offset_mm[0], self.y - offset_mm[1]), SHIFTED * self.edge)
         pressure, moved = (growth * np.interp(from_it, radius_mm, one) for one in change)
         return np.array(
             [stays.pressure_kpa + self.covered * pressure, stays.face_displacement_mm + self.inside * moved]

@@ -98,8 +98,8 @@ def test_held_out_counts_are_those_of_a_plain_loop() -> None:
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda curve: at_sensitivity(curve, 1.2), "wanted must lie in"),
-        (lambda curve: at_specificity(curve, math.nan), "wanted must lie in"),
+        (lambda curve: at_sensitivity(curve, 1.2), "requested must lie in"),
+        (lambda curve: at_specificity(curve, math.nan), "requested must lie in"),
         (lambda curve: at_costs(curve, prevalence=2, missed=1, false_alarm=1), "prevalence must lie in"),
         (lambda curve: at_costs(curve, prevalence=0.5, missed=-1, false_alarm=1), "missed must lie in"),
         (lambda curve: at_costs(curve, prevalence=0.5, missed=0, false_alarm=0), "missed or false_alarm must cost"),

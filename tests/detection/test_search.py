@@ -115,7 +115,7 @@ def test_a_size_that_is_missed_between_others_is_not_hidden() -> None:
 
     assert smallest_found_mm(plan, reach, 5.0) == pytest.approx(8.0)
     assert smallest_found_mm(plan, lambda *_: 9.0, 5.0) == 0.5
-    with pytest.raises(InputError, match="what reach gives must"):
+    with pytest.raises(InputError, match="the detection range must"):
         smallest_found_mm(plan, lambda *_: float("nan"), 5.0)
 
 
@@ -198,8 +198,8 @@ PLAN: dict[str, Any] = {"width_mm": 80.0, "height_mm": 60.0, "strips": 4, "press
         (lambda: scan_plan(80, 60, radius_mm=12), "either spacing_mm or overlap"),
         (lambda: scan_plan(80, 60, radius_mm=12, spacing_mm=5, overlap=0.5), "either spacing_mm or overlap"),
         (lambda: scan_plan(80, 60, radius_mm=12, overlap=1.0), "overlap must lie"),
-        (lambda: widest_plan(80, 60, radius_mm=12, extent_mm=0), "reach_mm must lie"),
-        (lambda: widest_plan(5000, 5000, radius_mm=12, extent_mm=0.05), "reach_mm must be larger"),
+        (lambda: widest_plan(80, 60, radius_mm=12, extent_mm=0), "extent_mm must lie"),
+        (lambda: widest_plan(5000, 5000, radius_mm=12, extent_mm=0.05), "extent_mm must be larger"),
         (lambda: smallest_found_mm("plan", TABLE, 5.0), "plan must be a ScanPlan"),  # type: ignore[arg-type]
         (lambda: detection_range_of_trials([1.0, -1.0], [True, True]), "must not be negative"),
         (lambda: detection_range_of_trials([1.0], [True, False]), "equally long"),

@@ -168,7 +168,7 @@ def test_strips_are_refused(lump: Frames) -> None:
 def test_a_dome_that_no_force_presses_as_a_whole_is_said_to_be_so() -> None:
     steep = replace(DOMED, face_curvature_mm=14.0, name="steep")
     few = build_full_contact_surrogate(steep, PRIOR.box(), degrees=FEW, cached=False)
-    with pytest.raises(InputError, match=r"no force serves this probe .*: use a flatter dome or stiffer tissue"):
+    with pytest.raises(InputError, match=r"no force is valid for this probe .*: use a flatter dome or stiffer tissue"):
         require_valid_forces([replace(bench().no_contact(), force_n=1.0)], few, probe=steep, prior=PRIOR)
 
 

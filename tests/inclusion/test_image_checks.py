@@ -63,7 +63,7 @@ def test_a_black_frame_is_refused(virtual: VirtualProbe, pair: tuple[TactileImag
 @pytest.mark.parametrize("noise", [0.0, 1.5])
 def test_an_even_frame_is_refused(virtual: VirtualProbe, pair: tuple[TactileImage, TactileImage], noise: float) -> None:
     grey = 90 + noise * np.random.default_rng(2).standard_normal(pair[0].grey.shape)
-    with pytest.raises(InputError, match=r"even over the face, 90 grey levels"):
+    with pytest.raises(InputError, match=r"uniform over the face, 90 grey levels"):
         findings(virtual, replace(pair[0], grey=grey))
 
 
@@ -83,7 +83,7 @@ def test_a_spot_is_no_press(virtual: VirtualProbe, pair: tuple[TactileImage, Tac
 def test_a_frame_far_darker_than_its_force_is_refused(
     virtual: VirtualProbe, pair: tuple[TactileImage, TactileImage]
 ) -> None:
-    with pytest.raises(InputError, match=r"where 1 N should light about 34: check contact"):
+    with pytest.raises(InputError, match=r"where 1 N should give about 34: check contact"):
         findings(virtual, replace(pair[0], grey=8 + 0.15 * (pair[0].grey - 8)))
 
 
@@ -107,7 +107,7 @@ def test_clipped_pixels_are_counted_inside_the_disc_alone(
     inside = radius < 0.8 * PROBE.radius_mm
     share = (clipped.grey >= level)[inside].mean()
     sentence = findings(virtual, clipped)["saturated"]
-    assert f"{100 * share:.2g} % of the pixels" in sentence
+    assert f"{100 * share:.2g} % of the profile's pixels" in sentence
     corner = np.where(radius > 11.5, 255.0, pair[0].grey)
     assert "saturated" not in findings(virtual, replace(pair[0], grey=corner))
 
@@ -137,9 +137,9 @@ def test_a_face_that_leaves_the_picture_is_flagged_with_its_share(
 def test_less_than_half_of_the_inner_face_is_refused(top: int) -> None:
     frame = TactileImage(grey=np.zeros((492, 768)), mm_per_pixel=(0.0336, 0.0392), force_n=1.0)
     known = VirtualProbe(PROBE, rng=np.random.default_rng(1)).calibration
-    with pytest.raises(InputError, match=r"half of every ring of the inner face; it holds \d+ %") as refused:
+    with pytest.raises(InputError, match=r"half of each ring of the inner face; it shows \d+ %") as refused:
         image_findings([cut(frame, rows=slice(top, None))], [], probe=PROBE, calibration=known)
-    assert int(str(refused.value).split("it holds ")[1].split(" %")[0]) <= 50
+    assert int(str(refused.value).split("it shows ")[1].split(" %")[0]) <= 50
 
 
 def test_several_targets_take_the_reference_of_the_nearest_force(virtual: VirtualProbe) -> None:

@@ -178,7 +178,7 @@ def test_simulations_outside_the_box_are_refused(surrogate: PressSurrogate) -> N
         simulated_outputs(surrogate, [[9.0, 5.0]], reading)
     with pytest.raises(InputError, match="thickness_mm"):
         simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], reading, thickness_mm=50.0)
-    with pytest.raises(InputError, match="reach"):
+    with pytest.raises(InputError, match="extent"):
         simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], change_reading(extent_mm=13.0))
     with pytest.raises(UnknownNameError, match="pressure_kpa"):
         simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], reading, field="pressure")

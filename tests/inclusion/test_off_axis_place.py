@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import tsis
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import Sensor, expose, render
-from tsis.inclusion.checks import SEEN, inclusion_position
-from tsis.inclusion.checks._place import SEEN_SD
+from tsis.inclusion.checks import APPARENT_FRACTION, inclusion_position
+from tsis.inclusion.checks._position import APPARENT_SD
 from tsis.inclusion.posterior import FARTHEST
 from tsis.mechanics import press
 from tsis.model import LightMap, PressMap, TactileImage
@@ -69,9 +69,11 @@ def test_a_moved_change_is_found(centre: tuple[float, float], light: LightMap) -
     target, reference = frame(pressed(*centre), seed=1, light=light), frame(plain(), seed=2, light=light)
     found = inclusion_position(target, reference, answer, radius_mm=PROBE.radius_mm)
     assert 0 < found.noise_mm < 0.02
-    assert found.sd_mm == pytest.approx(np.hypot(found.noise_mm, SEEN_SD * found.distance_mm))
+    assert found.sd_mm == pytest.approx(np.hypot(found.noise_mm, APPARENT_SD * found.distance_mm))
     # Rounding of the rendered grid adds a little to the noise.
-    np.testing.assert_allclose([SEEN * found.x_mm, SEEN * found.y_mm], centre, atol=4 * found.noise_mm + 0.01)
+    np.testing.assert_allclose(
+        [APPARENT_FRACTION * found.x_mm, APPARENT_FRACTION * found.y_mm], centre, atol=4 * found.noise_mm + 0.01
+    )
     assert found.distance_mm == pytest.approx(np.hypot(found.x_mm, found.y_mm))
 
 

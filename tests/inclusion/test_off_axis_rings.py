@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.special import ive
 
 from tsis.errors import InputError
-from tsis.inclusion.posterior import FARTHEST, MOVES, off_axis_profile
+from tsis.inclusion.posterior import FARTHEST, SHIFTED, off_axis_profile
 
 EDGE = 12.0
 RADIUS = np.linspace(0.0, EDGE, 121)
@@ -21,7 +21,7 @@ def test_a_bell_becomes_its_mean_around_the_axis(width: float, offset: float) ->
     bell = np.exp(-((RADIUS / width) ** 2) / 2)
     mean = np.exp(-(((RADIUS - offset) / width) ** 2) / 2) * ive(0, RADIUS * offset / width**2)
     growth = 1 / (1 - (offset / EDGE) ** 2)
-    inside = MOVES * EDGE - offset > RADIUS  # farther out the bell's foot is held level
+    inside = SHIFTED * EDGE - offset > RADIUS  # farther out the bell's foot is held level
     straight = STEP**2 / 8 / width**2  # error of lines between radii
     found = off_axis_profile(RADIUS, offset) @ bell
     np.testing.assert_allclose(found[inside], growth * mean[inside], atol=2 * growth * straight)
@@ -30,7 +30,7 @@ def test_a_bell_becomes_its_mean_around_the_axis(width: float, offset: float) ->
 @given(offset=st.floats(0.05, 2.0))
 def test_a_bowl_is_raised_by_the_square_of_the_offset(offset: float) -> None:
     """The mean of ``|x - offset|**2`` around the axis is ``r**2 + offset**2``: a quarter of the Laplacian."""
-    inside = MOVES * EDGE - offset > RADIUS
+    inside = SHIFTED * EDGE - offset > RADIUS
     found = off_axis_profile(RADIUS, offset) @ RADIUS**2
     expected = (RADIUS**2 + offset**2) / (1 - (offset / EDGE) ** 2)
     np.testing.assert_allclose(found[inside], expected[inside], atol=STEP**2 / 2)
@@ -41,7 +41,7 @@ def test_nothing_moves_at_offset_zero() -> None:
 
 
 def test_what_happens_at_the_rim_stays_there() -> None:
-    spike = np.where(RADIUS > MOVES * EDGE, RADIUS - MOVES * EDGE, 0.0)
+    spike = np.where(RADIUS > SHIFTED * EDGE, RADIUS - SHIFTED * EDGE, 0.0)
     np.testing.assert_allclose(off_axis_profile(RADIUS, 3.0) @ spike, spike, atol=1e-12)
 
 

@@ -41,7 +41,7 @@ def test_the_box_covers_the_beliefs_about_the_tissue() -> None:
         ({"young_kpa": (40.0, 60.0, 80.0)}, "young_kpa must hold two numbers"),
         ({"young_kpa": (40.0, np.nan)}, "young_kpa must be finite"),
         ({"tissue_young_kpa": 0.0}, "tissue_young_kpa must lie in"),
-        ({"tissue_young_sd": 0.0}, r"tissue_young_sd must lie in .*\(a share of one\)"),
+        ({"tissue_young_sd": 0.0}, r"tissue_young_sd must lie in .*\(a fraction\)"),
         ({"thickness_sd": 0.5}, "thickness_sd must lie in"),
         ({"thickness_mm": 27.0}, r"depth_mm \+ diameter_mm must be less than thickness_mm = 27 by 2 %; got 27"),
         ({"young_kpa": (5.0, 60.0)}, "young_kpa must lie above tissue_young_kpa"),

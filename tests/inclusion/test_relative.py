@@ -143,8 +143,8 @@ def test_known_light_is_divided_out(x: float) -> None:
     for read in (relative_size, relative_depth):
         even, known = read(frame, FLAT, against=PLAIN), read(lit, FLAT, against=PLAIN, calibration=calibration)
         assert known.value == pytest.approx(even.value, rel=1e-3)
-        assert "The face is lit as the calibration says" in str(known)
-        assert "The face is lit evenly" in str(even)
+        assert "The light is that of the calibration" in str(known)
+        assert "The light is uniform over the face" in str(even)
     shape = object_shape(lit, FLAT, against=PLAIN, calibration=calibration)
     assert shape.area_mm2 == pytest.approx(object_shape(frame, FLAT, against=PLAIN).area_mm2, rel=1e-3)
     weak, _ = uneven(hill(25.0, 0.8, (x, 0.3)))
@@ -204,7 +204,7 @@ SMALL = TactileImage(grey=np.zeros((8, 8)), mm_per_pixel=SCALE)
         (hill(60.0), hill(0.0, force_n=0.0), PLAIN, InputError, "got force_n 0"),
         (hill(60.0, force_n=1.0), hill(0.0, force_n=0.5), PLAIN, InputError, "1 N within 5 %; got 0.5 N"),
         (hill(0.0, base=255.0), FLAT, UNTOUCHED, InputError, "got 100 % (shorten the exposure)"),
-        (hill(0.0, base=60.0), FLAT, UNTOUCHED, InputError, "lit to its last pixel"),
+        (hill(0.0, base=60.0), FLAT, UNTOUCHED, InputError, "got one with all pixels above it"),
     ],
 )
 def test_frames_that_say_nothing_are_refused(
@@ -250,7 +250,7 @@ def test_a_printed_reading_names_everything_it_rests_on() -> None:
         assert f"{reading.value:.4g} {reading.unit} (against plain tissue)" in text
         assert all(sentence in text for sentence in (*reading.assumptions, *reading.notes))
         assert "Research use only" in text
-    assert "nothing to read" in str(relative_depth(FLAT, FLAT, against=PLAIN))
+    assert "no value" in str(relative_depth(FLAT, FLAT, against=PLAIN))
 
 
 def reading(value: float | None, quantity: str = "relative size", against: str = PLAIN) -> RelativeReading:

@@ -186,7 +186,7 @@ def test_noise_has_no_shape(seed: int) -> None:
     shape = object_shape(frames[0], frames[1], against=UNTOUCHED)
     assert shape.flags == ("no_contact",)
     assert (shape.area_mm2, shape.eccentricity, shape.contour_mm.shape) == (None, None, (0, 2))
-    assert "nothing to read" in shape.notes[0]
+    assert "nothing to measure" in shape.notes[0]
 
 
 def test_two_even_frames_have_no_shape() -> None:

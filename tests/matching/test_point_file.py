@@ -155,7 +155,7 @@ def npy_header(shape: str, descr: str = "'<f8'") -> bytes:
         (ply_bytes(POINTS, "ascii")[:-20], "3 vertices of its header; got 2"),
         (ply_bytes(POINTS, "ascii")[:-12], "vertex 2 must hold"),
         (ply_bytes(POINTS, "ascii")[:60], "header must end"),
-        (ply_bytes(POINTS, "ascii").replace(b"format ascii", b"format morse"), "known; got 'format morse 1.0'"),
+        (ply_bytes(POINTS, "ascii").replace(b"format ascii", b"format morse"), "known form; got 'format morse 1.0'"),
         (ply_bytes(POINTS, "ascii").replace(b"double y", b"double x"), "'x' twice"),
         (ply_bytes(POINTS, "ascii").replace(b"double y", b"double v"), "must have x and y"),
         (ply_bytes(POINTS, "ascii").replace(b"vertex 3", b"vertex many"), "known"),

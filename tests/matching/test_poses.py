@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tsis.matching._fit import NormalFrame
-from tsis.matching._poses import Pose, agreed, poses, rotations, rounded_poses
+from tsis.matching._poses import Pose, agreed, poses, rotations, whitened_poses
 from tsis.matching.trials import even_texture, strokes
 
 Search = Callable[..., list[Pose]]
@@ -56,7 +56,7 @@ def test_most_rotations_of_space_are_found_while_the_shape_is_stretched() -> Non
     assert found >= 10
 
 
-@pytest.mark.parametrize("find", [poses, rounded_poses])
+@pytest.mark.parametrize("find", [poses, whitened_poses])
 @pytest.mark.parametrize("angle", [0.0, 1.0, np.pi])
 def test_so_are_those_of_strokes_with_outliers(find: Search, angle: float) -> None:
     rng = np.random.default_rng(3)
@@ -70,7 +70,7 @@ def test_rounding_finds_what_is_stretched_to_twice_its_width() -> None:
     rng = np.random.default_rng(0)
     source = _inside(even_texture(70, rng=rng))
     truth = _inside(source * [2.0, 1.0])
-    assert _away(rounded_poses(source, truth[rng.permutation(70)], rng=rng)[0], source, truth) < FOUND
+    assert _away(whitened_poses(source, truth[rng.permutation(70)], rng=rng)[0], source, truth) < FOUND
 
 
 def test_they_come_best_first_and_the_same_draws_give_the_same() -> None:

@@ -65,10 +65,10 @@ LINE = np.outer(np.arange(9.0), [1.0, -2.0])
 @pytest.mark.parametrize(
     ("source", "target", "message"),
     [
-        (POINTS[:3], POINTS, "source must hold at least 4 points in different places; got 3"),
-        (POINTS, POINTS[:1], "target must hold at least 4 points in different places; got 1"),
-        (np.repeat(POINTS[:3], 9, axis=0), POINTS, "source must hold at least 4 points in different places; got 3"),
-        (np.zeros((50, 2)), POINTS, "source must hold at least 4 points in different places; got 1"),
+        (POINTS[:3], POINTS, "source must hold at least 4 distinct points; got 3"),
+        (POINTS, POINTS[:1], "target must hold at least 4 distinct points; got 1"),
+        (np.repeat(POINTS[:3], 9, axis=0), POINTS, "source must hold at least 4 distinct points; got 3"),
+        (np.zeros((50, 2)), POINTS, "source must hold at least 4 distinct points; got 1"),
         (POINTS, LINE, "target must not lie in a line; got 9 points that do"),
         (POINTS, 1e6 + LINE, "target must not lie in a line"),
         (SOLID, np.column_stack([POINTS, POINTS.sum(axis=1)]), "target must not lie in a plane.*two dimensions"),

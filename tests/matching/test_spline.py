@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from tsis.errors import InputError
 from tsis.matching import ThinPlateSpline, fit_spline
-from tsis.matching._spline import CONTROL_POINTS, far_apart, spline_basis
+from tsis.matching._spline import CONTROL_POINTS, spline_basis, spread_indices
 
 PEER: dict[int, Literal["thin_plate_spline", "linear"]] = {2: "thin_plate_spline", 3: "linear"}
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
@@ -156,11 +156,11 @@ def test_points_given_twice_go_to_the_mean_of_their_targets(dimension: int) -> N
     assert len(spline.control) == len(points)
 
 
-def test_control_points_lie_far_apart_and_in_no_place_twice() -> None:
+def test_control_points_are_spread_and_distinct() -> None:
     grid = np.stack(np.meshgrid(np.arange(5.0), np.arange(5.0)), axis=-1).reshape(-1, 2)
     twice = np.repeat(grid, 2, axis=0)
-    assert len(far_apart(twice, 100)) == len(np.unique(twice[far_apart(twice, 100)], axis=0)) == 25
-    corners = twice[far_apart(twice, 5)]
+    assert len(spread_indices(twice, 100)) == len(np.unique(twice[spread_indices(twice, 100)], axis=0)) == 25
+    corners = twice[spread_indices(twice, 5)]
     assert {(0.0, 0.0), (0.0, 4.0), (4.0, 0.0), (4.0, 4.0)} < {(x, y) for x, y in corners.tolist()}
 
 
@@ -179,7 +179,10 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
             "not in a pl",
         ),
         ({"points": SQUARE[:2], "targets": SQUARE[:2]}, "at least 3"),
-        ({"points": np.ones((5, 2)), "targets": np.ones((5, 2))}, "at least 3 places; got 5 in one"),
+        (
+            {"points": np.ones((5, 2)), "targets": np.ones((5, 2))},
+            "at least 3 points must be distinct; got 5 equal ones",
+        ),
         ({"points": SQUARE, "targets": SQUARE[:3]}, "targets must be as many as the points, 4; got 3"),
         ({"points": SQUARE, "targets": np.zeros((4, 3))}, "targets must have 2 coordinates"),
         ({"points": np.zeros((4, 4)), "targets": np.zeros((4, 4))}, "points must have 2 or 3 coordinates"),

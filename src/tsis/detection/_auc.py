@@ -22,22 +22,22 @@ MOST_TARGETS = 10**9
 
 
 def doubled_placements(scores: NDArray[Any], present: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For each target of a class, twice the number of those of the other class that it is placed rightly against.
+    """Twice the number of correctly ranked pairs of each target with the other class.
 
-    In whole numbers, so that equal rankings are found to be equal. One sort replaces all pairs (Sun and Xu, IEEE Signal
-    Process. Lett. 21 (2014) 1389).
+    Whole numbers make equal rankings exactly equal. One sort replaces all pairs (Sun and Xu, IEEE Signal Process. Lett.
+    21 (2014) 1389).
 
     Parameters
     ----------
     scores
         Shape (targets,), finite; higher means that an inclusion is likelier.
     present
-        Whether a target holds one, shape (targets,).
+        Whether a target contains an inclusion, shape (targets,).
 
     Returns
     -------
     inside, outside
-        Shapes (targets with,) and (targets without,); either's sum is twice the number of pairs in right order.
+        Shapes (targets with,) and (targets without,); the sum of either is twice the number of correctly ranked pairs.
     """
     within, without = np.sort(scores[present]), np.sort(scores[~present])
     inside = np.searchsorted(without, scores[present], "left") + np.searchsorted(without, scores[present], "right")
@@ -52,10 +52,10 @@ def area(scores: NDArray[Any], present: NDArray[np.bool_]) -> float:
 
 
 def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVEL) -> Interval:
-    """Interval of an area under the curve, from the area and both numbers of targets alone.
+    """Interval of an area under the curve, from the area and both numbers of targets.
 
-    Newcombe's method 5 (Stat. Med. 25 (2006) 559): all areas that a score test does not reject, with the variance that
-    exponential scores would have. It stays right for few targets, and for areas of 0 and 1.
+    Newcombe's method 5 (Stat. Med. 25 (2006) 559): all areas that a score test does not reject, with the variance of
+    exponential scores. It is valid for few targets, and for areas of 0 and 1.
 
     Parameters
     ----------
@@ -79,8 +79,8 @@ def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVE
     >>> [f"{end:.3f}" for end in interval], interval.holds(0.5)
     (['0.445', '0.899'], True)
 
-    Nor does that area belong to the one point that it prints: the lines through the false positive rate 1/8 and the
-    true positive rate 6/8 enclose
+    The printed area also contradicts the printed point: the lines through the false positive rate 1/8 and the true
+    positive rate 6/8 enclose
 
     >>> float(np.trapezoid([0, 6 / 8, 1], [0, 1 / 8, 1]))
     0.8125
@@ -89,7 +89,7 @@ def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVE
     m, n = (require_integer(name, value, 1, MOST_TARGETS) for name, value in (("present", present), ("absent", absent)))
     z = float(ndtri(0.5 + checked_level(level) / 2))
     low = _lowest_area(auc, z, m, n)
-    high = 1 - _lowest_area(1 - auc, z, m, n)  # the variance is the same for an area and what it lacks to 1
+    high = 1 - _lowest_area(1 - auc, z, m, n)  # the variance is symmetric under area -> 1 - area
     return Interval(low=low, high=max(high, auc), level=level, method="newcombe")
 
 
@@ -107,20 +107,20 @@ def _lowest_area(auc: float, z: float, m: int, n: int) -> float:
     return float(brentq(rejected, 0.0, auc, xtol=1e-15))
 
 
-FROM_TARGETS = 30  # of each class, from which the normal law of the area is trusted
-FROM_ENDS = 5  # smaller class times distance of the area from 0 and 1: nearer, the normal law covers too little
+FROM_TARGETS = 30  # least number of targets per class for the normal approximation
+FROM_ENDS = 5  # least product of smaller class and distance of the area from 0 and 1: below, coverage is too low
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AucCovariance:
-    """Areas of several methods on the same targets, with what their errors have in common.
+    """Areas of several methods on the same targets, with their covariance.
 
     Attributes
     ----------
     auc
         Areas under the curves, shape (methods,).
     covariance
-        Of their errors, shape (methods, methods).
+        Covariance of their errors, shape (methods, methods).
     present, absent
         Numbers of targets with and without an inclusion.
     """

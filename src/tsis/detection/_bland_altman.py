@@ -1,4 +1,4 @@
-"""Two ways to measure the same targets: by how much they differ, after Bland and Altman."""
+"""Agreement of two methods of measurement on the same targets, after Bland and Altman."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-COVERAGE = 0.95  # share of differences between the limits of agreement
+COVERAGE = 0.95  # fraction of differences between the limits of agreement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProportionalBias:
-    """Line of the differences over the means of both ways.
+    """Line of the differences over the means of both methods.
 
-    A slope also comes from unequal scatter of the two ways, without any bias that grows.
+    Unequal scatter of the methods also causes a slope, without a proportional bias.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class ProportionalBias:
 
     @property
     def p(self) -> float:
-        """Probability of a slope as large, either way, where there is none."""
+        """Two-sided p-value of the slope."""
         if self.standard_error == 0:
             return 1.0 if self.slope == 0 else 0.0
         return float(2 * stdtr(self.degrees_of_freedom, -abs(self.slope) / self.standard_error))
@@ -128,12 +128,12 @@ class BlandAltman:
         Parameters
         ----------
         coverage
-            Share of normal differences between them, in (0, 1).
+            Fraction of normal differences between them, in (0, 1).
 
         Raises
         ------
         InputError
-            When the share is none.
+            When the fraction is out of range.
         """
         away = _normal(coverage) * self.standard_deviation
         return self.bias - away, self.bias + away
@@ -156,7 +156,7 @@ class BlandAltman:
         Raises
         ------
         InputError
-            When a share is none, the method unknown, or all differences are equal.
+            When a fraction is out of range, the method is unknown, or all differences are equal.
         """
         tail = (1 - checked_level(level)) / 2
         away, spread, n = _normal(coverage), self._spread(), self.targets
@@ -175,7 +175,7 @@ class BlandAltman:
 
     @property
     def proportional(self) -> ProportionalBias:
-        """Does the difference grow with what is measured? At least 3 targets whose means differ."""
+        """Regression of the differences on the means, of at least 3 targets whose means differ."""
         centred = self.means - self.means.mean()
         square = squares(centred, self.means)
         if self.targets < 3 or square == 0:
@@ -202,17 +202,17 @@ class BlandAltman:
 
 
 def bland_altman(first: ArrayLike, second: ArrayLike) -> BlandAltman:
-    """Compare two ways to measure the same targets.
+    """Compare two methods of measurement on the same targets.
 
     Parameters
     ----------
     first, second
-        One reading of each target by either way, shape (targets,), at least 2, in one unit.
+        One reading of each target by either method, shape (targets,), at least 2, in one unit.
 
     Raises
     ------
     InputError
-        When a reading is not finite, the lengths differ, or there is one target alone.
+        When a reading is not finite, the lengths differ, or there is only one target.
 
     Examples
     --------
@@ -220,11 +220,11 @@ def bland_altman(first: ArrayLike, second: ArrayLike) -> BlandAltman:
     >>> round(found.bias, 3), [round(limit, 3) for limit in found.limits()]
     (0.15, [-0.225, 0.525])
     """
-    one, two = readings("first", first, ndim=1), readings("second", second, ndim=1)
-    same_length("first", one, "second", two)
-    return BlandAltman(means=(one + two) / 2, differences=one - two)
+    a, b = readings("first", first, ndim=1), readings("second", second, ndim=1)
+    same_length("first", a, "second", b)
+    return BlandAltman(means=(a + b) / 2, differences=a - b)
 
 
 def _normal(coverage: float) -> float:
-    fraction = require_number("coverage", coverage, 1e-6, 1 - 1e-9, hint="a share of differences, such as 0.95")
+    fraction = require_number("coverage", coverage, 1e-6, 1 - 1e-9, hint="a fraction of differences, such as 0.95")
     return float(ndtri(0.5 + fraction / 2))

@@ -1,4 +1,4 @@
-"""Targets drawn anew from those of a study, with replacement, each class by itself."""
+"""Stratified bootstrap: targets of a study resampled with replacement within their class."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def bootstrap_auc(
     Raises
     ------
     InputError
-        When the input is bad, a class is missing, or each draw has the same area, which says nothing of its spread.
+        When the input is invalid, a class is missing, or all draws have the same area.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def drawn_areas(
     draws: int = DRAWS,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.float64]:
-    """Areas under the curves of methods in studies whose targets are drawn anew, the same targets for all methods.
+    """Areas under the curves of methods in resampled studies, with the same targets for all methods.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def drawn_areas(
 
 
 def percentiles(drawn: NDArray[np.float64], level: float) -> Interval:
-    """The middle ``level`` of what was drawn, as an interval."""
+    """Percentile interval of the draws."""
     low, high = np.quantile(drawn, [(1 - level) / 2, (1 + level) / 2])
     return Interval(low=float(low), high=float(high), level=level, method="bootstrap")
 
@@ -123,21 +123,21 @@ def percentiles(drawn: NDArray[np.float64], level: float) -> Interval:
 def _resampled_indices(
     inside: NDArray[np.float64], outside: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """Order of the targets without inclusion, and how many of them lie below, and not above, each one with."""
+    """Order of the targets without inclusion, and the numbers of them below, and not above, each target with."""
     order = np.argsort(outside)
     ranked = outside[order]
     return order, np.searchsorted(ranked, inside, "left"), np.searchsorted(ranked, inside, "right")
 
 
 def batches(draws: int, targets: int) -> Iterator[tuple[int, int]]:
-    """First and last draw of each batch, so many that its numbers fit into the memory."""
+    """First and last draw of each batch of limited memory."""
     size = max(AT_ONCE // targets, 1)
     for start in range(0, draws, size):
         yield start, min(start + size, draws)
 
 
 def checked_draws(rng: object, draws: int) -> int:
-    """Return the number of draws, or say that it, or the source of the draws, is none."""
+    """Check the number of draws and the random generator."""
     if not isinstance(rng, np.random.Generator):
         raise InputError(f"rng must be a numpy.random.Generator; got {rng!r:.60}: give numpy.random.default_rng(seed)")
     return require_integer("draws", draws, 100, MOST_DRAWS)

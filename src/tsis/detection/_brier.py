@@ -1,4 +1,4 @@
-"""How good probabilities are: the Brier score and the parts that Murphy takes it apart into."""
+"""Quality of probabilities: the Brier score, its decomposition by Murphy, and the reliability curve."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrierScore:
-    """Mean square of probability less truth, 0 at best, with its parts.
+    """Mean square of probability less truth, 0 at best, and its decomposition.
 
     ``score = reliability - resolution + uncertainty + within``.
 
@@ -30,13 +30,13 @@ class BrierScore:
     score
         In [0, 1].
     reliability
-        Mean square by which the probability of a group misses its share of inclusions; 0 is best.
+        Mean square of a group's probability less its frequency of inclusions; 0 is best.
     resolution
-        Mean square by which the shares of groups differ from that of all; larger is better.
+        Mean square of a group's frequency less that of all; larger is better.
     uncertainty
-        Score of who always says the share of all.
+        Score of the frequency of all as the constant probability.
     within
-        What is lost by taking probabilities that differ for one group; 0 where each probability is its own.
+        Contribution of different probabilities within a group; 0 where groups have equal probabilities.
     """
 
     score: float
@@ -52,12 +52,12 @@ def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLi
     Parameters
     ----------
     probabilities
-        That each target holds an inclusion, shape (targets,), in [0, 1].
+        That each target contains an inclusion, shape (targets,), in [0, 1].
     present
         Whether it does, booleans of shape (targets,).
     groups
-        Whole numbers of shape (targets,), equal where targets belong together; None groups equal probabilities, which
-        says little where hardly two are equal.
+        Whole numbers of shape (targets,), equal within a group; None groups equal probabilities, which is of little use
+        where few are equal.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def brier_interval(
     draws: int = DRAWS,
     progress: Callable[[int, int], None] | None = None,
 ) -> Interval:
-    """Percentile interval of the Brier score from targets drawn anew; too narrow where they are few.
+    """Bootstrap percentile interval of the Brier score; too narrow for few targets.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def brier_interval(
     Raises
     ------
     InputError
-        When the input is bad, or all targets miss by as much, which says nothing of the spread.
+        When the input is invalid, or all squared errors are equal.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def brier_interval(
 
 
 def probabilities_and_truth(probabilities: ArrayLike, present: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return checked probabilities and truth, one of each a target.
+    """Check probabilities and truth, one of each per target.
 
     Raises
     ------
@@ -167,16 +167,16 @@ MOST_BINS = 10_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReliabilityBin:
-    """Targets of like probability.
+    """Targets of similar probability.
 
     Attributes
     ----------
     low, high
         Ends of the bin; a probability at an inner end belongs below it.
     probability
-        Mean of those said.
+        Mean of the stated probabilities.
     observed
-        How many of the targets held an inclusion; ``observed.interval()`` is Wilson's.
+        Proportion of the targets with an inclusion; ``observed.interval()`` is Wilson's.
     """
 
     low: float
@@ -187,7 +187,7 @@ class ReliabilityBin:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReliabilityCurve:
-    """Said and seen, bin by bin, without those that hold no target.
+    """Stated probability and observed frequency in each bin that is not empty.
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ class ReliabilityCurve:
 
     @property
     def expected_calibration_error(self) -> float:
-        """Mean distance of said and seen over all targets; few targets a bin raise it even where all is right."""
+        """Expected calibration error over all targets; few targets per bin raise it even for correct probabilities."""
         weights = [item.observed.trials for item in self.bins]
         return float(np.average([abs(item.probability - item.observed.value) for item in self.bins], weights=weights))
 
@@ -210,7 +210,7 @@ class ReliabilityCurve:
 def reliability_curve(
     probabilities: ArrayLike, present: ArrayLike, *, bins: int = BINS, widths: str = "equal-count"
 ) -> ReliabilityCurve:
-    """Group probabilities and set them beside the shares that came true.
+    """Compare grouped probabilities with observed frequencies.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def reliability_curve(
     present
         Whether it does, booleans of shape (targets,).
     bins
-        How many, 1 or more; equal probabilities are never parted.
+        Number of bins, 1 or more; equal probabilities are in one bin.
     widths
         ``"equal-count"``, ends at quantiles of the probabilities, or ``"equal-width"``.
 

@@ -1,4 +1,4 @@
-"""Does one method find inclusions better than another on the same targets?"""
+"""Compare the areas under the curve of two methods on the same targets."""
 
 from __future__ import annotations
 
@@ -40,10 +40,9 @@ class Comparison:
     interval
         Of the difference; None where it does not vary.
     z, p
-        Difference in standard errors, and how probable one as large, either way, is by chance; None where it does not
-        vary.
+        Difference in standard errors, and its two-sided p-value; None where it does not vary.
     remark
-        Why interval and test are missing; empty where they are not.
+        Reason of a missing interval and test, else empty.
     """
 
     first_auc: float
@@ -60,7 +59,7 @@ class Comparison:
 def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *, level: float = LEVEL) -> Comparison:
     """Compare two methods by DeLong's paired test.
 
-    The test leans on the normal law: below some 30 targets of each kind it is rough.
+    The test assumes a normal distribution: below some 30 targets of each kind it is approximate.
 
     Parameters
     ----------
@@ -105,9 +104,9 @@ def bootstrap_compare_detectors(
     draws: int = DRAWS,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
-    """Compare two methods by the stratified bootstrap: targets are drawn anew, the same for both.
+    """Compare two methods by the stratified bootstrap, with the same resampled targets for both.
 
-    The interval is that of percentiles; the test divides the difference by the spread of the draws.
+    The interval is that of percentiles; the test divides the difference by the standard deviation of the draws.
 
     Parameters
     ----------

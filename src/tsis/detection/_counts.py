@@ -1,4 +1,4 @@
-"""How often an inclusion was found where there was one, and none where there was none."""
+"""Counts of correct and false decisions, and the rates derived from them."""
 
 from __future__ import annotations
 
@@ -18,21 +18,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """Decisions beside the truth, counted.
+    """Counts of decisions by truth.
 
-    Each share is a `Proportion` and so brings its interval; where the study has no target that it could be a share of,
-    asking for it is an error that says which are absent.
+    A rate is a `Proportion` with an interval; `InputError` is raised where the study has no target of its denominator.
 
     Parameters
     ----------
     true_positives
-        Targets with an inclusion that was found.
+        Targets with an inclusion, decided present.
     false_positives
-        Targets without one, where one was said to be.
+        Targets without an inclusion, decided present.
     true_negatives
-        Targets without one, rightly called so.
+        Targets without an inclusion, decided absent.
     false_negatives
-        Targets with an inclusion that was missed.
+        Targets with an inclusion, decided absent.
 
     Raises
     ------
@@ -64,14 +63,14 @@ class Counts:
         Parameters
         ----------
         decided
-            Whether an inclusion was said to be in each target, booleans of shape (targets,).
+            Whether an inclusion was decided present in each target, booleans of shape (targets,).
         present
-            Whether there was one, likewise.
+            Whether it was present, likewise.
 
         Raises
         ------
         InputError
-            When either is empty, holds anything but booleans, or their lengths differ.
+            When either is empty or not boolean, or their lengths differ.
 
         Examples
         --------
@@ -104,22 +103,22 @@ class Counts:
 
     @property
     def sensitivity(self) -> Proportion:
-        """Inclusions found among those present: equation (2.2) of the dissertation."""
+        """Fraction of present inclusions decided present: equation (2.2) of the dissertation."""
         return _proportion("sensitivity", self.true_positives, self.present, "target with an inclusion")
 
     @property
     def specificity(self) -> Proportion:
-        """Targets called empty among those that are: equation (2.3) of the dissertation."""
+        """Fraction of targets without inclusion decided absent: equation (2.3) of the dissertation."""
         return _proportion("specificity", self.true_negatives, self.absent, "target without an inclusion")
 
     @property
     def accuracy(self) -> Proportion:
-        """Right decisions among all; it depends on how many targets hold an inclusion."""
+        """Fraction of correct decisions; it depends on the prevalence."""
         return Proportion(successes=self.true_positives + self.true_negatives, trials=self.targets)
 
     @property
     def positive_predictive_value(self) -> Proportion:
-        """Inclusions present among those said to be; it holds for this study's share of inclusions alone."""
+        """Fraction of inclusions present among those decided present, at the prevalence of this study."""
         message = self.true_positives + self.false_positives
         return _proportion(
             "positive_predictive_value", self.true_positives, message, "target said to hold an inclusion"
@@ -127,7 +126,7 @@ class Counts:
 
     @property
     def negative_predictive_value(self) -> Proportion:
-        """Targets without inclusion among those called so; it holds for this study's share of inclusions alone."""
+        """Fraction of targets without inclusion among those decided absent, at the prevalence of this study."""
         message = self.true_negatives + self.false_negatives
         return _proportion(
             "negative_predictive_value", self.true_negatives, message, "target said to hold no inclusion"
@@ -135,19 +134,19 @@ class Counts:
 
     @property
     def positive_likelihood_ratio(self) -> ProportionRatio:
-        """By what a finding multiplies the odds of an inclusion: sensitivity / (1 - specificity)."""
+        """Factor of a positive decision on the odds of an inclusion: sensitivity / (1 - specificity)."""
         missed = self.specificity.trials - self.specificity.successes
         return ProportionRatio(first=self.sensitivity, second=Proportion(successes=missed, trials=self.absent))
 
     @property
     def negative_likelihood_ratio(self) -> ProportionRatio:
-        """By what finding none multiplies the odds of an inclusion: (1 - sensitivity) / specificity."""
+        """Factor of a negative decision on the odds of an inclusion: (1 - sensitivity) / specificity."""
         missed = self.sensitivity.trials - self.sensitivity.successes
         return ProportionRatio(first=Proportion(successes=missed, trials=self.present), second=self.specificity)
 
     @property
     def youden(self) -> ProportionDifference:
-        """Youden's index, sensitivity + specificity - 1: 1 is faultless, 0 is chance."""
+        """Youden's index, sensitivity + specificity - 1: 1 at best, 0 by chance."""
         false = self.specificity.trials - self.specificity.successes
         return ProportionDifference(first=self.sensitivity, second=Proportion(successes=false, trials=self.absent))
 

@@ -1,4 +1,4 @@
-"""Mean squares of a table of targets and raters."""
+"""Intraclass correlation of a table of targets and raters."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-SMALLEST = 1e-70  # deviation; the fourth power of a smaller one is lost
+SMALLEST = 1e-70  # deviation whose fourth power does not underflow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanSquares:
-    """What a table of ratings scatters by, from the analysis of variance.
+    """Mean squares of a table of ratings, from the analysis of variance.
 
     Attributes
     ----------
     targets, raters
         Between targets, and between raters.
     residual
-        What neither explains.
+        Residual of both.
     within
         Within targets: raters and residual together.
     target_count, rater_count
@@ -82,7 +82,7 @@ class MeanSquares:
 
 
 def squares(deviations: NDArray[np.float64], measured: NDArray[np.float64]) -> float:
-    """Sum of squares of deviations of what was ``measured``; 0 where rounding alone made them."""
+    """Sum of squared deviations of ``measured``; 0 within rounding."""
     rounding = max(8 * np.finfo(float).eps * float(np.abs(measured).max()), SMALLEST)
     return float((deviations**2).sum()) if np.abs(deviations).max() > rounding else 0.0
 
@@ -97,11 +97,10 @@ class IntraclassCorrelation:
     Attributes
     ----------
     form
-        ``"ICC(1,1)"``: each target has raters of its own. ``"ICC(2,1)"``: raters stand for others, and their agreement
-        counts. ``"ICC(3,1)"``: these raters alone, and only their consistency counts. With ``k`` for the 1: of the mean
-        of all raters.
+        ``"ICC(1,1)"``: each target has other raters. ``"ICC(2,1)"``: raters are a random sample; absolute agreement.
+        ``"ICC(3,1)"``: raters are fixed; consistency. With ``k`` for the 1: of the mean of all raters.
     value
-        At most 1; below 0 where targets differ less than chance lets expect.
+        At most 1; below 0 where targets differ less than expected by chance.
     mean_squares
         Of the table.
     """
@@ -112,20 +111,20 @@ class IntraclassCorrelation:
 
     @property
     def f(self) -> float:
-        """F of no difference between targets; infinite where raters scatter not at all."""
+        """F of no difference between targets; infinite where raters do not scatter."""
         residual = self._residual
         return self.mean_squares.targets / residual if residual > 0 else float("inf")
 
     @property
     def degrees_of_freedom(self) -> tuple[int, int]:
-        """Those of ``f``."""
+        """Degrees of freedom of ``f``."""
         m = self.mean_squares
         n, k = m.target_count, m.rater_count
         return n - 1, n * (k - 1) if self._one_way else (n - 1) * (k - 1)
 
     @property
     def p(self) -> float:
-        """Probability of an ``f`` as large where targets do not differ."""
+        """p-value of ``f``."""
         return float(fdtrc(*self.degrees_of_freedom, self.f)) if np.isfinite(self.f) else 0.0
 
     def interval(self, level: float = LEVEL) -> Interval:
@@ -139,7 +138,7 @@ class IntraclassCorrelation:
         Raises
         ------
         InputError
-            When the level is no probability, or raters agree without any scatter, so that nothing bounds the answer.
+            When the level is no probability, or raters do not scatter.
         """
         tail = (1 - checked_level(level)) / 2
         if self._residual == 0:
@@ -185,7 +184,7 @@ class IntraclassCorrelation:
         return low, high
 
     def _of_mean(self, single: float) -> float:
-        """Spearman and Brown's step from one rater to the mean of all; nothing bounds it from -1 / (k - 1) down."""
+        """Spearman-Brown formula from one rater to the mean of all; unbounded below -1 / (k - 1)."""
         k = self.mean_squares.rater_count
         left = 1 + (k - 1) * single
         return k * single / left if left > 0 else -math.inf

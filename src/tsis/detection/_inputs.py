@@ -1,4 +1,4 @@
-"""An interval that says how it was made."""
+"""Confidence intervals, and checks of inputs."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ LEVEL = 0.95
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval:
-    """Both ends of a confidence interval; ``low, high = interval`` takes them apart.
+    """Confidence interval; ``low, high = interval`` unpacks it.
 
     Attributes
     ----------
     low, high
-        Ends, which belong to the interval; an end may be infinite where nothing bounds it.
+        Ends, included; an end may be infinite.
     level
-        Probability with which such intervals hold the truth, in (0, 1).
+        Probability that such intervals contain the true value, in (0, 1).
     method
-        How it was made, e.g. ``"wilson"``.
+        Its method, e.g. ``"wilson"``.
 
     Examples
     --------
@@ -53,11 +53,11 @@ class Interval:
 
 
 def checked_level(level: float) -> float:
-    """Return a level of confidence, or say that it is none."""
+    """Check a level of confidence."""
     return require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability, such as 0.95")
 
 
-LARGEST_READING = 1e70  # its fourth power is still a number
+LARGEST_READING = 1e70  # its fourth power does not overflow
 ABSENT = {
     True: "score at least {least} that {hold} an inclusion",
     False: "score at least {least} that {hold} none",
@@ -92,7 +92,7 @@ def booleans(name: str, value: ArrayLike) -> NDArray[np.bool_]:
 
 
 def scored(scores: ArrayLike, present: ArrayLike, *, name: str = "scores") -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return scores and truth, one of each a target.
+    """Check scores and truth, one of each per target.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def readings(name: str, value: ArrayLike, *, ndim: int) -> NDArray[np.float64]:
 
 
 def choice(name: str, value: str, choices: tuple[str, ...]) -> str:
-    """Return a word that is among ``choices``, or say which there are."""
+    """Check that a text is among ``choices``."""
     if not isinstance(value, str) or value not in choices:
         raise InputError(f"{name} must be one of {', '.join(choices)}; got {value!r:.60}")
     return value

@@ -1,7 +1,6 @@
-"""Where to put the threshold: points of a curve that serve a purpose.
+"""Choice of the threshold: operating points of a curve.
 
-A point that was chosen on the very targets that it is judged on looks better than it is; `held_out_counts` chooses on
-some targets and counts on others.
+A point is optimistic on the targets on which it was chosen; `held_out_counts` chooses on other targets than it counts.
 """
 
 from __future__ import annotations
@@ -24,24 +23,24 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-ROUNDING = 1e-9  # of a wanted rate times the number of targets: 0.7 of 10 are 7
+ROUNDING = 1e-9  # of a requested rate times the number of targets: 0.7 of 10 are 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatingPoint:
-    """A threshold and what it decides on the targets that it was chosen on.
+    """A threshold and its counts on the targets on which it was chosen.
 
-    These counts, and their intervals, are optimistic, because chance in the same targets chose the threshold.
+    Counts and intervals are optimistic, because the threshold was chosen on the same targets.
 
     Attributes
     ----------
     threshold
-        A target whose score is at least this is called one with an inclusion. It lies midway between the scores that it
-        parts; infinite where none, and minus infinity where all are called so.
+        Least score that is decided as an inclusion, midway between the separated scores; infinite or minus infinity
+        where no or all targets are.
     counts
         Of the decisions.
     rule
-        By what it was chosen.
+        Rule of the choice.
     """
 
     threshold: float
@@ -49,7 +48,7 @@ class OperatingPoint:
     rule: str
 
     def decide(self, scores: ArrayLike) -> NDArray[np.bool_]:
-        """Which targets are called ones with an inclusion.
+        """Decide which targets have an inclusion.
 
         Parameters
         ----------
@@ -59,14 +58,14 @@ class OperatingPoint:
         Raises
         ------
         InputError
-            When the scores are bad.
+            When the scores are invalid.
         """
         decided: NDArray[np.bool_] = require_array("scores", scores, ndim=1) >= self.threshold
         return decided
 
 
 def youden_point(curve: Roc) -> OperatingPoint:
-    """The threshold of the largest sensitivity + specificity - 1; of equals that of the highest specificity.
+    """The threshold of the largest sensitivity + specificity - 1; among equals that of the highest specificity.
 
     Parameters
     ----------
@@ -139,14 +138,14 @@ def at_specificity(curve: Roc, requested: float) -> OperatingPoint:
 
 
 def at_costs(curve: Roc, *, prevalence: float, missed: float, false_alarm: float) -> OperatingPoint:
-    """The threshold of the least expected cost; of equals that of the highest specificity.
+    """The threshold of the least expected cost; among equals that of the highest specificity.
 
     Parameters
     ----------
     curve
         The detector. The point is chosen on its targets, so its counts are optimistic.
     prevalence
-        Share of targets with an inclusion where the threshold will be used, in [0, 1].
+        Fraction of targets with an inclusion where the threshold will be used, in [0, 1].
     missed, false_alarm
         Costs of a missed inclusion and of a false one, in any common unit, not negative and not both 0.
 
@@ -181,23 +180,23 @@ def held_out_counts(
     folds: int | None = None,
     rng: np.random.Generator | None = None,
 ) -> Counts:
-    """Decisions by thresholds that were chosen without the target that they decide on.
+    """Cross-validated decisions: each threshold is chosen without the targets on which it decides.
 
     Parameters
     ----------
     scores, present
         As for `tsis.detection._roc`; at least two targets of each kind.
     choose
-        Rule that finds a point on the curve of the others, e.g. `youden_point`.
+        Rule of the point on the curve of the others, e.g. `youden_point`.
     folds
-        In how many parts of like shares of both kinds the targets are left out; None leaves out one at a time.
+        Number of stratified folds; None leaves out one target at a time.
     rng
-        Shuffles the parts; needed with ``folds``.
+        Shuffles the folds; needed with ``folds``.
 
     Raises
     ------
     InputError
-        When the input is bad, a class has fewer than two targets, or ``folds`` lies outside 2 to their number.
+        When the input is invalid, a class has fewer than two targets, or ``folds`` is not in 2 to their number.
 
     Examples
     --------
@@ -236,11 +235,11 @@ def _point(curve: Roc, index: int, rule: str) -> OperatingPoint:
 
 
 def _between(thresholds: NDArray[np.float64], index: int) -> float:
-    """Midway down to the next score, so that targets near either side are treated alike."""
+    """Midpoint to the next lower score."""
     if index == 0:
         return math.inf
     if index == len(thresholds) - 1:
         return -math.inf
     upper, lower = float(thresholds[index]), float(thresholds[index + 1])
     middle = upper / 2 + lower / 2
-    return middle if lower < middle <= upper else upper  # neighbouring numbers have nothing between
+    return middle if lower < middle <= upper else upper  # there is no number between neighbouring floats

@@ -1,7 +1,7 @@
-"""The probability that an inclusion is there, as an estimate says it, and at another prevalence.
+"""Probability of an inclusion from an estimate, and at another prevalence.
 
-An estimate weighs inclusions of its prior against plain tissue. Its probability holds at the share of targets with an
-inclusion that the prior states; the likelihood ratio does not depend on that share, and carries it to another one.
+An estimate compares inclusions of its prior with tissue without inclusion. Its probability is valid at the prevalence
+of the prior; the likelihood ratio does not depend on it, and converts the probability to another prevalence.
 """
 
 from __future__ import annotations
@@ -18,27 +18,26 @@ from tsis.inclusion import UNTRUSTED_FLAGS
 from tsis.model import LARGEST_EVIDENCE, Estimate, require_number, require_type
 
 LEAST_PREVALENCE = 1e-9
-NEAREST_TO_ONE = 2.0**-53  # a probability that is nearer to 1 is told as 1
+NEAREST_TO_ONE = 2.0**-53  # distance from 1 below which a probability rounds to 1
 NEAREST_TO_NONE = 5e-324
-LARGEST_EXPONENT = 709.0  # beyond it an exponential is no finite number
-ABSENCE_FLAG = "no_inclusion"  # distrusts the numbers of an inclusion, not that there is none
+LARGEST_EXPONENT = 709.0  # whose exponential does not overflow
+ABSENCE_FLAG = "no_inclusion"  # concerns the parameters of an inclusion, not its probability
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PresenceProbability:
-    """How likely an inclusion is, and what that rests on.
+    """Probability of an inclusion, with its prior and caveats.
 
     Parameters
     ----------
     probability
-        That there is an inclusion, in [0, 1], at the prevalence ``prior``.
+        Of an inclusion, in [0, 1], at the prevalence ``prior``.
     prior
-        Share of targets with an inclusion that was believed before the press, in [1e-9, 1 - 1e-9].
+        Prior probability of an inclusion, in [1e-9, 1 - 1e-9].
     caveats
-        Flags of the estimate that say that its model does not hold; with any of them the probability compares two
-        explanations of which neither is good.
+        Flags of the estimate that its model is not valid: the probability then compares two poor models.
     evidence
-        Natural logarithm of the likelihood ratio before the probability was rounded; None where nobody kept it.
+        Natural logarithm of the likelihood ratio before the probability was rounded; None if not saved.
 
     Raises
     ------
@@ -69,63 +68,62 @@ class PresenceProbability:
 
     @property
     def is_bound(self) -> bool:
-        """Whether the probability was rounded to 0 or 1, so that the likelihood ratio is only known to lie beyond."""
+        """Whether the probability was rounded to 0 or 1, so that the likelihood ratio is only a bound."""
         return self.evidence is None and self.probability in (0.0, 1.0)
 
     @property
     def log_odds(self) -> float:
-        """Natural logarithm of probability over its rest; of a rounded probability that of the nearest below it."""
+        """Logit of the probability; of a rounded probability that of the nearest number."""
         if self.evidence is not None:
             return self.evidence + float(logit(self.prior))
         return float(logit(np.clip(self.probability, NEAREST_TO_NONE, 1 - NEAREST_TO_ONE)))
 
     @property
     def log_likelihood_ratio(self) -> float:
-        """Natural logarithm of how much better an inclusion explains the frames than plain tissue does."""
+        """Natural logarithm of the likelihood ratio of an inclusion over tissue without inclusion."""
         return self.log_odds - float(logit(self.prior))
 
     @property
     def likelihood_ratio(self) -> float:
-        """By what the frames multiply the odds of an inclusion, at most e**709; a bound where `is_bound`."""
+        """Factor of the frames on the odds of an inclusion, at most e**709; a bound where `is_bound`."""
         return float(np.exp(np.minimum(self.log_likelihood_ratio, LARGEST_EXPONENT)))
 
     def at_prevalence(self, prevalence: float) -> PresenceProbability:
-        """The same frames where another share of targets holds an inclusion.
+        """The probability for the same frames at another prevalence.
 
-        Sizes, depths and moduli are still those of the estimate's prior: where other inclusions occur, press and
-        estimate anew.
+        The ranges of size, depth and modulus remain those of the estimate's prior.
 
         Parameters
         ----------
         prevalence
-            Share of targets with an inclusion, in [1e-9, 1 - 1e-9].
+            Fraction of targets with an inclusion, in [1e-9, 1 - 1e-9].
 
         Raises
         ------
         InputError
-            When it is no such share.
+            When the prevalence is out of range.
         """
         require_number("prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
         transformed = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))
-        if self.is_bound:  # what was certain stays so: the ratio behind it is larger than is known
+        if self.is_bound:  # the ratio is only a bound: 0 and 1 stay
             transformed = self.probability
         return replace(self, probability=transformed, prior=prevalence)
 
 
 def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProbability:
-    """Read the probability of an inclusion off an estimate.
+    """Probability of an inclusion from an estimate.
 
     Parameters
     ----------
     estimate
-        As `tsis.inclusion.estimate` makes it.
+        A result of `tsis.inclusion.estimate`.
     prior
-        Probability of an inclusion that it was made with; by default the one that its provenance names.
+        Prior probability of an inclusion of the estimate; by default that of its provenance.
 
     Raises
     ------
     InputError
-        When the estimate has no such probability, or nobody says which prior it was made with.
+        When the estimate has no such probability, or its prior is unknown.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A share of targets, such as a sensitivity, and its interval."""
+"""Proportions, such as a sensitivity, their ratios and differences, with intervals."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ MOST_TRIALS = 10**12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proportion:
-    """So many of so many.
+    """A binomial proportion.
 
     Parameters
     ----------
     successes
-        How many, from 0 to ``trials``.
+        From 0 to ``trials``.
     trials
-        Of how many, 1 or more.
+        1 or more.
 
     Raises
     ------
@@ -33,7 +33,7 @@ class Proportion:
 
     Examples
     --------
-    The printed study on phantoms found 6 of 8 inclusions and called 7 of 8 places without any empty. So few say little:
+    The printed study on phantoms has 6 of 8 true positives and 7 of 8 true negatives; the intervals are wide:
 
     >>> found, empty = Proportion(successes=6, trials=8), Proportion(successes=7, trials=8)
     >>> found.value, empty.value
@@ -55,19 +55,19 @@ class Proportion:
 
     @property
     def value(self) -> float:
-        """The share, in [0, 1]."""
+        """The proportion, in [0, 1]."""
         return self.successes / self.trials
 
     def interval(self, level: float = LEVEL, method: str = "wilson") -> Interval:
-        """Interval of the share behind the count.
+        """Interval of the true proportion.
 
         Parameters
         ----------
         level
             Confidence, in (0, 1).
         method
-            ``"wilson"``, whose mean coverage is near the level, or ``"exact"`` (Clopper and Pearson), which covers at
-            least with ``level`` and is wider for it.
+            ``"wilson"``, with a mean coverage near the level, or ``"exact"`` (Clopper and Pearson), which is wider,
+            with a coverage of at least the level.
 
         Raises
         ------
@@ -79,7 +79,7 @@ class Proportion:
 
 
 def wilson_interval(successes: int, trials: int, level: float = LEVEL) -> Interval:
-    """Wilson's score interval of a share: all shares that a score test does not reject.
+    """Wilson's score interval: all proportions that a score test does not reject.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def wilson_interval(successes: int, trials: int, level: float = LEVEL) -> Interv
 
 
 def exact_interval(successes: int, trials: int, level: float = LEVEL) -> Interval:
-    """Clopper and Pearson's interval of a share, from the binomial law itself.
+    """Clopper and Pearson's interval of a proportion, from the binomial distribution.
 
     Parameters
     ----------
@@ -135,22 +135,22 @@ def exact_interval(successes: int, trials: int, level: float = LEVEL) -> Interva
     return Interval(low=low, high=high, level=level, method="exact")
 
 
-SMALLEST_RATIO, LARGEST_RATIO = 1e-40, 1e15  # between which ends are looked for
+SMALLEST_RATIO, LARGEST_RATIO = 1e-40, 1e15  # range of the search for the ends
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProportionRatio:
-    """One share over another, such as a likelihood ratio.
+    """Ratio of two proportions, such as a likelihood ratio.
 
     Parameters
     ----------
     first, second
-        Shares of two groups that have no target in common; not both 0.
+        Proportions of two groups without common targets; not both 0.
 
     Raises
     ------
     InputError
-        When both shares are 0.
+        When both proportions are 0.
 
     Examples
     --------
@@ -174,11 +174,11 @@ class ProportionRatio:
 
     @property
     def value(self) -> float:
-        """The ratio; infinite where the second share is 0."""
+        """The ratio; infinite where the second proportion is 0."""
         return self.first.value / self.second.value if self.second.successes else math.inf
 
     def interval(self, level: float = LEVEL) -> Interval:
-        """Koopman's score interval, which holds for small groups and for shares of 0 and 1 too.
+        """Koopman's score interval, which is valid for small groups and for proportions of 0 and 1.
 
         Parameters
         ----------
@@ -211,12 +211,12 @@ class ProportionRatio:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProportionDifference:
-    """One share less another, such as Youden's index.
+    """Difference of two proportions, such as Youden's index.
 
     Parameters
     ----------
     first, second
-        Shares of two groups that have no target in common.
+        Proportions of two groups without common targets.
 
     Examples
     --------
@@ -237,7 +237,7 @@ class ProportionDifference:
         return self.first.value - self.second.value
 
     def interval(self, level: float = LEVEL) -> Interval:
-        """Newcombe's hybrid interval (1998, method 10), made of the Wilson intervals of both shares.
+        """Newcombe's hybrid interval (1998, method 10), from the Wilson intervals of both proportions.
 
         Parameters
         ----------
@@ -256,12 +256,12 @@ class ProportionDifference:
 
 
 def score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float:
-    """How many standard errors the shares lie below what a true ``ratio`` of first to second lets expect.
+    """Score statistic of the proportions under a true ``ratio`` of first to second, in standard errors.
 
     Parameters
     ----------
     first, second
-        Shares of independent groups.
+        Proportions of independent groups.
     ratio
         The ratio under test, positive.
 
@@ -272,7 +272,7 @@ def score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float
     """
     require_number("ratio", ratio, 1e-300, 1e300)
     m, n, x, y = first.trials, second.trials, first.successes, second.successes
-    # The likelihood under that ratio is largest where a quadratic in the first share vanishes.
+    # The likelihood under that ratio is largest at a root of a quadratic in the first proportion.
     linear = ratio * (m + y) + x + n
     root = math.sqrt(max(linear**2 - 4 * ratio * (m + n) * (x + y), 0.0))
     one = 2 * ratio * (x + y) / (linear + root)

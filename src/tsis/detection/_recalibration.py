@@ -1,4 +1,4 @@
-"""Are probabilities too bold, too shy, or all too high? Logistic recalibration after Cox."""
+"""Logistic recalibration of probabilities after Cox."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ TOLERANCE = 1e-10  # of the gradient of the mean likelihood
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedValue:
-    """A number that a likelihood was largest at.
+    """A maximum-likelihood estimate.
 
     Attributes
     ----------
     value
-        The number.
+        The estimate.
     standard_error
         From the curvature of the likelihood there.
     """
@@ -38,7 +38,7 @@ class FittedValue:
     standard_error: float
 
     def interval(self, level: float = LEVEL) -> Interval:
-        """Wald's interval; it leans on the normal law, and is rough below some 30 targets of each kind.
+        """Wald's interval; it assumes a normal distribution, and is approximate below some 30 targets of each kind.
 
         Parameters
         ----------
@@ -61,11 +61,11 @@ class Recalibration:
     Attributes
     ----------
     slope
-        1 is right; below, probabilities are too bold, above too shy.
+        1 for calibrated probabilities; below 1 they are overconfident, above 1 underconfident.
     intercept
-        Beside that slope; 0 is right.
+        With that slope; 0 for calibrated probabilities.
     in_the_large
-        Intercept where the slope is held at 1: positive where inclusions are more frequent than the probabilities say.
+        Intercept with the slope fixed at 1: positive where inclusions are more frequent than the probabilities.
     """
 
     slope: FittedValue
@@ -79,15 +79,15 @@ def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration
     Parameters
     ----------
     probabilities
-        That each target holds an inclusion, shape (targets,), strictly between 0 and 1, not all equal.
+        That each target contains an inclusion, shape (targets,), strictly between 0 and 1, not all equal.
     present
         Whether it does, booleans of shape (targets,), both kinds.
 
     Raises
     ------
     InputError
-        When the input is bad, a class is missing, or the probabilities part both kinds without overlap, so that no
-        slope is steepest.
+        When the input is invalid, a class is missing, or the probabilities separate both kinds, so that the slope is
+        infinite.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration
 
 
 def _require_overlap(logits: NDArray[Any], truth: NDArray[np.bool_]) -> None:
-    """Albert and Anderson (1984): a largest likelihood exists where no cut parts both kinds, touching or not."""
+    """Albert and Anderson (1984): the maximum exists where no cut separates both kinds, touching or not."""
     if np.ptp(logits) == 0:
         raise InputError("probabilities must not all be equal for a slope; got one value alone: add targets")
     within, without = logits[truth], logits[~truth]
@@ -143,7 +143,7 @@ def _curvature(design: NDArray[Any], at: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> FittedValue:
-    """What must be added to every logit for the expected number of inclusions to be the number seen."""
+    """Shift of the logits that makes the expected number of inclusions equal to the observed one."""
     observed = int(truth.sum())
     low, high = logit(observed / len(truth)) - logits.max(), logit(observed / len(truth)) - logits.min()
 

@@ -1,4 +1,4 @@
-"""How far readings of one operator on one target lie apart."""
+"""Repeatability and reproducibility of readings."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class Repeatability:
     between_sd
         Standard deviation of the true values of targets; 0 where ``between_truncated``.
     between_truncated
-        Whether the estimated variance between targets was negative, and was cut at 0.
+        Whether the estimated variance between targets was negative, and was set to 0.
     degrees_of_freedom
-        On which ``within_sd`` rests: readings less targets.
+        Of ``within_sd``: readings less targets.
     mean
         Of all readings.
     """
@@ -82,7 +82,7 @@ def repeatability(readings: Sequence[ArrayLike]) -> Repeatability:
     Parameters
     ----------
     readings
-        One row of finite readings a target, at least 2 targets; rows may differ in length, and at least one holds 2.
+        One row of finite readings per target, at least 2 targets; rows may differ in length, and one has at least 2.
 
     Raises
     ------
@@ -125,9 +125,9 @@ class Reproducibility:
     Attributes
     ----------
     target_sd, operator_sd, interaction_sd, repeat_sd
-        Standard deviations of targets, of operators, of what operators do differently on each target, of repeats.
+        Standard deviations of targets, of operators, of their interaction, and of repeats.
     truncated
-        Which of the first three were cut at 0, because their estimated variance was negative.
+        Names of the first three that were set to 0, because their estimated variance was negative.
     mean_squares
         Of targets, operators, interaction and repeats.
     degrees_of_freedom
@@ -154,7 +154,7 @@ class Reproducibility:
     def coefficient(self) -> float:
         """Two readings of a target by two operators differ by less with a probability of 95 %.
 
-        From the sum of the three variances as estimated, before any is cut at 0; it cannot be negative.
+        From the sum of the three estimated variances, before any is set to 0; it cannot be negative.
         """
         return REPEATABILITY_SD * math.sqrt(sum(weight * square for weight, square, _ in self._terms()))
 
@@ -180,7 +180,7 @@ class Reproducibility:
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval of the coefficient between operators, by Graybill and Wang's modified large samples.
 
-        With two or three operators its upper end is far away, as it must be.
+        With two or three operators its upper end is large.
 
         Parameters
         ----------
@@ -207,7 +207,7 @@ class Reproducibility:
         )
 
     def _terms(self) -> tuple[tuple[float, float, int], ...]:
-        """Weight, mean square and degrees of freedom, of what makes up a reading on a given target."""
+        """Weight, mean square and degrees of freedom of the components of a reading on a given target."""
         targets, _, repeats = self.shape
         weights = (1 / (targets * repeats), (targets - 1) / (targets * repeats), (repeats - 1) / repeats)
         return tuple(zip(weights, self.mean_squares[1:], self.degrees_of_freedom[1:], strict=True))

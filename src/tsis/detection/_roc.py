@@ -1,4 +1,4 @@
-"""The receiver operating characteristic: what is found and what is falsely found, as the threshold is lowered."""
+"""Receiver operating characteristic: true and false positive rates as functions of the threshold."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ METHODS = ("delong", "newcombe", "bootstrap")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Roc:
-    """A curve of steps; a target is called one with an inclusion where its score is at least the threshold.
+    """A step curve; a target is decided as an inclusion where its score is at least the threshold.
 
     Parameters
     ----------
@@ -40,11 +40,11 @@ class Roc:
     Attributes
     ----------
     thresholds
-        Infinity, where no target is called one with an inclusion, then each score once, falling.
+        Infinity, where no target is decided as an inclusion, then the distinct scores, falling.
     true_positive_rate, false_positive_rate
         At each threshold, rising from 0 to 1.
     true_positives, false_positives
-        How many targets with an inclusion, and how many without, are called so at each threshold.
+        Numbers of targets with and without an inclusion that are decided as one at each threshold.
 
     Raises
     ------
@@ -141,11 +141,11 @@ class Roc:
             Confidence, in (0, 1).
         method
             ``"delong"``, which needs many targets, and whose variance vanishes for areas of 0 and 1; ``"newcombe"``
-            (2006, method 5), which holds for few and for areas near 1; ``"bootstrap"``, which needs ``rng``. None takes
+            (2006, method 5), which is valid for few and for areas near 1; ``"bootstrap"``, which needs ``rng``. None is
             DeLong's where both classes have 30 targets or more, and the number of the smaller times the area's distance
-            from 0 and from 1 is at least 5; else Newcombe's. The interval's ``method`` says which was taken.
+            from 0 and from 1 is at least 5; else Newcombe's. The interval's ``method`` names it.
         rng, draws, progress
-            For the bootstrap: source of the draws, how many, and what is told (done, total) on the way.
+            For the bootstrap: random generator, number of draws, and a function called with (done, total).
 
         Raises
         ------
@@ -169,7 +169,7 @@ def roc(scores: ArrayLike, present: ArrayLike) -> Roc:
     Parameters
     ----------
     scores
-        What it says of each target, shape (targets,), finite; higher means that an inclusion is likelier.
+        Scores of the targets, shape (targets,), finite; higher means that an inclusion is likelier.
     present
         Whether the target holds an inclusion, booleans of shape (targets,), both kinds.
 

@@ -1,4 +1,4 @@
-"""How stiff a touched object is: contact mechanics without the probe's own compliance."""
+"""Young's modulus of a pressed object, corrected for the probe's own compliance."""
 
 from tsis.hardness._estimate import RADIUS_SD_MM, estimate, require_radius
 from tsis.hardness._exploration import HardnessPrior

@@ -1,4 +1,4 @@
-"""Which frames may be read together, and what they say of the object's size."""
+"""Estimate Young's modulus of a soft sphere from presses on the bare probe."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tsis.hardness._exploration import HardnessPrior, RadiusPrior, explore_modul
 from tsis.hardness._likelihood import DRIFT_SD, ContactPress, HardnessLikelihood
 from tsis.hardness._reading import BLUR_MM, read_contact
 from tsis.hardness._sphere import require_small_sphere
-from tsis.hardness._table import WIDEST_SHARE, build_contact_table
+from tsis.hardness._table import WIDEST_FRACTION, build_contact_table
 from tsis.hardness._verdict import UNTRUSTED_FLAGS, findings, identifiability
 from tsis.model import (
     Calibration,
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from tsis.hardness._table import ContactTable
 
 
-RADIUS_SD_MM = 0.03  # of a radius that somebody measured without saying how well: a calliper's
-BALL_SD_MM = 0.003  # of a rigid ball without a stated one: bearing balls are rounder
+RADIUS_SD_MM = 0.03  # of a radius given without uncertainty: that of a calliper
+BALL_SD_MM = 0.003  # of a rigid ball given without uncertainty: bearing balls are rounder
 
 
 def require_frames_of_probe(frames: list[TactileImage], probe: Probe) -> None:
-    """Refuse frames that say they were taken with another probe."""
+    """Refuse frames whose settings name another probe."""
     for frame in frames:
         other = frame.settings.get("probe")
         if other and probe.name and other != probe.name:
@@ -50,11 +50,11 @@ def require_frames_of_probe(frames: list[TactileImage], probe: Probe) -> None:
 def radius_prior(
     probe: Probe, frames: list[TactileImage], radius_mm: float | None, radius_sd_mm: float | None
 ) -> RadiusPrior:
-    """What is known of the object's radius, by the caller or else by the frames."""
-    largest = WIDEST_SHARE * probe.radius_mm
+    """Prior of the object's radius, from the caller or else from the frames' settings."""
+    largest = WIDEST_FRACTION * probe.radius_mm
     if radius_mm is None:
-        radius_mm, written_sd = _written(frames)
-        radius_sd_mm = written_sd if radius_sd_mm is None else radius_sd_mm
+        radius_mm, frames_sd_mm = _radius_of_settings(frames)
+        radius_sd_mm = frames_sd_mm if radius_sd_mm is None else radius_sd_mm
     if radius_mm is None:
         return RadiusPrior(radius_mm=None, sd_mm=0.0, largest_mm=largest)
     sd = RADIUS_SD_MM if radius_sd_mm is None else radius_sd_mm
@@ -64,7 +64,7 @@ def radius_prior(
         sd,
         0.0,
         radius_mm / 10,
-        hint="millimetres, up to a tenth of the radius; leave both out where it is unknown",
+        hint="millimetres, up to a tenth of the radius; omit both if the radius is unknown",
     )
     return RadiusPrior(radius_mm=radius_mm, sd_mm=sd, largest_mm=largest)
 
@@ -73,28 +73,29 @@ def ball_radius(probe: Probe, balls: list[TactileImage], radius_mm: float | None
     """Radius in mm of the rigid ball of the reference presses, and its relative standard deviation."""
     sd_mm: float | None = None
     if radius_mm is None:
-        radius_mm, sd_mm = _written(balls)
+        radius_mm, sd_mm = _radius_of_settings(balls)
     if radius_mm is None:
-        raise InputError("reference_radius_mm must be given, the radius of the rigid ball; no frame says it")
+        raise InputError(
+            "reference_radius_mm must be given, the radius of the rigid ball; no frame's settings contain it"
+        )
     require_radius("reference_radius_mm", probe, radius_mm)
     return radius_mm, (BALL_SD_MM if sd_mm is None else sd_mm) / radius_mm
 
 
 def require_radius(name: str, probe: Probe, radius_mm: float) -> None:
-    """Refuse what is no radius of an object that this probe can measure, in mm; `InputError` names it."""
+    """Refuse a radius in mm of an object that this probe cannot measure; `InputError` names it."""
     require_number(name, radius_mm, 1.0, 50.0, hint="millimetres")
     require_small_sphere(probe, radius_mm)
 
 
-def _written(frames: list[TactileImage]) -> tuple[float | None, float | None]:
-    """Radius and standard deviation that the frames carry, which must agree."""
-    findings = {(frame.settings.get("radius_mm"), frame.settings.get("radius_sd_mm")) for frame in frames}
-    if len(findings) > 1:
+def _radius_of_settings(frames: list[TactileImage]) -> tuple[float | None, float | None]:
+    """Radius and standard deviation in the frames' settings, which must agree."""
+    radii = {(frame.settings.get("radius_mm"), frame.settings.get("radius_sd_mm")) for frame in frames}
+    if len(radii) > 1:
         raise ImageMismatchError(
-            f"all images must be of one object; their settings say (radius_mm, radius_sd_mm) "
-            f"{sorted(findings, key=str)}"
+            f"all images must be of one object; their settings give (radius_mm, radius_sd_mm) {sorted(radii, key=str)}"
         )
-    radius, sd = findings.pop()
+    radius, sd = radii.pop()
     if radius is not None:
         radius = require_number("radius_mm of the settings", radius, 1e-3, 1e3)
     if sd is not None:
@@ -118,31 +119,31 @@ def estimate(
 ) -> Estimate:
     """Estimate Young's modulus of a soft sphere that was pressed on the bare probe.
 
-    Each frame tells how wide the contact is and how much force its light carries; the gauge tells the force. A
-    finite-strain model of sphere and layered probe says how wide the contact is for a modulus, so the probe's own
-    compliance is not taken for the object's. Gain, lamps, forces, probe moduli, radius and Poisson's ratio are
-    nuisances, unknown within their stated errors and integrated out.
+    Each frame gives the contact radius and the force of its light; the gauge gives the force. A finite-strain model of
+    sphere and layered probe predicts the contact radius for a modulus, so that the probe's compliance does not count
+    as the object's. Gain, lamps, forces, probe moduli, radius and Poisson's ratio are nuisances, integrated out within
+    their stated errors.
 
-    Two presses at different forces are best: the second tests the model. One press is accepted and flagged, for with a
-    known radius it tells the modulus nearly as well.
+    Two presses at different forces are best: the second tests the model. One press is accepted and flagged; with a
+    known radius it determines the modulus nearly as well.
 
     Parameters
     ----------
     images
-        Presses on one object as the camera delivered them, each with ``force_n`` and ``mm_per_pixel``.
+        Raw presses on one object, each with ``force_n`` and ``mm_per_pixel``.
     probe
-        What pressed.
+        The probe that pressed.
     calibration
-        Answer of grey level to pressure and the sizes of the errors.
+        Response of grey level to pressure, and the errors.
     radius_mm
-        Radius of the object, in [1, 0.6 of the face's radius] mm; by default what the images' ``settings`` say. Where
-        nobody knows it the estimate says little, and says so.
+        Radius of the object, in [1, 0.6 of the face's radius] mm; by default that of the images' ``settings``. An
+        unknown radius is flagged: the interval is then wide.
     radius_sd_mm
         Its standard deviation; by default that of the ``settings``, else 0.03 mm.
     reference
-        Presses of a RIGID ball on the same probe: they pin the probe's own compliance, which a soft probe needs.
+        Presses of a RIGID ball on the same probe: they determine the probe's own compliance, which a soft probe needs.
     reference_radius_mm
-        Radius of that ball; by default what the references' ``settings`` say.
+        Radius of that ball; by default that of the references' ``settings``.
     prior
         Ranges of modulus and Poisson's ratio; `HardnessPrior` by default.
     blur_mm
@@ -150,23 +151,22 @@ def estimate(
     drift_sd
         Relative standard deviation of the lamps from press to press, in [0, 0.5].
     progress
-        Called with (done, all) while the contact of a new probe is solved, which takes some minutes once.
+        Called with (done, all) while the contact of a new probe is solved once, in some minutes.
 
     Returns
     -------
     Estimate
-        Of ``young_kpa``, with flags for what the data cannot tell.
+        Of ``young_kpa``, with flags for what the data do not determine.
 
     Raises
     ------
     InputError
-        When there is no image, one has no force, no scale or no contact, a contact leaves the picture or the face, or
+        When there is no image, an image has no force, scale or contact, a contact leaves the picture or the face, or
         the object is larger than the probe can measure.
     NotCalibratedError
-        When no calibration is given, or that of another probe.
+        When the calibration is missing or of another probe.
     ImageMismatchError
-        When images differ in scale, shape, axis or range of values, were taken with another probe, or carry different
-        radii.
+        When images differ in scale, shape, axis, range of values, probe or radius.
     """
     frames, balls = as_images("images", images), as_images("reference", reference)
     if not frames:
@@ -175,34 +175,33 @@ def estimate(
     prior = HardnessPrior() if prior is None else prior
     require_type("prior", prior, HardnessPrior)
     require_number("blur_mm", blur_mm, 0.0, 1.0, hint="millimetres")
-    require_number("drift_sd", drift_sd, 0.0, 0.5, hint="a share of one")
+    require_number("drift_sd", drift_sd, 0.0, 0.5, hint="a fraction")
     digests = require_image_series(frames + balls)
     require_frames_of_probe(frames + balls, probe)
     radius = radius_prior(probe, frames, radius_mm, radius_sd_mm)
     ball_mm, ball_sd = ball_radius(probe, balls, reference_radius_mm) if balls else (None, 0.0)
-    observed = [read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm) for frame in frames + balls]
     presses = [
         ContactPress(
             force_n=frame.force_n or 0.0,
-            observed=item,
+            observed=read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm),
             ball_radius_mm=ball_mm if index >= len(frames) else None,
             ball_radius_sd=ball_sd,
         )
-        for index, (frame, item) in enumerate(zip(frames + balls, observed, strict=True))
+        for index, frame in enumerate(frames + balls)
     ]
     table = _table(probe) if progress is None else build_contact_table(probe, progress=progress)
     with one_blas_thread():
         likelihood = HardnessLikelihood(presses, table=table, calibration=calibration, drift_sd=drift_sd)
         result = explore_modulus(likelihood, prior, radius)
-    message = findings(presses, likelihood, result, prior, radius)
+    flagged = findings(presses, likelihood, result, prior, radius)
     return Estimate(
         samples={"young_kpa": result.young_kpa},
         prior_sd={"young_kpa": prior.young_sd_kpa},
         identifiability=identifiability(result, prior),
         prior=str(prior),
-        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in message),
-        flags=tuple(flag for flag, _ in message),
-        notes=tuple(note for _, note in message),
+        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged),
+        flags=tuple(flag for flag, _ in flagged),
+        notes=tuple(note for _, note in flagged),
         provenance={
             "notice": RESEARCH_USE_ONLY,
             "tsis": __version__,

@@ -1,4 +1,4 @@
-"""What is believed of a touched sphere before the frames are seen."""
+"""Priors of a pressed sphere, and the posterior of its modulus on a grid."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HardnessPrior:
-    """Ranges of the sphere; even in the logarithm of the modulus, and in Poisson's ratio.
+    """Ranges of the sphere: uniform in the logarithm of the modulus and in Poisson's ratio.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class HardnessPrior:
 
 
 COARSE, FINE = 120, 240  # moduli on the grid
-NEGLIGIBLE = 25.0  # of log likelihood below the best, beyond which nothing is left
+NEGLIGIBLE = 25.0  # drop of the log likelihood below the best that is negligible
 RATIOS, RADII, UNKNOWN_RADII = 5, 9, 41
 SAMPLES = 4000
 SMALLEST_RADIUS_MM = 1.0  # of a sphere of unknown radius
@@ -76,14 +76,14 @@ SMALLEST_RADIUS_MM = 1.0  # of a sphere of unknown radius
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadiusPrior:
-    """What is known of the sphere's radius: a value with its standard deviation, or only that it lies in a range.
+    """Prior of the sphere's radius: a value with its standard deviation, or a range.
 
     Attributes
     ----------
     radius_mm, sd_mm
-        None and 0 for a radius of which nobody knows more than that the probe can measure it.
+        None and 0 for an unknown radius.
     largest_mm
-        The greatest radius that the probe can measure.
+        The largest radius that the probe can measure.
     """
 
     radius_mm: float | None
@@ -104,12 +104,12 @@ class RadiusPrior:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HardnessPosterior:
-    """The modulus, and how well the best sphere explains the frames.
+    """Posterior of the modulus, and the misfit of the best sphere.
 
     Attributes
     ----------
     young_kpa
-        Equally weighted samples, ascending: quantiles, so the same frames give the same ones.
+        Equally weighted samples, ascending: quantiles, so equal frames give equal samples.
     misfit
         Least squared misfit of the residuals.
     best
@@ -146,15 +146,15 @@ def explore_modulus(likelihood: HardnessLikelihood, prior: HardnessPrior, radius
 
 
 def _where_it_matters(grid: NDArray[np.float64], log_density: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A finer grid over what is not negligible, and one step of the coarse one to both sides."""
-    saved = np.flatnonzero(log_density > log_density.max() - NEGLIGIBLE)
-    low, high = max(saved[0] - 1, 0), min(saved[-1] + 1, len(grid) - 1)
+    """A finer grid over the part that is not negligible, a coarse step wider on both sides."""
+    inside = np.flatnonzero(log_density > log_density.max() - NEGLIGIBLE)
+    low, high = max(inside[0] - 1, 0), min(inside[-1] + 1, len(grid) - 1)
     return np.linspace(grid[low], grid[high], FINE)
 
 
 def _quantiles(grid: NDArray[np.float64], log_density: NDArray[np.float64]) -> NDArray[np.float64]:
     """Evenly spaced quantiles of a density that is linear between the grid's points."""
     density = np.exp(log_density - log_density.max())
-    fraction = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
-    requested = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    return np.asarray(np.interp(requested, fraction / fraction[-1], grid))
+    cumulative = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
+    levels = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    return np.asarray(np.interp(levels, cumulative / cumulative[-1], grid))

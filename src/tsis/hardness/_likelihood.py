@@ -1,4 +1,4 @@
-"""How likely contact radii and light are, for a sphere of given modulus, Poisson's ratio and radius."""
+"""Likelihood of contact radii and light for a sphere of given modulus, Poisson's ratio and radius."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 
 DRIFT_SD = 0.003  # relative standard deviation of the lamps from press to press
 STEP = 0.01  # of the logarithms by which derivatives are taken
-OWN_FRACTION = 0.5  # of the table's squared error that each press makes anew; the rest its sphere's presses share
-RIGID_KPA, RIGID_POISSON = 1e8, 0.3  # of a ball of steel: all of the compliance is the probe's
+OWN_FRACTION = 0.5  # of the table's squared error, independent in each press; the rest is common to a sphere's presses
+RIGID_KPA, RIGID_POISSON = 1e8, 0.3  # of a steel ball: all of the compliance is the probe's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactPress:
-    """One press as gauge and camera tell it.
+    """One press as measured by gauge and camera.
 
     Attributes
     ----------
     force_n
         Force by the gauge, N.
     observed
-        What the frame says.
+        Contact read from the frame.
     ball_radius_mm, ball_radius_sd
-        Radius of the rigid ball that was pressed, and its relative standard deviation; None for the object.
+        Radius of the pressed rigid ball, and its relative standard deviation; None for the object.
     """
 
     force_n: float
@@ -46,9 +46,9 @@ class ContactPress:
 class HardnessLikelihood:
     """Normal errors of the logarithms of radius and light, with all nuisances but three integrated out.
 
-    The logarithm of a contact radius errs by the image, by the table, and by force and probe modulus through the
-    contact's own mechanics; that of the light by the image, the force, the lamps' drift and the gain. Gain and probe
-    modulus are common to all presses. Modulus, Poisson's ratio and radius of the sphere are arguments.
+    Errors of a contact radius come from image, table, and from force and probe modulus through the contact mechanics.
+    Errors of the light come from image, force, drift of the lamps and gain. Gain and probe modulus are common to all
+    presses. Modulus, Poisson's ratio and radius of the sphere are arguments.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class HardnessLikelihood:
         self._light = light + np.diag(own)
 
     def __call__(self, young_kpa: Any, poisson: Any, radius_mm: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Log likelihood and squared misfit; the arguments broadcast, and the results have their shape."""
+        """Log likelihood and squared misfit, of the shape of the arguments, which broadcast."""
         residual, covariance = self.residuals(young_kpa, poisson, radius_mm)
         factor = np.linalg.cholesky(covariance)
         white = np.linalg.solve(factor, residual[..., None])[..., 0]
@@ -109,15 +109,15 @@ class HardnessLikelihood:
         by_ball: NDArray[np.float64],
         error: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        count, given = len(self.presses), self._calibration
+        count, calibration = len(self.presses), self._calibration
         ball = np.array([press.ball_radius_mm is not None for press in self.presses])
-        same = ball[:, None] == ball  # presses of one body: the ball's radius and the table's error are common to them
+        same = ball[:, None] == ball  # presses of one body have the ball's radius and the table's error in common
         image = np.array([press.observed.radius_sd**2 for press in self.presses])
         shared = (1 - OWN_FRACTION) * same + OWN_FRACTION * np.eye(count)
         radius = np.diag(image) + shared * error[..., :, None] * error[..., None, :]
-        radius = radius + given.probe_young_sd**2 * by_probe[..., :, None] * by_probe[..., None, :]
+        radius = radius + calibration.probe_young_sd**2 * by_probe[..., :, None] * by_probe[..., None, :]
         radius = radius + by_ball[..., :, None] * by_ball[..., None, :] * same
-        own_force = given.force_sd**2 * np.eye(count)
+        own_force = calibration.force_sd**2 * np.eye(count)
         radius = radius + own_force * by_force[..., :, None] * by_force[..., None, :]
         both = own_force * by_force[..., :, None]
         light = np.broadcast_to(self._light, radius.shape)

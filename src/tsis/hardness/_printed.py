@@ -1,8 +1,8 @@
-"""Lagrangian strain of a map between two states of a body, and what the source prints in its place.
+"""Lagrangian strain of a map between two states of a body, and the source's printed formula of it.
 
-A map ``f`` takes a place ``x`` of the first state to its place in the second. Strain belongs to the displacement
-``u = f - x``: its tensor ``1/2 (H + H' + H' H)`` with ``H = du/dx`` is zero for every rigid motion. The source's (5.17)
-puts the map itself where the displacement belongs, and cubes where squares do; a body that nobody touched then has a
+A map ``f`` takes a position ``x`` of the first state to its position in the second. Strain is a function of the
+displacement ``u = f - x``: its tensor ``1/2 (H + H' + H' H)`` with ``H = du/dx`` is zero for every rigid motion. The
+source's (5.17) uses the map instead of the displacement, and cubes instead of squares, so that a body at rest has a
 strain of 1.5.
 """
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def lagrangian_strain(gradient: ArrayLike) -> NDArray[np.float64]:
-    """The full strain tensor of a map at each place.
+    """Strain tensor of a map at each point.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def lagrangian_strain(gradient: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     Symmetric tensors, shape (n, d, d), without unit: half of the change of squared lengths. A rotation gives 0; a
-    stretch by ``s`` gives ``(s**2 - 1) / 2``, which is ``s - 1`` while that is small.
+    stretch by ``s`` gives ``(s**2 - 1) / 2``.
 
     Raises
     ------
@@ -57,13 +57,13 @@ def lagrangian_strain(gradient: ArrayLike) -> NDArray[np.float64]:
     >>> lagrangian_strain([[[1.1, 0.0], [0.0, 1.0]]]).round(3).tolist()
     [[[0.105, 0.0], [0.0, 0.0]]]
     """
-    transformed = _displacement_gradient(gradient)
-    rotated = np.swapaxes(transformed, 1, 2)
-    return np.asarray((transformed + rotated + rotated @ transformed) / 2)
+    displacement = _displacement_gradient(gradient)
+    transposed = np.swapaxes(displacement, 1, 2)
+    return np.asarray((displacement + transposed + transposed @ displacement) / 2)
 
 
 def axial_strain(gradient: ArrayLike) -> NDArray[np.float64]:
-    """The component ``e_zz`` of the strain along the last axis, shape (n,): (5.17) as it is right.
+    """Component ``e_zz`` of the strain along the last axis, shape (n,): (5.17) corrected.
 
     ``e_zz = du_z/dz + 1/2 [(du_x/dz)**2 + (du_y/dz)**2 + (du_z/dz)**2]`` of the displacement u.
 
@@ -87,9 +87,9 @@ def axial_strain(gradient: ArrayLike) -> NDArray[np.float64]:
 
 
 def printed_axial_strain(gradient: ArrayLike) -> NDArray[np.float64]:
-    """(5.17) to the letter, shape (n,): of the map instead of the displacement, with cubes instead of squares.
+    """(5.17) as printed, shape (n,): of the map instead of the displacement, with cubes instead of squares.
 
-    ``df_z/dz + 1/2 [(df_x/dz)**3 + (df_y/dz)**3 + (df_z/dz)**3]``; for comparison, since it is no strain.
+    ``df_z/dz + 1/2 [(df_x/dz)**3 + (df_y/dz)**3 + (df_z/dz)**3]``; for comparison only: it is no strain.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def printed_axial_strain(gradient: ArrayLike) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> printed_axial_strain([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]]).tolist()  # nothing has moved
+    >>> printed_axial_strain([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]]).tolist()  # the identity
     [1.5]
     """
     along = _gradient(gradient)[:, :, -1]
@@ -118,12 +118,12 @@ def _displacement_gradient(gradient: ArrayLike) -> NDArray[np.float64]:
 def _gradient(gradient: ArrayLike) -> NDArray[np.float64]:
     checked = require_array("gradient", gradient, ndim=3)
     if checked.shape[1] != checked.shape[2]:
-        raise InputError(f"gradient must be a square matrix at each place; got shape {checked.shape}")
+        raise InputError(f"gradient must be a square matrix at each point; got shape {checked.shape}")
     return checked
 
 
 CONTROL_POINTS = 200
-SURFACE_POINTS = 256  # along the longer side: blocks of some pixels, so that no point is drawn to a pixel's noise
+SURFACE_POINTS = 256  # along the longer side: blocks of some pixels average the noise
 FORMULAS = {"lagrangian": axial_strain, "printed": printed_axial_strain}
 STRESSES = ("first", "second", "difference")
 SPLINES = ("transform", "matches")
@@ -132,14 +132,14 @@ LEAST_STRAIN = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PrintedHardness:
-    """What the printed pipeline makes of two frames.
+    """Result of the printed pipeline for two frames.
 
     Attributes
     ----------
     young_kpa
         Stress over mean strain, (5.18).
     stress_kpa
-        The stress that was divided.
+        The numerator of (5.18).
     mean_strain
         Mean of ``strain``: positive where the second surface is the brighter one.
     strain
@@ -149,7 +149,7 @@ class PrintedHardness:
     before, after
         Control points (x, y, depth) of either surface in mm, shapes (n, 3) and (m, 3).
     registration
-        How the first go over into the second.
+        Match of the first surface to the second.
     """
 
     young_kpa: float
@@ -179,34 +179,31 @@ def printed_estimate(
     method: str = "tprl",
     rng: np.random.Generator | None = None,
 ) -> PrintedHardness:
-    """Stress over the mean strain between two presses, (5.1); no measurement of a modulus.
+    """Stress over the mean strain between two presses, (5.1); not a measurement of a modulus.
 
-    The stress is (5.5), the strain (5.17), and their quotient (5.18).
-
-    The force is the gauge's; the source reads it off the sum of grey levels by (5.4), which is the same number where
-    that line holds. The area is that of the bright patch. An even background changes nothing; take an uneven one away
-    first (`tsis.imaging.signal`).
+    The stress is (5.5), the strain (5.17), and their quotient (5.18). The force is the gauge's; the source computes it
+    from the sum of grey levels by (5.4). The area is that of the bright patch. A uniform background has no effect;
+    subtract a non-uniform one first (`tsis.imaging.signal`).
 
     Parameters
     ----------
     images
         Two frames of one object at ascending forces, each with ``force_n`` and ``mm_per_pixel``.
     depth_mm_per_grey
-        Depth that a grey level stands for, in [1e-6, 1e3] mm. The source takes "the pixel value as the depth
-        information" and prints no scale; by default a level is as deep as a pixel is wide, which is what plotting
-        pixel values over pixels does.
+        Depth of a grey level, in [1e-6, 1e3] mm. The source takes "the pixel value as the depth information" without
+        a scale; by default a level is as deep as a pixel is wide, as in a plot of pixel values over pixels.
     stress
         Force over area of the ``"first"`` or the ``"second"`` press, or the ``"difference"`` of both. The source
-        speaks of "the applied normal stress" and two forces; the difference belongs to a strain between the two,
-        the second is the plain reading.
+        writes "the applied normal stress" and two forces; the difference agrees with a strain between the two, the
+        second is the literal meaning.
     formula
         ``"lagrangian"`` strain of the displacement, or (5.17) as ``"printed"``, which is no strain.
     spline
-        Through where the ``"transform"`` of the method takes the points, or through their ``"matches"``, as (5.16)
-        reads: these lie as far off as the points of the other surface are apart.
+        Fitted to the points after the method's ``"transform"``, or to their ``"matches"`` as in (5.16), whose error is
+        the point spacing of the other surface.
     signed
-        Whether the modulus keeps the strain's sign; brighter light counts as extension, although the object is
-        compressed, so that by default the magnitude is taken.
+        Whether the modulus has the strain's sign; brighter light counts as extension although the object is compressed,
+        so the default is the magnitude.
     points
         Control points on each surface at most, in [10, 2000].
     method, rng
@@ -215,10 +212,9 @@ def printed_estimate(
     Raises
     ------
     InputError
-        When there are not two frames of ascending force with a scale and a contact, or when the surfaces
-        differ by no strain.
+        When the images are not two frames of ascending force with a scale and a contact, or the strain is zero.
     UnknownNameError
-        When no choice or method has that name.
+        When a choice or method is unknown.
 
     Examples
     --------
@@ -227,8 +223,8 @@ def printed_estimate(
     >>> def frame(radius_mm, peak, force_n):
     ...     grey = peak * np.sqrt(np.maximum(0, 1 - (x**2 + y**2) / radius_mm**2))
     ...     return TactileImage(grey=grey, mm_per_pixel=(0.05, 0.05), force_n=force_n)
-    >>> found = printed_estimate([frame(2.0, 100.0, 0.7), frame(2.4, 120.0, 1.2)])
-    >>> bool(0.1 < found.mean_strain < 0.4)  # (1.2**2 - 1) / 2 = 0.22, whatever the modulus
+    >>> result = printed_estimate([frame(2.0, 100.0, 0.7), frame(2.4, 120.0, 1.2)])
+    >>> bool(0.1 < result.mean_strain < 0.4)  # (1.2**2 - 1) / 2 = 0.22, whatever the modulus
     True
     """
     first, second = _pair(images)
@@ -240,19 +236,19 @@ def printed_estimate(
     require_number("depth_mm_per_grey", depth, 1e-6, 1e3, hint="millimetres a grey level")
     before, area_before = _lit_surface(first, depth, count)
     after, area_after = _lit_surface(second, depth, count)
-    # Two smooth round caps match however they are turned: no match of theirs is reliable, and the source asks for none.
+    # Two smooth round caps match under any rotation, so no match is reliable; the source requires none.
     result = match_points(before, after, method=method, rng=rng)
     pairs = ~result.outliers if spline == "matches" else np.ones(len(before), dtype=bool)
     targets = after[result.matches[pairs]] if spline == "matches" else result.moved
     strain = strain_of(fit_spline(before[pairs], targets).gradient(before))
     forces = (first.force_n or 0.0, second.force_n or 0.0)
-    divided = _stress_kpa(stress, forces, (area_before, area_after))
+    stress_kpa = _stress_kpa(stress, forces, (area_before, area_after))
     mean = float(strain.mean())
     if abs(mean) < LEAST_STRAIN:
         raise InputError(f"images must differ by some strain; got {mean:g}: press the second time with more force")
     return PrintedHardness(
-        young_kpa=divided / (mean if signed else abs(mean)),
-        stress_kpa=divided,
+        young_kpa=stress_kpa / (mean if signed else abs(mean)),
+        stress_kpa=stress_kpa,
         mean_strain=mean,
         strain=strain,
         force_n=forces,
@@ -264,13 +260,12 @@ def printed_estimate(
 
 
 def _pair(images: Sequence[TactileImage]) -> tuple[TactileImage, TactileImage]:
-    """Two frames that can be compared."""
-    given = list(images)
-    if len(given) != 2:
-        raise InputError(f"images must hold two frames, the lighter press first; got {len(given)}")
-    for image in given:
+    frames = list(images)
+    if len(frames) != 2:
+        raise InputError(f"images must hold two frames, the lighter press first; got {len(frames)}")
+    for image in frames:
         require_type("each of images", image, TactileImage)
-    first, second = given
+    first, second = frames
     if not (first.force_n and second.force_n and first.force_n < second.force_n):
         raise InputError(
             f"images must carry ascending forces, force_n in newtons; got {first.force_n!r} and {second.force_n!r}"
@@ -281,20 +276,20 @@ def _pair(images: Sequence[TactileImage]) -> tuple[TactileImage, TactileImage]:
 
 
 def _lit_surface(image: TactileImage, depth_mm_per_grey: float, count: int) -> tuple[NDArray[np.float64], float]:
-    """Control points that lie far apart on the bright patch as a surface, in mm, and the patch's area in mm²."""
-    observed = features(image)
-    if not observed.contact:
+    """Spread control points of the bright patch as a surface, in mm, and the patch's area in mm²."""
+    bright = features(image)
+    if not bright.contact:
         raise InputError(f"images must show a contact; in {image.name or 'an image'!r} nothing stands out of the noise")
     lifted = height_surface(image, max_points=SURFACE_POINTS, height_per_grey=depth_mm_per_grey)
     (width, height), (column, row) = image.scale(), image.axis()
     columns = np.round(lifted.x_mm / width + column).astype(int)
     rows = np.round(lifted.y_mm / height + row).astype(int)
-    lit = observed.patch.mask[np.ix_(rows, columns)]
+    lit = bright.patch.mask[np.ix_(rows, columns)]
     x, y = np.meshgrid(lifted.x_mm, lifted.y_mm)
-    return spread_out(np.column_stack([x[lit], y[lit], lifted.height[lit]]), count), observed.area_mm2 or 0.0
+    return spread_out(np.column_stack([x[lit], y[lit], lifted.height[lit]]), count), bright.area_mm2 or 0.0
 
 
 def _stress_kpa(stress: str, forces_n: tuple[float, float], areas_mm2: tuple[float, float]) -> float:
-    """Force over area (5.5) of the press that is meant."""
+    """Force over area (5.5) of the chosen press."""
     first, second = (MN_PER_N * force / area for force, area in zip(forces_n, areas_mm2, strict=True))
     return {"first": first, "second": second, "difference": second - first}[stress]

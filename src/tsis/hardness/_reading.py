@@ -1,4 +1,4 @@
-"""What one frame of a direct contact says: how wide the contact is, and how much force its light carries."""
+"""Read contact radius and force from one frame of a direct contact."""
 
 from __future__ import annotations
 
@@ -19,37 +19,35 @@ if TYPE_CHECKING:
     from tsis.model import Calibration, Probe, TactileImage
 
 
-PATCH_RANGE = (
-    1.35  # radii of the bright patch within which all pressure lies: a patch cut at half of the peak spans 0.87
-)
-FURTHER_MM = 0.3  # of the ring around it that tells the stray light
-RIM_MM = 1.0  # width of the face's edge that is not looked at
-BLUR_MM = 0.05  # standard deviation of the lens's point spread on the face, where nobody measured it
+PATCH_RANGE = 1.35  # radii of the bright patch that contain all pressure: a patch cut at half the peak spans 0.87
+FURTHER_MM = 0.3  # least distance and width of the ring around it that gives the stray light
+RIM_MM = 1.0  # width of the face's edge that is not evaluated
+BLUR_MM = 0.05  # default standard deviation of the lens's point spread on the face
 BLUR_UNCERTAINTY = 0.3  # relative standard deviation of the point spread
-STRAY_GREY = 0.01  # standard deviation in grey levels of stray light that is not even
-FULLEST, BRIGHTEST = 0.95, 0.999  # of the light of full contact: what a patch may reach, and what noise is cut at
-DARKEST = 0.05  # of the brightest light, where a division would only raise noise
+STRAY_GREY = 0.01  # standard deviation of non-uniform stray light, grey levels
+FULLEST, BRIGHTEST = 0.95, 0.999  # of the light of full contact: limit of a patch, and clip of the noise
+DARKEST = 0.05  # of the brightest light: division by less only amplifies noise
 ROUNDING = 1 / 12  # variance of rounding to whole grey levels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactReading:
-    """A contact as one frame shows it.
+    """A contact measured in one frame.
 
     Attributes
     ----------
     radius_mm
-        Radius of the Hertzian contact whose pressure has the same second moment; gain and stray light leave it alone.
+        Radius of the Hertzian contact whose pressure has the same second moment; independent of gain and stray light.
     radius_sd
         Its relative standard deviation by noise, patterns and blur.
     light_force_n
-        Integral of the pressure that the grey levels tell, N.
+        Integral of the pressure computed from the grey levels, N.
     light_force_sd
-        Its relative standard deviation by noise and patterns, without that of the gain.
+        Its relative standard deviation by noise and patterns, without the gain.
     extent_mm
-        Radius of the disc that both were read from.
+        Radius of the evaluated disc.
     clipped_fraction
-        Share of that disc's bright patch at which the camera clipped.
+        Clipped fraction of the bright patch.
     axis_ratio
         Long over short semi-axis of the bright patch.
     """
@@ -64,57 +62,57 @@ class ContactReading:
 
 
 def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration, blur_mm: float) -> ContactReading:
-    """Read the contact off a frame.
+    """Read the contact in a frame.
 
-    Each pixel's grey level, less the stray light of the face around the contact, becomes a pressure by the inverse of
+    The grey level of a pixel, less the stray light of the face around the contact, gives the pressure by the inverse of
     ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
 
     Parameters
     ----------
     image
-        A frame as the camera delivered it, its scale known.
+        A raw frame with its scale.
     probe
-        What was touched.
+        The probe.
     calibration
-        Answer of grey level to pressure.
+        Response of grey level to pressure.
     blur_mm
         Standard deviation of the point spread on the face.
 
     Raises
     ------
     InputError
-        When there is no contact, it leaves the picture or the face, or light no longer tells its pressure.
+        When there is no contact, it leaves the picture or the face, or its light is saturated.
     """
     label = image.name or "an image"
     level = _evened(image, calibration)
-    result = features(level)
-    if not result.contact:
+    bright = features(level)
+    if not bright.contact:
         raise InputError(f"images must show a contact; in {label!r} nothing stands out of the noise")
-    circle = None if result.cropped else find_contact(level, patch=result.patch)
+    circle = None if bright.cropped else find_contact(level, patch=bright.patch)
     if circle is None:
         raise InputError(
             f"the contact must lie inside the picture and be some pixels wide; in {label!r} it does not: centre the "
-            "object, press less or choose a lens that sees more"
+            "object, press less or use a lens with a wider field of view"
         )
-    extent = PATCH_RANGE * float(np.sqrt((result.area_mm2 or 0.0) / np.pi))
+    extent = PATCH_RANGE * float(np.sqrt((bright.area_mm2 or 0.0) / np.pi))
     _check_position(image, probe, circle.centre_px, extent)
     stray, stray_sd = _stray(level, probe, circle.centre_px, extent, calibration)
-    _check_light(result.peak - stray, calibration, label)
-    observed = _moments(
+    _check_light(bright.peak - stray, calibration, label)
+    moments = _moments(
         *_disc(level, circle.centre_px, extent, stray),
         pixel_mm2=float(np.prod(image.scale())),
         stray_sd=stray_sd,
         calibration=calibration,
         blur_mm=blur_mm,
     )
-    long, short = result.semi_axes_mm or (1.0, 1.0)
+    long, short = bright.semi_axes_mm or (1.0, 1.0)
     return ContactReading(
-        radius_mm=float(np.sqrt(2.5 * max(observed.spread, 1e-12))),
-        radius_sd=observed.spread_sd / 2,
-        light_force_n=observed.total / MN_PER_N,
-        light_force_sd=observed.total_sd,
+        radius_mm=float(np.sqrt(2.5 * max(moments.spread, 1e-12))),
+        radius_sd=moments.spread_sd / 2,
+        light_force_n=moments.total / MN_PER_N,
+        light_force_sd=moments.total_sd,
         extent_mm=extent,
-        clipped_fraction=float(np.mean(image.grey[result.patch.mask] >= image.full_scale)),
+        clipped_fraction=float(np.mean(image.grey[bright.patch.mask] >= image.full_scale)),
         axis_ratio=long / short,
     )
 
@@ -138,28 +136,28 @@ def _moments(
     calibration: Calibration,
     blur_mm: float,
 ) -> _Moments:
-    """Integrate the pressure, pixel by pixel: rings would take what falls inside each of them for even."""
+    """Integrate the pressure pixel by pixel: rings would assume uniform pressure in each ring."""
     pressure, slope = _pressure(grey, calibration)
     force = pixel_mm2 * pressure
     total = float(force.sum())
-    observed = float((square * force).sum() / total)
-    own = observed - 2 * blur_mm**2  # a point spread adds its own second moment
+    blurred = float((square * force).sum() / total)
+    spread = blurred - 2 * blur_mm**2  # a point spread adds its own second moment
     noise = (calibration.read_noise_grey**2 + ROUNDING + calibration.shot_noise_grey * np.maximum(grey, 0)) / slope**2
     pattern = float(np.hypot(calibration.pattern_sd, calibration.repeatability_sd))
     grains = np.floor(np.sqrt(square) / calibration.grain_mm).astype(int)
 
     def relative_sd(by_pressure: NDArray[np.float64]) -> float:
-        """Of a quantity whose logarithm has these derivatives: noise a pixel, stray light, and patterns a grain."""
+        """Standard deviation of a logarithm with these derivatives: pixel noise, stray light, and grain patterns."""
         stray = stray_sd * float((by_pressure / slope).sum())
         grained = pattern * np.bincount(grains, weights=by_pressure * pressure)
         return float(np.sqrt((by_pressure**2 * noise).sum() + stray**2 + (grained**2).sum()))
 
-    blurred = 4 * BLUR_UNCERTAINTY * blur_mm**2 / own
+    blur_sd = 4 * BLUR_UNCERTAINTY * blur_mm**2 / spread
     return _Moments(
         total=total,
         total_sd=relative_sd(np.full(len(grey), pixel_mm2 / total)),
-        spread=own,
-        spread_sd=float(np.hypot(relative_sd(pixel_mm2 * (square - observed) / (total * own)), blurred)),
+        spread=spread,
+        spread_sd=float(np.hypot(relative_sd(pixel_mm2 * (square - blurred) / (total * spread)), blur_sd)),
     )
 
 
@@ -174,7 +172,7 @@ def _disc(
 
 
 def _evened(image: TactileImage, calibration: Calibration) -> TactileImage:
-    """The frame above its background, as even light would show it."""
+    """The frame less its background, corrected for non-uniform light."""
     grey = image.grey - calibration.background_grey
     if calibration.light is not None:
         axis, scale = image.axis(), image.scale()
@@ -186,7 +184,7 @@ def _evened(image: TactileImage, calibration: Calibration) -> TactileImage:
 
 
 def _check_position(image: TactileImage, probe: Probe, centre: tuple[float, float], extent: float) -> None:
-    """Refuse a contact that the picture or the face cuts off."""
+    """Refuse a contact that leaves the picture or the face."""
     (width, height), label = image.scale(), image.name or "an image"
     rows, columns = image.grey.shape
     x, y = centre
@@ -217,17 +215,17 @@ def _stray(
 
 
 def _check_light(peak: float, calibration: Calibration, label: str) -> None:
-    """Refuse a contact so bright that grey no longer tells pressure."""
+    """Refuse a contact whose light is saturated."""
     fraction = peak / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
     if fraction > FULLEST:
         raise InputError(
-            f"light must still tell pressure; in {label!r} it reaches {fraction:.2g} of that of full contact at "
+            f"light must stay below saturation; in {label!r} it reaches {fraction:.2g} of that of full contact at "
             f"saturation_kpa = {calibration.saturation_kpa:g}: direct contact needs a rougher skin or less force"
         )
 
 
 def _pressure(grey: NDArray[np.float64], calibration: Calibration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pressure in kPa and grey levels a kPa of every pixel."""
+    """Pressure in kPa, and grey levels per kPa, of each pixel."""
     fraction = grey / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
     argument = erfinv(np.clip(fraction, -BRIGHTEST, BRIGHTEST))
     slope = calibration.gain_grey_per_kpa * np.exp(-(argument**2))

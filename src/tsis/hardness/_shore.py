@@ -1,4 +1,4 @@
-"""Young's modulus as the reading of a Shore durometer: a conversion, no measurement."""
+"""Convert Young's modulus to the reading of a Shore durometer."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-LEAST, MOST = 10.0, 90.0  # between which the scales are read
+LEAST, MOST = 10.0, 90.0  # range of the scales
 SOURCES = (
     "Shore A: Gent, Rubber Chem. Technol. 31 (1958) 896; Shore 00: spring and ball of ASTM D2240 in Hertz's law, "
     "incompressible"
 )
 BALL_MM = 1.19  # radius of the 00 indenter
 TRAVEL_MM = 2.5  # of the indenter at a reading of 0
-SPRING_N = (0.203, 0.00908)  # force of the 00 spring at 0, and more for each point
+SPRING_N = (0.203, 0.00908)  # force of the 00 spring at 0, and increase per point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShoreHardness:
-    """Readings that a material of some modulus would give.
+    """Shore readings of a material.
 
     Attributes
     ----------
     shore_a, shore_00
         Readings in [10, 90]; None outside.
     source
-        Where the conversions come from.
+        References of the conversions.
     """
 
     shore_a: float | None
@@ -44,7 +44,7 @@ class ShoreHardness:
 def shore(young_kpa: float) -> ShoreHardness:
     """Convert Young's modulus to Shore A and Shore 00.
 
-    Both relations hold for linear elasticity; durometers indent deeply, and real readings scatter by some points.
+    Both relations assume linear elasticity; durometers indent deeply, and real readings scatter by some points.
 
     Parameters
     ----------

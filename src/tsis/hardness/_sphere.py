@@ -1,4 +1,4 @@
-"""A soft sphere on the probe as the camera sees it: pressure over where the deformed face lies, not where it lay."""
+"""Press of a soft sphere on the probe: pressure over the deformed face, as the camera records it."""
 
 from __future__ import annotations
 
@@ -40,30 +40,30 @@ def press_fields(
     resolution: SphereResolution,
     stop_at_limit: bool = False,
 ) -> tuple[PressField, ...]:
-    """Press a sphere between a frictionless plate and the probe, and see the face where it has moved to.
+    """Press a sphere between a frictionless plate and the probe; the fields are those of the deformed face.
 
-    Large forces carry the skin inwards, by up to two per cent of the contact's radius on a soft probe; the camera sees
-    the carried face, so radius and pressure are those of the deformed face here.
+    Large forces shift the skin inwards, by up to two per cent of the contact radius on a soft probe. The camera records
+    the shifted face.
 
     Parameters
     ----------
     probe
-        What presses.
+        The probe.
     sphere
-        What is pressed; its radius is at most 0.6 of the face's.
+        The sphere; its radius is at most 0.6 of the face's.
     forces_n
         Ascending forces in newtons.
     resolution
-        Mesh density; a press that does not converge is tried again on meshes a little finer.
+        Mesh density; a press that does not converge is repeated on slightly finer meshes.
     stop_at_limit
-        End the path where the mechanics cannot follow, instead of an error; at least one force must be reached.
+        Return the converged forces, at least one, instead of raising at the first that does not converge.
 
     Raises
     ------
     InputError
         When the sphere is too large for the face, or the forces do not ascend.
     MechanicsError
-        When a force cannot be reached on any of four meshes.
+        When a force converges on none of four meshes.
     """
     require_type("probe", probe, Probe)
     require_small_sphere(probe, sphere.radius_mm)
@@ -83,7 +83,7 @@ def press_fields(
 
 
 def _neighbours(resolution: SphereResolution) -> list[SphereResolution]:
-    """Meshes to try next: where the contact's edge meets a node of one mesh, Newton's method may stall on it alone."""
+    """Meshes to try next: Newton's method may stall where the contact's edge meets a node of one mesh."""
     cells, face_cells = resolution.cells, resolution.face_cells
     return [
         replace(resolution, cells=cells + 1),
@@ -94,19 +94,19 @@ def _neighbours(resolution: SphereResolution) -> list[SphereResolution]:
 
 def require_small_sphere(probe: Probe, radius_mm: float) -> None:
     """Refuse an object larger than the probe can measure: its contact would reach the rim."""
-    if radius_mm > WIDEST_CONTACT * probe.radius_mm:
+    largest = WIDEST_CONTACT * probe.radius_mm
+    if radius_mm > largest:
         raise InputError(
-            f"the object must be smaller than the probe: radius_mm must be at most "
-            f"{WIDEST_CONTACT * probe.radius_mm:.3g}, "
+            f"the object must be smaller than the probe: radius_mm must be at most {largest:.3g}, "
             f"{WIDEST_CONTACT:g} of the face's radius; got {radius_mm:g} (use a wider probe)"
         )
 
 
 class SphereOnDeformedFace(SphereOnProbe):
-    """The sphere's mechanics, read at the places that the face has moved to."""
+    """Mechanics of the sphere, with fields over the deformed face."""
 
     def fields(self, forces_n: Sequence[float], *, stop_at_limit: bool) -> tuple[PressField, ...]:
-        """Fields at ascending forces in newtons, as far as they can be reached."""
+        """Fields at ascending forces in newtons, as far as they converge."""
         forces, result = [force * MN_PER_N for force in forces_n], list[PressField]()
         with suppress(MechanicsError) if stop_at_limit else nullcontext():
             first = find_first_contact(
@@ -127,17 +127,17 @@ class SphereOnDeformedFace(SphereOnProbe):
 
 
 def to_deformed_radius(field: PressField, outward_mm: NDArray[np.float64]) -> PressField:
-    """A field over the undeformed radius, when each point of the face has moved ``outward_mm`` along the radius."""
+    """Field over the deformed radius, for a face displaced by ``outward_mm`` along the radius."""
     radius = field.radius_mm
-    transformed = np.maximum.accumulate(np.where(radius > 0, radius + outward_mm, 0.0))
-    # What an undeformed ring carries, the ring that it has become carries: areas go with radius times width.
-    wider = np.gradient(transformed, radius)
-    around = np.divide(transformed, radius, out=np.full(len(radius), wider[0]), where=radius > 0)
+    deformed = np.maximum.accumulate(np.where(radius > 0, radius + outward_mm, 0.0))
+    # A ring carries the same force before and after deformation; its area scales with radius times width.
+    wider = np.gradient(deformed, radius)
+    around = np.divide(deformed, radius, out=np.full(len(radius), wider[0]), where=radius > 0)
     pressure = field.pressure_kpa / np.maximum(wider * around, 1e-3)
     return replace(
         field,
-        pressure_kpa=np.interp(radius, transformed, pressure, right=0.0),
-        face_displacement_mm=np.interp(radius, transformed, field.face_displacement_mm),
+        pressure_kpa=np.interp(radius, deformed, pressure, right=0.0),
+        face_displacement_mm=np.interp(radius, deformed, field.face_displacement_mm),
     )
 
 
@@ -145,7 +145,7 @@ def hertzian_radius_mm(field: PressField) -> float:
     """Radius in mm of the Hertzian contact whose pressure has the same second moment: ``a² = 5/2 <r²>``.
 
     The pressure of a Hertzian contact falls as ``sqrt(1 - r²/a²)``, whose mean square radius is ``2/5 a²``. Meshes and
-    images tell this radius ten times closer than the place where the pressure ends, for all of the contact tells it.
+    images determine it ten times more precisely than the edge of the pressure, since the whole contact contributes.
     """
     ring = field.pressure_kpa * field.radius_mm
     return float(

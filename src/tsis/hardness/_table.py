@@ -1,4 +1,4 @@
-"""How wide a soft sphere touches a probe: the finite-strain contact as a polynomial beside Hertz's law."""
+"""Contact radius of a soft sphere on a probe: Hertz's law and a polynomial correction for finite strain."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ if TYPE_CHECKING:
 
 MIDDLE_RADIUS_MM, RADIUS_STEP_MM = 3.3, 3.0
 MIDDLE_POISSON, POISSON_STEP = 0.475, 0.025
-BASE_DEGREES, BASE_TOTAL = (4, 3), 5  # in depth and softness, of what a sphere of the middle radius and ratio adds
-CHANGE_DEGREES, CHANGE_TOTAL, CHANGE_ORDER = (3, 1), 4, 2  # of what another radius or ratio changes
-FIRM_DEPTH = 0.6  # from which on a contact is many elements wide
+BASE_DEGREES, BASE_TOTAL = (4, 3), 5  # in depth and softness, for a sphere of the middle radius and ratio
+CHANGE_DEGREES, CHANGE_TOTAL, CHANGE_ORDER = (3, 1), 4, 2  # of the change with radius or ratio
+FIRM_DEPTH = 0.6  # a contact this deep is many elements wide
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContactTable:
-    """Contact radius of a sphere on one probe, from its load and what share of the compliance is the sphere's.
+    """Contact radius of a sphere on one probe, by load and the sphere's fraction of the compliance.
 
-    Moduli and force share a unit, and small contacts follow Hertz's law ``a³ = 3 F R c / 4`` with the compliance
-    ``c = (1 - nu²)/E + (1 - nu_s²)/E_s`` of sphere and skin. What large strains and the layers below the skin add to
-    the logarithm of the radius is a polynomial in ``depth = (F c / R²)^(1/3)`` and ``softness``, the sphere's share of
-    ``c``; the radius matters as far as the probe is soft, Poisson's ratio as far as the sphere is.
+    Small contacts follow Hertz's law ``a³ = 3 F R c / 4`` with the compliance ``c = (1 - nu²)/E + (1 - nu_s²)/E_s`` of
+    sphere and skin. Large strains and the layers below the skin add a polynomial in ``depth = (F c / R²)^(1/3)`` and
+    ``softness``, the sphere's fraction of ``c``, to the logarithm of the radius. The radius of the sphere matters in
+    proportion to the probe's softness, its Poisson's ratio in proportion to its own.
 
     Parameters
     ----------
     coefficients
         Of the terms of `terms`, shape (n,).
     softness, deepest, error
-        Shares of the compliance, ascending, the greatest depth that the mechanics reach at each, and the relative error
-        of the contact radius there: root mean square over presses that the fit has not seen, shape (m,) each.
+        Fractions of the compliance, ascending; the greatest converged depth at each; and the relative error of the
+        contact radius there: root mean square over presses left out of the fit. Shape (m,).
     skin_compliance
         ``(1 - nu_s²)/E_s`` of the skin, 1/kPa.
     key
-        Hash of what the table was computed from.
+        Hash of the table's inputs.
     """
 
     coefficients: NDArray[np.float64]
@@ -71,7 +71,7 @@ class ContactTable:
         young_kpa, poisson, radius_mm
             The sphere.
         force_n
-            Force in newtons; beyond the deepest contact of the table the radius goes on as Hertz's does.
+            Force in newtons; beyond the deepest contact of the table the radius grows as Hertz's.
         probe_factor
             The moduli of the probe's layers over their nominal values.
         """
@@ -83,7 +83,7 @@ class ContactTable:
     def coordinates(
         self, young_kpa: Any, poisson: Any, radius_mm: Any, force_n: Any, *, probe_factor: Any = 1.0
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Softness and depth of presses, as the class describes them."""
+        """Softness and depth of presses."""
         sphere = (1 - np.square(poisson)) / np.asarray(young_kpa, dtype=float)
         compliance = sphere + self.skin_compliance / probe_factor
         depth = np.cbrt(MN_PER_N * np.asarray(force_n) * compliance / np.square(radius_mm))
@@ -95,12 +95,12 @@ class ContactTable:
         return np.asarray(np.interp(softness, self.softness, self.deepest))
 
     def error_at(self, softness: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Relative error of the contact radius; more where the contact is shallow and few elements wide."""
+        """Relative error of the contact radius; larger where the contact is shallow and few elements wide."""
         return np.asarray(np.interp(softness, self.softness, self.error) / firmness(depth))
 
 
 def firmness(depth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weight of a press in the fit: 1, less where the contact is so shallow that it is few elements wide."""
+    """Weight of a press in the fit: 1, or less where the contact is shallow and few elements wide."""
     return np.asarray(np.minimum(1.0, depth / FIRM_DEPTH) ** 2)
 
 
@@ -111,7 +111,7 @@ def skin_compliance(probe: Probe) -> float:
 
 
 def terms(depth: Any, softness: Any, radius_mm: Any, poisson: Any) -> NDArray[np.float64]:
-    """Terms of the polynomial, shape of the arguments (which broadcast) with the terms as a last axis."""
+    """Terms of the polynomial as a last axis; the arguments broadcast."""
     depth, softness, radius, ratio = np.broadcast_arrays(
         depth,
         softness,
@@ -138,15 +138,15 @@ def terms(depth: Any, softness: Any, radius_mm: Any, poisson: Any) -> NDArray[np
 
 FORMAT_VERSION = 2
 KIND = "contact-tables"
-SKIN_KPA = 100.0  # of the probe that is solved: all moduli share a unit with the force, so any skin is this one
+SKIN_KPA = 100.0  # of the solved probe: moduli scale with the force, so that this skin represents any
 RESOLUTION = SphereResolution(order=3, cells=6, rings=2, face_cells=6)
 LOADS = np.array([0.04, 0.07, 0.11, 0.19, 0.31, 0.5, 0.8, 1.2, 1.6, 2.0, 2.4, 2.6, 2.8, 3.2])  # depth cubed
-SMALLEST_RADIUS_MM, WIDEST_SHARE = 1.65, 0.55  # of the spheres; the widest as a share of the face's radius
+SMALLEST_RADIUS_MM, WIDEST_FRACTION = 1.65, 0.55  # of the spheres; the widest as a fraction of the face's radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SphereCase:
-    """One sphere of the design: its share of the compliance, radius and Poisson's ratio."""
+    """One sphere of the design: its fraction of the compliance, radius and Poisson's ratio."""
 
     softness: float
     radius_mm: float
@@ -154,11 +154,11 @@ class SphereCase:
 
 
 def design_of(probe: Probe) -> tuple[SphereCase, ...]:
-    """The spheres that are solved for a probe: 6 of the middle radius and ratio, 6 of other radii, 6 of other ratios.
+    """The solved spheres of a probe: 6 of the middle radius and ratio, 6 of other radii, 6 of other ratios.
 
-    Where the sphere is stiff its ratio does not matter, where it is soft its radius does not: no case is spent there.
+    The ratio of a stiff sphere and the radius of a soft one do not matter: those cases are omitted.
     """
-    widest = WIDEST_SHARE * probe.radius_mm
+    widest = WIDEST_FRACTION * probe.radius_mm
     middle = min(MIDDLE_RADIUS_MM, widest)
     spread = np.cos(np.pi * (np.arange(6) + 0.5) / 6) / np.cos(np.pi / 12)
     cases = [SphereCase(softness=float(0.5 - 0.48 * x), radius_mm=middle) for x in spread]
@@ -169,7 +169,7 @@ def design_of(probe: Probe) -> tuple[SphereCase, ...]:
     ]
     cases += [
         SphereCase(softness=softness, radius_mm=middle, poisson=MIDDLE_POISSON + step)
-        for step in (-POISSON_STEP, 0.8 * POISSON_STEP)  # 0.495 is the most that the elements take
+        for step in (-POISSON_STEP, 0.8 * POISSON_STEP)  # the elements converge up to 0.495
         for softness in (0.3, 0.7, 0.98)
     ]
     return tuple(cases)
@@ -182,9 +182,9 @@ def build_contact_table(
     progress: Callable[[int, int], None] | None = None,
     cached: bool = True,
 ) -> ContactTable:
-    """The contact table of a probe: from the package or the disk cache, else solved, which takes some minutes.
+    """The contact table of a probe: from the package or the disk cache, else solved in some minutes.
 
-    Probes whose moduli are in proportion share a table.
+    Probes with proportional moduli have one table.
 
     Parameters
     ----------
@@ -193,14 +193,14 @@ def build_contact_table(
     resolution
         Mesh density.
     progress
-        Called with (spheres solved, spheres in all) as the work goes on.
+        Called with (spheres solved, all spheres).
     cached
         Whether to use the tables of the package and the disk cache.
 
     Raises
     ------
     MechanicsError
-        When no force on one of the spheres converges.
+        When no force on a sphere converges.
 
     Examples
     --------
@@ -236,13 +236,13 @@ def build_contact_table(
 
 
 def _with_skin(probe: Probe, young_kpa: float) -> Probe:
-    """The probe with all moduli in proportion and a skin of ``young_kpa``."""
+    """The probe with all moduli scaled to a skin of ``young_kpa``."""
     factor = young_kpa / probe.layers[0].young_kpa
     return replace(probe, layers=tuple(replace(layer, young_kpa=factor * layer.young_kpa) for layer in probe.layers))
 
 
 def _rounded(content: Any) -> Any:
-    """Content whose numbers do not differ by the rounding of a proportion."""
+    """Content with numbers rounded to ten digits, so that scaling does not change it."""
     if isinstance(content, dict):
         return {name: _rounded(value) for name, value in content.items()}
     if isinstance(content, (list, tuple)):
@@ -251,7 +251,7 @@ def _rounded(content: Any) -> Any:
 
 
 def _shipped(key: str) -> dict[str, NDArray[np.float64]] | None:
-    """A table that comes with the package; those of the catalog's flat probes do."""
+    """A table shipped with the package: those of the catalog's flat probes."""
     file = files(__package__) / "tables" / f"{key}.json"
     if not file.is_file():
         return None
@@ -272,14 +272,14 @@ def _solve(
     middle = [index for index, case in enumerate(cases) if case.poisson == MIDDLE_POISSON][:6]
     return {
         "coefficients": coefficients,
-        "softness": np.array([cases[position].softness for position in middle]),
-        "deepest": np.array([np.cbrt(LOADS[len(added[position]) - 1]) for position in middle]),
-        "error": np.array([_unseen_error(position, rows, added, weights) for position in middle]),
+        "softness": np.array([cases[index].softness for index in middle]),
+        "deepest": np.array([np.cbrt(LOADS[len(added[index]) - 1]) for index in middle]),
+        "error": np.array([_left_out_error(index, rows, added, weights) for index in middle]),
     }
 
 
 def added_log_radius(probe: Probe, case: SphereCase, resolution: SphereResolution) -> NDArray[np.float64]:
-    """Logarithm of the contact radius over Hertz's at `LOADS`, as far as the mechanics reach."""
+    """Logarithm of the contact radius over Hertz's at `LOADS`, as far as the mechanics converge."""
     skin = skin_compliance(probe)
     soft = skin * case.softness / (1 - case.softness)
     sphere = SoftSphere(radius_mm=case.radius_mm, young_kpa=(1 - case.poisson**2) / soft, poisson=case.poisson)
@@ -299,11 +299,11 @@ def _fit(
     rows: Sequence[NDArray[np.float64]], added: Sequence[NDArray[np.float64]], weights: Sequence[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     weight = np.concatenate(weights)
-    response = np.linalg.lstsq(weight[:, None] * np.concatenate(rows), weight * np.concatenate(added), rcond=1e-8)
-    return np.asarray(response[0])
+    solution = np.linalg.lstsq(weight[:, None] * np.concatenate(rows), weight * np.concatenate(added), rcond=1e-8)
+    return np.asarray(solution[0])
 
 
-def _unseen_error(
+def _left_out_error(
     left_out: int,
     rows: Sequence[NDArray[np.float64]],
     added: Sequence[NDArray[np.float64]],
@@ -311,6 +311,6 @@ def _unseen_error(
 ) -> float:
     """Weighted root mean square over one sphere's presses of a fit without them."""
     others = [index for index in range(len(rows)) if index != left_out]
-    result = _fit(*([part[other] for other in others] for part in (rows, added, weights)))
-    error = weights[left_out] * (added[left_out] - rows[left_out] @ result)
+    coefficients = _fit(*([part[other] for other in others] for part in (rows, added, weights)))
+    error = weights[left_out] * (added[left_out] - rows[left_out] @ coefficients)
     return float(np.sqrt((error**2).sum() / (weights[left_out] ** 2).sum()))

@@ -1,4 +1,4 @@
-"""What the reader of a hardness must know: one flag and one sentence each."""
+"""Findings of a hardness estimate: a flag and a message each."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
     Finding = tuple[str, str]
 
-WIDE = 2.0  # ratio of the 90 % interval's ends from which a modulus is not told as a number
-CUT_OFF, EDGE = 0.2, 0.02  # share of the samples within this share of the prior's range at one of its ends
-CLIPPED = 1e-3  # share of the contact's pixels
+WIDE = 2.0  # ratio of the 90 % interval's ends beyond which a modulus is not identified
+CUT_OFF, EDGE = 0.2, 0.02  # fraction of the samples within this fraction of the prior's range at an end
+CLIPPED = 1e-3  # fraction of the contact's pixels
 NOT_ROUND = 1.1  # long over short axis: a sphere on a round probe lights a round patch
-BEYOND = 0.05  # share of the moduli for which a press lies outside the table
-SAME_FORCE = 0.02  # relative difference of forces that are one force
+BEYOND = 0.05  # fraction of the moduli for which a press lies outside the table
+SAME_FORCE = 0.02  # relative difference of forces that count as equal
 UNTRUSTED_FLAGS = frozenset(("model_does_not_fit", "saturated", "not_round", "outside_table"))
 
 
@@ -34,7 +34,7 @@ def findings(
     prior: HardnessPrior,
     radius: RadiusPrior,
 ) -> list[Finding]:
-    """Everything to be said about an estimate."""
+    """All findings of an estimate."""
     objects = [press for press in presses if press.ball_radius_mm is None]
     return [
         *_about_frames(presses),
@@ -46,7 +46,7 @@ def findings(
 
 
 def identifiability(posterior: HardnessPosterior, prior: HardnessPrior) -> str:
-    """One sentence on what the data tell."""
+    """Message on how well the data determine the modulus."""
     low, high = np.quantile(posterior.young_kpa, [0.05, 0.95])
     narrowing = float(posterior.young_kpa.std()) / prior.young_sd_kpa
     return (
@@ -62,7 +62,7 @@ def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
         findings.append(
             (
                 "saturated",
-                f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is not seen: expose shorter.",
+                f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is unknown: expose shorter.",
             )
         )
     oval = max(press.observed.axis_ratio for press in presses)
@@ -71,7 +71,7 @@ def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
             (
                 "not_round",
                 f"A contact is {oval:.2f} times as long as wide: this is no sphere on the probe's axis, which the "
-                "model takes for granted.",
+                "model assumes.",
             )
         )
     return findings
@@ -117,8 +117,8 @@ def _about_presses(objects: Sequence[ContactPress], radius: RadiusPrior) -> list
         findings.append(
             (
                 "radius_unknown",
-                f"The object's radius is not known, only that it lies in [1, {radius.largest_mm:.3g}] mm: small "
-                "contacts tell the modulus over the radius, and large ones little more (give radius_mm).",
+                f"The object's radius is unknown within [1, {radius.largest_mm:.3g}] mm: small contacts determine the "
+                "modulus over the radius, and large ones little more (give radius_mm).",
             )
         )
     return findings
@@ -152,19 +152,18 @@ def _about_fit(presses: Sequence[ContactPress], posterior: HardnessPosterior, ra
     return [
         (
             "model_does_not_fit",
-            f"Forces, light and contact radii contradict each other (chance below "
-            f"{probability_bound(chance)}): this is no "
-            "homogeneous sphere of that radius, or force, calibration or probe are wrong.",
+            f"Forces, light and contact radii contradict each other (chance below {probability_bound(chance)}): "
+            "this is no homogeneous sphere of that radius, or force, calibration or probe are wrong.",
         )
     ]
 
 
 HARDNESS_FLAGS = MappingProxyType(
     {
-        "young_kpa_not_identified": "the presses tell next to nothing of the modulus",
+        "young_kpa_not_identified": "the presses do not determine the modulus",
         "young_kpa_cut_off": "the modulus piles up at an end of the prior",
-        "radius_unknown": "nobody gave the object's radius",
-        "one_force": "all presses have one force, so that nothing tests the model",
+        "radius_unknown": "the object's radius is not given",
+        "one_force": "all presses have one force, so that the model is not tested",
         "saturated": "pixels of a contact are clipped",
         "not_round": "a contact is not round: no sphere on the probe's axis",
         "outside_table": "the sphere is flattened further than the mechanics were solved for",

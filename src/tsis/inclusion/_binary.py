@@ -21,7 +21,7 @@ def binary_image(image: TactileImage, threshold_grey: float) -> TactileImage:
     Parameters
     ----------
     image
-        Whose scale, axis and full scale the answer keeps.
+        The image; the result has its scale, axis and full scale.
     threshold_grey
         In grey levels, at most the full scale above or below zero.
 
@@ -41,17 +41,17 @@ def binary_image(image: TactileImage, threshold_grey: float) -> TactileImage:
 
 
 def binary_features(image: TactileImage, threshold_grey: float) -> Features:
-    """Place and shape of the largest part above a threshold, every pixel of it counted alike.
+    """Position and shape of the largest part above a threshold, with equal weight of its pixels.
 
     Raises
     ------
     InputError
-        When the whole picture is above the threshold, so that nothing in it is background.
+        When the whole picture is above the threshold.
     """
     binary = binary_image(image, threshold_grey)
     if binary.grey.min() > 0:
         raise InputError(
             f"some of the picture must lie below the threshold of {threshold_grey:.4g} grey levels; "
-            "got one that is lit to its last pixel (cropped, overexposed, or with the wrong reference)"
+            "got one with all pixels above it (cropped, overexposed, or with the wrong reference)"
         )
     return features(binary, method="half")

@@ -1,4 +1,4 @@
-"""Does a calibration belong to the probe?"""
+"""Estimate an inclusion's diameter, depth and modulus from presses."""
 
 from __future__ import annotations
 
@@ -71,23 +71,22 @@ def check_calibration(calibration: Calibration, probe: Probe) -> None:
     InputError
         When ``probe`` is no `Probe`.
     NotCalibratedError
-        When there is no calibration, both names are known and differ, or the map of the light ends inside the
-        probe's face.
+        When the calibration is missing or of another probe, or its map of the light ends inside the probe's face.
     """
     require_same_probe(probe, calibration)
     light = calibration.light
-    if light is None or _is_even(light):
+    if light is None or _is_uniform(light):
         return
     extent = min(-light.x_mm[0], light.x_mm[-1], -light.y_mm[0], light.y_mm[-1])
     if extent < (1 - ROUNDING) * probe.radius_mm:
         raise NotCalibratedError(
-            f"light of the calibration must reach the rim of the face at {probe.radius_mm:g} mm; got a map that ends "
-            f"at {extent:g} mm: it is that of a smaller probe, so calibrate the light of this one"
+            f"light of the calibration must extend to the rim of the face at {probe.radius_mm:g} mm; got a map that "
+            f"ends at {extent:g} mm: it is of a smaller probe, so calibrate the light of this one"
         )
 
 
-def _is_even(light: LightMap) -> bool:
-    """The same all over, so that its last values hold beyond its ends too."""
+def _is_uniform(light: LightMap) -> bool:
+    """Uniform, and therefore valid beyond its ends."""
     fields = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm, light.bend_per_mm2)
     return all(np.ptp(field) == 0 for field in fields)
 
@@ -101,41 +100,39 @@ def estimate(
     prior: InclusionPrior | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Estimate:
-    """Estimate an inclusion under the probe's axis, with honest intervals.
+    """Estimate an inclusion under the probe's axis, with calibrated intervals.
 
     The posterior over diameter, depth and modulus follows from the ring means of the grey level. Gain, offset and
     force of each frame, the moduli of tissue and probe, Poisson's ratio, the slab's thickness, the light's shading and
-    the inclusion's place are nuisances: unknown within their stated errors and integrated out.
+    the inclusion's position are nuisances, integrated out within their stated errors.
 
     Parameters
     ----------
     images
-        One or more presses on the same target as the camera delivered them, each with ``force_n`` and
-        ``mm_per_pixel``.
+        One or more raw presses on one target, each with ``force_n`` and ``mm_per_pixel``.
     probe
-        What pressed.
+        The probe that pressed.
     calibration
-        Answer of grey level to pressure and the sizes of the errors.
+        Response of grey level to pressure, and the errors.
     reference
-        Presses of the same probe on plain tissue nearby; they narrow size and depth.
+        Reference presses of the same probe on tissue without inclusion nearby; they narrow size and depth.
     prior
-        Ranges of the inclusion and beliefs about the tissue; `InclusionPrior` by default.
+        Ranges of the inclusion and distributions of the tissue; `InclusionPrior` by default.
     progress
-        Called with (slabs solved, slabs in all) while the surrogate of a new probe or prior is built, which takes
-        seconds once. Wrong arguments are refused before.
+        Called with (slabs solved, all slabs) while the surrogate of a new probe or prior is built once, in seconds.
 
     Returns
     -------
     Estimate
-        Of ``diameter_mm``, ``depth_mm`` and ``young_kpa``, with flags for what the data cannot tell.
+        Of ``diameter_mm``, ``depth_mm`` and ``young_kpa``, with flags for what the data do not determine.
 
     Raises
     ------
     InputError
-        When there is no image, or one has no force or no scale, shows no contact, or was pressed with a force at which
-        a dome touches only in part or small strain does not hold; when much of the face lies outside the picture.
+        When there is no image; an image has no force, scale or contact, or a force at which a dome touches only in part
+        or small strain is not valid; or much of the face lies outside the picture.
     NotCalibratedError
-        When no calibration is given, or that of another probe.
+        When the calibration is missing or of another probe.
     ImageMismatchError
         When the images differ in scale, shape, axis or range of values.
     """
@@ -151,20 +148,20 @@ def estimate(
         _surrogate(probe, box) if progress is None else build_full_contact_surrogate(probe, box, progress=progress)
     )
     require_valid_forces(targets + references, surrogate, probe=probe, prior=prior)
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
 
-        def read(shown: list[TactileImage]) -> FrameReading:
-            return read_frames(shown, references, surrogate, probe=probe, calibration=calibration, prior=prior)
+        def read(frames: list[TactileImage]) -> FrameReading:
+            return read_frames(frames, references, surrogate, probe=probe, calibration=calibration, prior=prior)
 
         reading = read(targets)
-        message = image_findings(targets, references, probe=probe, calibration=calibration)
+        of_images = image_findings(targets, references, probe=probe, calibration=calibration)
         result = explore_inclusion(reading.likelihood, prior)
-        message = [*findings(result, prior, reading.data), *position_findings(reading.position), *message]
+        flagged = [*findings(result, prior, reading.data), *position_findings(reading.position), *of_images]
         chance = misfit_chance(result, reading.data)
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
-            message.append(misfit_finding(chance, disagree=disagree))
-    message += _contact_findings(targets + references, surrogate, reading.likelihood, result, prior)
+            flagged.append(misfit_finding(chance, disagree=disagree))
+    flagged += _contact_findings(targets + references, surrogate, reading.likelihood, result, prior)
     return Estimate(
         samples=dict(zip(PARAMETERS, result.samples.T, strict=True)),
         prior_sd=prior.sd,
@@ -173,14 +170,14 @@ def estimate(
         log_bayes_factor=result.log_bayes_factor,
         identifiability=identifiability(result, prior),
         prior=str(prior),
-        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in message),
-        flags=tuple(flag for flag, _ in message),
-        notes=tuple(note for _, note in message),
+        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged),
+        flags=tuple(flag for flag, _ in flagged),
+        notes=tuple(note for _, note in flagged),
         provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
     )
 
 
-LIKE_FORCE = 0.1  # share by which the forces may differ of two frames that show where the inclusion lies
+LIKE_FORCE = 0.1  # largest relative difference of the forces of target and reference that locate the inclusion
 
 
 @lru_cache(maxsize=4)  # reading it from disk takes as long as an estimate's search
@@ -190,7 +187,7 @@ def _surrogate(probe: Probe, box: Box) -> FullContactSurrogate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameReading:
-    """What frames say: the likelihood of inclusions, the profiles that it rests on, and where the inclusion lies."""
+    """The likelihood of inclusions, its ring profiles, and the position of the inclusion."""
 
     likelihood: InclusionLikelihood
     data: Profiles
@@ -204,7 +201,7 @@ def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
 def _position(
     targets: list[TactileImage], references: list[TactileImage], calibration: Calibration, probe: Probe
 ) -> InclusionPosition | None:
-    """Where the inclusion lies, by the strongest target and the reference nearest to its force."""
+    """Position of the inclusion by the strongest press and the reference of the nearest force."""
     if not references:
         return None
     target = max(targets, key=lambda frame: frame.force_n or 0.0)
@@ -221,7 +218,7 @@ def _contact_findings(
     posterior: InclusionPosterior,
     prior: InclusionPrior,
 ) -> list[tuple[str, str]]:
-    """Whether the dome touched as a whole on what was found, in a slab of the prior's thickness."""
+    """Flag a dome that touched only in part on the estimated inclusion, in a slab of the prior's thickness."""
     stiffening = float(np.exp(likelihood.within(posterior.fit.nuisance[0])[TISSUE]))
     needed = covering_force_n(surrogate, prior, posterior.middle, stiffening=stiffening)
     least = min(frame.force_n or 0.0 for frame in frames)
@@ -230,8 +227,8 @@ def _contact_findings(
     return [
         (
             "contact_not_whole",
-            f"At {least:g} N the dome touches only in part on what was found; from {needed:.2g} N on it touches as a "
-            "whole, which the model takes for granted.",
+            f"At {least:g} N the dome touches the estimated inclusion only in part; the model assumes full contact, "
+            f"from {needed:.2g} N on.",
         )
     ]
 
@@ -245,7 +242,7 @@ def read_frames(
     calibration: Calibration,
     prior: InclusionPrior,
 ) -> FrameReading:
-    """Read frames that belong together."""
+    """Ring profiles, position and likelihood of the frames of one target."""
     frames, edges = targets + references, ring_edges(probe)
     light = ring_light(frames[0], calibration, edges)
     data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
@@ -269,9 +266,9 @@ def read_frames(
 def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple[float, float]:
     """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
     if inclusion is None or inclusion.sd_mm > prior.offset_sd_mm:
-        # Over the axis is where an examiner aims; that the square of a miss cannot be negative is left out.
+        # An examiner aims at the axis; the limit of a square at zero is neglected.
         return 0.0, 2 * prior.offset_sd_mm**2
-    # What noise adds to the square of a distance is twice the variance of either coordinate.
+    # Noise adds twice the variance of a coordinate to the squared distance.
     square = max(inclusion.distance_mm**2 - 2 * inclusion.sd_mm**2, 0.0)
     return float(np.sqrt(square)), float(2 * inclusion.sd_mm * np.sqrt(square + inclusion.sd_mm**2))
 

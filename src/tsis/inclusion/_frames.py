@@ -1,4 +1,4 @@
-"""From camera frames to ring profiles: what an estimate reads off the images."""
+"""Ring profiles of camera frames, corrected for light, and the valid range of forces."""
 
 from __future__ import annotations
 
@@ -25,34 +25,32 @@ if TYPE_CHECKING:
 
 
 RINGS = 20
-DARKEST = 1e-3  # of the brightest place; what is darker cannot be divided by
-OUTER_FRACTION = (
-    0.8  # of the face's radius; outside it the singular edge tells more about the rim than about the tissue
-)
+DARKEST = 1e-3  # of the brightest light; darker pixels are not corrected
+OUTER_FRACTION = 0.8  # of the face's radius; beyond it the singular pressure at the rim dominates
 
 
 def ring_edges(probe: Probe) -> NDArray[np.float64]:
-    """Boundaries in mm of the rings that the profile is averaged over."""
+    """Boundaries of the profile's rings, mm."""
     return np.linspace(0.0, OUTER_FRACTION * probe.radius_mm, RINGS + 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RingLight:
-    """How brightly each ring is lit, shape (rings,), and what a dent does to that."""
+    """Light of each ring, shape (rings,), and its shading by a dent."""
 
     level: NDArray[np.float64]
     shading: RingShading
 
 
 def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[np.float64]) -> RingLight:
-    """Means over the pixels of the frame in each ring; ones and no shading where the calibration names no light."""
+    """Means over the pixels of each ring; uniform light without shading if the calibration has no light map."""
     if calibration.light is None:
         none = np.zeros(len(edges_mm) - 1)
         return RingLight(level=none + 1, shading=RingShading(growth_per_mm=none, bend_per_mm2=none, flux=none))
     return _rings_of(calibration.light, frame.grey.shape, frame.scale(), frame.axis(), tuple(edges_mm.tolist()))
 
 
-@lru_cache(maxsize=8)  # the frames of one camera share it
+@lru_cache(maxsize=8)  # equal for all frames of a camera
 def _rings_of(
     light: LightMap,
     shape: tuple[int, int],
@@ -71,13 +69,13 @@ def _rings_of(
 
     level = mean(relative, 1.0)
     if level.min() <= DARKEST * level.max():
-        raise InputError("light of the calibration must reach every ring of the face; got one that is dark")
+        raise InputError("light of the calibration must reach all rings of the face; got a dark ring")
     grows, bends, flux = (mean(part, 0.0) / level for part in (relative * growth, relative * bend, outwards))
     return RingLight(level=level, shading=RingShading(growth_per_mm=grows, bend_per_mm2=bends, flux=flux))
 
 
 def depletion_per_n(calibration: Calibration, probe: Probe) -> float:
-    """What each newton adds to the divisor of the light, per N, while contact is in proportion to pressure."""
+    """Increase of the light's divisor per newton, for contact in proportion to pressure."""
     if calibration.light is None:
         return 0.0
     fraction = MN_PER_N / (np.pi * probe.radius_mm**2 * calibration.saturation_kpa)
@@ -91,7 +89,7 @@ def _pixels_mm(frame: TactileImage) -> tuple[NDArray[np.float64], NDArray[np.flo
 
 
 def correct_light(frame: TactileImage, calibration: Calibration) -> TactileImage:
-    """The frame above its background as even light would show it; clipped pixels can no longer be told in it."""
+    """The frame above its background, corrected to uniform light; it no longer shows which pixels clipped."""
     if calibration.light is None:
         return frame
     light = calibration.light.at(*_pixels_mm(frame))
@@ -107,12 +105,10 @@ def ring_profiles(
     light: NDArray[np.float64],
     model_error: float,
 ) -> Profiles:
-    """Mean grey above background in each ring of each frame at even light, and which rings may be used.
+    """Mean grey above background at uniform light of each ring and frame, its variance, and the usable rings.
 
-    A ring's sum of grey over its sum of ``light`` is, with photon noise, the best mean of a round press.
-
-    The error of the fast press model, a share of the pressure, counts as noise of each ring: a model that is coarse
-    widens the intervals and does not shift them unseen.
+    A ring's sum of grey over its sum of ``light`` is, with photon noise, the best mean of a round press. The relative
+    error of the surrogate counts as noise of each ring, so that a coarse surrogate widens the intervals.
     """
     rings = [radial_profile(frame, edges_mm=edges_mm) for frame in frames]
     count = np.array([ring.count for ring in rings])
@@ -123,9 +119,9 @@ def ring_profiles(
             "the inner half of the probe's face must lie in every picture without clipping; got one with no "
             "usable ring there (check mm_per_pixel, axis_px and the exposure)"
         )
-    observed = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
-    pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(observed, 0.0) + 1 / 12
-    grey = observed / light
+    above = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
+    pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(above, 0.0) + 1 / 12
+    grey = above / light
     variance = pixel / (np.maximum(count, 1) * light**2) + (model_error * grey) ** 2
     return Profiles(grey=grey, variance=variance, usable=usable)
 
@@ -133,7 +129,7 @@ def ring_profiles(
 def require_valid_forces(
     frames: Sequence[TactileImage], surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior
 ) -> None:
-    """Refuse forces that do not press the whole face onto the prior's plain tissue, or that strain it too much.
+    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond small strain.
 
     Raises
     ------
@@ -143,8 +139,8 @@ def require_valid_forces(
     least, most = covering_force_n(surrogate, prior, None), largest_force_n(surrogate, probe=probe, prior=prior)
     if least > most:
         raise InputError(
-            f"no force serves this probe on tissue of {prior.tissue_young_kpa:g} kPa: its whole dome touches from "
-            f"{_up(least):g} N on, and small strain holds up to {_down(most):g} N: use a flatter dome or stiffer tissue"
+            f"no force is valid for this probe on tissue of {prior.tissue_young_kpa:g} kPa: its whole dome touches "
+            f"from {_up(least):g} N, and small strain ends at {_down(most):g} N: use a flatter dome or stiffer tissue"
         )
     for frame in frames:
         force = frame.force_n or 0.0
@@ -158,7 +154,7 @@ def require_valid_forces(
 
 
 def _up(force_n: float) -> float:
-    """Two digits, rounded so that the limit itself is accepted."""
+    """Two digits, rounded to the valid side."""
     digit = 10 ** (np.floor(np.log10(force_n)) - 1)
     return float(np.format_float_positional(np.ceil(force_n / digit) * digit, precision=6))
 
@@ -175,29 +171,29 @@ def covering_force_n(
     *,
     stiffening: float = 1.0,
 ) -> float:
-    """Force in newtons from which the contact covers the face, 0 of a flat one.
+    """Least force in newtons at which the contact covers the face; 0 for a flat face.
 
-    ``inclusion`` holds diameter, depth and modulus; ``stiffening`` is the tissue's modulus over the prior's.
+    ``inclusion`` is diameter, depth and modulus; ``stiffening`` is the tissue's modulus over the prior's.
     """
     if surrogate.covering_force_n is None:
         return 0.0
     at = surrogate.covering_force_n.at_tissue(prior.tissue_young_kpa * stiffening, prior.thickness_mm)
-    result = at.baseline if inclusion is None else at(*inclusion[:, None])[0]
-    return float(result[0])
+    forces = at.baseline if inclusion is None else at(*inclusion[:, None])[0]
+    return float(forces[0])
 
 
 def largest_force_n(surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior) -> float:
-    """Force at which the nominal strain on plain tissue reaches the limit; none or less where the shape alone does."""
-    at_none, per_newton = nominal_strains(surrogate, probe=probe, prior=prior)
-    return (STRAIN_LIMIT - at_none) / per_newton
+    """Force at the limit of the nominal strain without inclusion; not positive where the shape exceeds it."""
+    at_zero, per_newton = nominal_strains(surrogate, probe=probe, prior=prior)
+    return (STRAIN_LIMIT - at_zero) / per_newton
 
 
 def nominal_strains(surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior) -> tuple[float, float]:
-    """Nominal strain of plain tissue at no force, and what each newton adds."""
+    """Nominal strain of tissue without inclusion at zero force, and its increase per newton."""
     at = (prior.tissue_young_kpa, prior.thickness_mm)
 
     def strain(approach_mm: Surrogate) -> float:
         return nominal_strain(float(approach_mm.baseline_at(*at)[0]), probe, prior.thickness_mm)
 
-    at_none = 0.0 if surrogate.shape is None else strain(surrogate.shape.approach_mm)
-    return at_none, strain(surrogate.unit.approach_mm)
+    at_zero = 0.0 if surrogate.shape is None else strain(surrogate.shape.approach_mm)
+    return at_zero, strain(surrogate.unit.approach_mm)

@@ -1,4 +1,4 @@
-"""What is believed about inclusion and tissue before the image is seen."""
+"""Prior of inclusion and tissue."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 LIMITS = {"diameter_mm": (0.1, 100.0), "depth_mm": (0.2, 200.0), "young_kpa": (0.1, 1e5)}
 PARAMETERS = tuple(LIMITS)
-LEAST_WIDTH = 0.01  # of a range, relative: a narrower one is a known value, for which this grid is not made
-TISSUE_REACH_SD, THICKNESS_REACH_SD = 2.6, 1.8  # how far the surrogate follows them; `CLEARANCE` may cut it shorter
+LEAST_WIDTH = 0.01  # least relative width of a range; the grid does not resolve narrower ones
+TISSUE_RANGE_SD, THICKNESS_RANGE_SD = 2.6, 1.8  # range of the surrogate; `CLEARANCE` may shorten it
 CLEARANCE = 1.02  # the surrogate's thinnest slab over the deepest inclusion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InclusionPrior:
-    """Uniform ranges of the inclusion, and normal beliefs about the slab around it.
+    """Uniform ranges of the inclusion, and normal distributions of the slab around it.
 
     Parameters
     ----------
@@ -35,12 +35,11 @@ class InclusionPrior:
     thickness_mm, thickness_sd
         Thickness of the slab and its relative standard deviation.
     poisson, poisson_sd
-        Poisson's ratio of tissue and inclusion, one value, and its standard deviation.
+        Common Poisson's ratio of tissue and inclusion, and its standard deviation.
     offset_sd_mm
-        Standard deviation of either coordinate of the inclusion's place beside the probe's axis, where frames do not
-        tell it.
+        Standard deviation of either coordinate of the inclusion from the probe's axis, where frames do not measure it.
     presence
-        Probability that there is an inclusion at all, in [0.001, 0.999].
+        Probability of an inclusion, in [0.001, 0.999].
 
     Raises
     ------
@@ -70,15 +69,15 @@ class InclusionPrior:
         require_number("offset_sd_mm", self.offset_sd_mm, 0.0, 5.0, hint="millimetres")
         require_number("presence", self.presence, 0.001, 0.999, hint="a probability")
         require_number("tissue_young_kpa", self.tissue_young_kpa, 0.05, 2000.0, hint="kilopascals")
-        require_number("tissue_young_sd", self.tissue_young_sd, 1e-4, 0.3, hint="a share of one")
+        require_number("tissue_young_sd", self.tissue_young_sd, 1e-4, 0.3, hint="a fraction")
         require_number("thickness_mm", self.thickness_mm, 2.0, 500.0, hint="millimetres")
-        require_number("thickness_sd", self.thickness_sd, 1e-4, 0.2, hint="a share of one")
+        require_number("thickness_sd", self.thickness_sd, 1e-4, 0.2, hint="a fraction")
         for name, (least, greatest) in LIMITS.items():
             low, high = require_pair(name, getattr(self, name))
             require_number(f"the low end of {name}", low, least, greatest)
             require_number(f"the high end of {name}", high, low * (1 + LEAST_WIDTH), greatest, hint="above the low end")
             object.__setattr__(self, name, (low, high))
-        if self.young_kpa[0] <= self.box().tissue_young_kpa[1]:  # the box refuses what does not fit
+        if self.young_kpa[0] <= self.box().tissue_young_kpa[1]:  # the box raises where an inclusion does not fit
             raise InputError(
                 f"young_kpa must lie above tissue_young_kpa and its spread, {self.box().tissue_young_kpa[1]:g}: "
                 f"an inclusion stiffer than its surroundings; got {self.young_kpa[0]:g}"
@@ -96,29 +95,28 @@ class InclusionPrior:
 
     @property
     def sd(self) -> dict[str, float]:
-        """Standard deviation of each parameter before the data."""
+        """Prior standard deviation of each parameter."""
         return dict(zip(PARAMETERS, ((self.high - self.low) / np.sqrt(12.0)).tolist(), strict=True))
 
     def __str__(self) -> str:
-        """The prior in words."""
         return (
             f"diameter {_range(self.diameter_mm)} mm, depth {_range(self.depth_mm)} mm, modulus "
             f"{_range(self.young_kpa)} kPa, each uniform; tissue {self.tissue_young_kpa:g} kPa ± "
             f"{100 * self.tissue_young_sd:g} %, {self.thickness_mm:g} mm ± {100 * self.thickness_sd:g} % thick, "
-            f"Poisson's ratio {self.poisson:g} ± {self.poisson_sd:g}; {self.offset_sd_mm:g} mm beside the axis where "
-            f"frames do not tell; an inclusion with probability {self.presence:g}"
+            f"Poisson's ratio {self.poisson:g} ± {self.poisson_sd:g}; {self.offset_sd_mm:g} mm from the axis where "
+            f"frames do not measure it; an inclusion with probability {self.presence:g}"
         )
 
     def box(self) -> Box:
-        """Ranges that the surrogate must cover."""
+        """Ranges of the surrogate."""
         deepest = self.depth_mm[1] + self.diameter_mm[1]
         if CLEARANCE * deepest >= self.thickness_mm:
             raise InputError(
                 f"the largest depth_mm + diameter_mm must be less than thickness_mm = {self.thickness_mm:g} by "
                 f"{100 * (CLEARANCE - 1):.0f} %; got {deepest:g} (narrow the prior)"
             )
-        tissue = np.exp(TISSUE_REACH_SD * self.tissue_young_sd)
-        slab = np.exp(THICKNESS_REACH_SD * self.thickness_sd)
+        tissue = np.exp(TISSUE_RANGE_SD * self.tissue_young_sd)
+        slab = np.exp(THICKNESS_RANGE_SD * self.thickness_sd)
         return Box(
             diameter_mm=self.diameter_mm,
             depth_mm=self.depth_mm,

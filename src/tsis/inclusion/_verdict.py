@@ -1,4 +1,4 @@
-"""What the reader of an estimate must know: one flag and one sentence each, and one sentence of what it tells."""
+"""Findings of an inclusion estimate, a flag and a message each, and its identifiability."""
 
 from __future__ import annotations
 
@@ -22,13 +22,12 @@ if TYPE_CHECKING:
     Finding = tuple[str, str]
 
 MODULUS_SD_KPA = 20.0  # a modulus this uncertain is not reported as a number
-PILED_UP = 0.3  # share of the samples in the outer twentieth of the prior's range that says that it cuts them off
-EDGE = 0.05
-OFF_AXIS_MM = 3.0  # beyond it the change no longer moves as the model says
-NEARLY_CERTAIN = 0.95  # probability of an inclusion below which it is said
+PILED_UP, EDGE = 0.3, 0.05  # fraction of the samples in this outer fraction of the prior's range that is flagged
+OFF_AXIS_MM = 3.0  # limit of the off-axis model
+NEARLY_CERTAIN = 0.95  # probability of an inclusion below which presence is flagged
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}
 NAMES = {"diameter_mm": "diameter", "depth_mm": "depth", "young_kpa": "modulus"}
-UNTRUSTED_FLAGS = frozenset(  # with any of these the model does not hold, or there is nothing to measure
+UNTRUSTED_FLAGS = frozenset(  # the model is not valid, or nothing can be measured
     (
         "model_does_not_fit",
         "presses_disagree",
@@ -41,7 +40,7 @@ UNTRUSTED_FLAGS = frozenset(  # with any of these the model does not hold, or th
 
 
 def findings(posterior: InclusionPosterior, prior: InclusionPrior, data: Profiles) -> list[Finding]:
-    """Flags and sentences about the posterior: what is not identified or cut off, rings left out, doubt about any."""
+    """Findings on the posterior: parameters not identified or at the prior's end, unused rings, presence."""
     findings = []
     for column, name in zip(posterior.samples.T, PARAMETERS, strict=True):
         if _is_loose(column, name, prior):
@@ -64,18 +63,17 @@ def findings(posterior: InclusionPosterior, prior: InclusionPrior, data: Profile
 
 
 def misfit_chance(posterior: InclusionPosterior, data: Profiles) -> float:
-    """Chance that noise and nuisances alone make a misfit this large, if there is one sphere in a uniform slab."""
+    """Probability of at least this misfit for one sphere in a uniform slab."""
     return float(scipy.stats.chi2.sf(posterior.fit.misfit[0], int(data.usable.sum())))
 
 
 def misfit_finding(chance: float, *, disagree: bool) -> Finding:
-    """The flag for frames that the model does not explain; ``disagree`` says that it explains each on its own."""
+    """Finding for frames that the model does not explain; with ``disagree`` it explains each press by itself."""
     if disagree:
         return (
             "presses_disagree",
-            f"The presses contradict each other (chance below {probability_bound(chance)}): each fits an "
-            f"inclusion, but not "
-            "the same one.",
+            f"The presses contradict each other (chance below {probability_bound(chance)}): each fits an inclusion, "
+            "but not the same inclusion.",
         )
     return (
         "model_does_not_fit",
@@ -85,16 +83,14 @@ def misfit_finding(chance: float, *, disagree: bool) -> Finding:
 
 
 def position_findings(inclusion: InclusionPosition | None) -> list[Finding]:
-    """What a missing reference, or an inclusion beside the axis, means."""
+    """Findings for a missing reference press or an inclusion off the axis."""
     if inclusion is None:
-        return [
-            ("no_reference", "No reference press on plain tissue: size and depth are less certain than they could be.")
-        ]
+        return [("no_reference", "No reference press: size and depth are less certain than with one.")]
     if np.isfinite(inclusion.sd_mm) and inclusion.distance_mm - 2 * inclusion.noise_mm > OFF_AXIS_MM:
         return [
             (
                 "off_axis",
-                f"The inclusion lies {inclusion.distance_mm:.1f} mm from the probe's axis; the model holds up to "
+                f"The inclusion lies {inclusion.distance_mm:.1f} mm from the probe's axis; the model is valid up to "
                 f"{OFF_AXIS_MM:g} mm: move the probe over it.",
             )
         ]
@@ -102,21 +98,20 @@ def position_findings(inclusion: InclusionPosition | None) -> list[Finding]:
 
 
 def identifiability(posterior: InclusionPosterior, prior: InclusionPrior) -> str:
-    """One sentence: what the frames tell of each parameter, and what they do not."""
-    reported, loose = [], []
+    """Message with the estimate of each parameter, and the interval of those not identified."""
+    identified, loose = [], []
     for column, name in zip(posterior.samples.T, PARAMETERS, strict=True):
         low, high = np.quantile(column, [0.05, 0.95])
         if _is_loose(column, name, prior):
             loose.append(f"{NAMES[name]} is not identifiable: {low:.3g} to {high:.3g} {UNITS[name]}")
         else:
-            reported.append(f"{NAMES[name]} {column.mean():.3g} ± {column.std():.2g} {UNITS[name]}")
-    return (
-        ("; ".join(([f"{', '.join(reported)}"] if reported else []) + loose) + ".").capitalize().replace(" kpa", " kPa")
-    )
+            identified.append(f"{NAMES[name]} {column.mean():.3g} ± {column.std():.2g} {UNITS[name]}")
+    text = "; ".join(([", ".join(identified)] if identified else []) + loose) + "."
+    return text.capitalize().replace(" kpa", " kPa")
 
 
 def cramer_rao_sd(posterior: InclusionPosterior) -> dict[str, float]:
-    """Least standard deviation of an unbiased estimate of each parameter; infinite where the data tell nothing."""
+    """Cramér–Rao bound of each parameter's standard deviation; infinite where the data have no information."""
     return dict(zip(PARAMETERS, least_sd(posterior.information).tolist(), strict=True))
 
 
@@ -132,21 +127,20 @@ def _presence_findings(presence: float) -> list[Finding]:
         return [
             (
                 "inclusion_uncertain",
-                f"Whether there is an inclusion at all is uncertain: probability {presence:.2g}; the numbers describe "
-                "the one that there would be.",
+                f"Whether there is an inclusion is uncertain: probability {presence:.2g}; the numbers assume one.",
             )
         ]
     return [
         (
             "no_inclusion",
-            f"Plain tissue explains the frames: the probability of an inclusion is {presence:.1e}; the numbers "
-            "describe one that could hide.",
+            f"Tissue without inclusion explains the frames: the probability of an inclusion is {presence:.1e}; the "
+            "numbers describe one that could remain undetected.",
         )
     ]
 
 
 def _cut_off(column: NDArray[np.float64], name: str, interval: tuple[float, float]) -> list[Finding]:
-    """A flag when the samples pile up against an end of the prior: the truth may well lie beyond it."""
+    """Flag samples that pile up at an end of the prior: the true value may lie beyond."""
     low, high = interval
     margin = EDGE * (high - low)
     for end, fraction in ((low, np.mean(column < low + margin)), (high, np.mean(column > high - margin))):
@@ -160,21 +154,21 @@ def _cut_off(column: NDArray[np.float64], name: str, interval: tuple[float, floa
 
 
 INCLUSION_FLAGS = MappingProxyType(
-    {f"{name}_not_identified": f"the presses tell next to nothing of the {text}" for name, text in NAMES.items()}
+    {f"{name}_not_identified": f"the presses do not determine the {text}" for name, text in NAMES.items()}
     | {f"{name}_at_prior_end": f"the {text} piles up at an end of the prior" for name, text in NAMES.items()}
     | {
-        "inclusion_uncertain": "whether there is an inclusion at all is uncertain",
-        "no_reference": "there is no press on plain tissue: size and depth are less certain",
+        "inclusion_uncertain": "whether there is an inclusion is uncertain",
+        "no_reference": "there is no reference press: size and depth are less certain",
         "rings_left_out": "rings that are clipped or outside the picture were not used",
-        "saturated": "pixels that the profile is read from are clipped",
-        "cropped": "a part of the disc that the profile is read from lies outside the picture",
-        "tilted": "a press on plain tissue is brighter on one side: the probe leans",
-        "roundness_not_checked": "too little is seen to tell whether the change is round",
-        "no_inclusion": "plain tissue explains the frames",
+        "saturated": "pixels of the profile are clipped",
+        "cropped": "a part of the profile's disc lies outside the picture",
+        "tilted": "a reference press is brighter on one side: the probe is tilted",
+        "roundness_not_checked": "too few rings are visible to check whether the change is round",
+        "no_inclusion": "tissue without inclusion explains the frames",
         "off_axis": "the inclusion lies too far from the probe's axis",
-        "contact_not_whole": "the dome touches only in part on what was found",
-        "not_one_round_inclusion": "what the target adds to plain tissue is not round",
-        "presses_disagree": "each press fits an inclusion, but not the same one",
+        "contact_not_whole": "the dome touches the estimated inclusion only in part",
+        "not_one_round_inclusion": "the change between target and reference is not round",
+        "presses_disagree": "each press fits an inclusion, but not the same inclusion",
         "model_does_not_fit": "no inclusion explains the frames",
     }
 )

@@ -1,4 +1,4 @@
-"""Non-rigid matching of points: which point of one set belongs to which of another, and the map between them."""
+"""Non-rigid point matching: correspondences of two point sets, and the map between them."""
 
 from tsis.matching._fit import UNMATCHED
 from tsis.matching._point_files import csv_text, read_points

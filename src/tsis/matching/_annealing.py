@@ -1,13 +1,13 @@
-"""Soft pairs that harden as they cool, and the spline that follows them (Chui and Rangarajan 2003).
+"""Deterministic annealing of soft correspondences and a spline (Chui and Rangarajan 2003).
 
-At a temperature T (a squared length) pairs are weighed by ``exp(-|y - f(x)|**2 / 2T) / T``, beside an outlier of each
-set as wide as the points at the start; alternating normalisation (Sinkhorn) makes the weights of every point, its
-outlier's among them, sum to one. The spline follows the weighed targets; its bending is held back by ``BENDING T``, and
-its affine part, to where it began, by ``TURNING T``, both times the number of points. Then T falls.
+At a temperature T (a squared length) pairs have the weight ``exp(-|y - f(x)|**2 / 2T) / T``; each set has an outlier
+as wide as the points at the start. Alternating normalisation (Sinkhorn) makes the weights of each point, including its
+outlier, sum to one. The spline is fitted to the weighted targets with the ridges ``BENDING T`` on its bending and
+``ROTATION T`` on the change of its affine part, both times the number of points. Then T falls.
 
-Nobody needs the weights themselves: only their sum a source point, and the sum of the targets that they weigh. Pairs
-farther apart than `CUT_OFF` are left out, and where points are many the first temperatures, which see nothing fine, are
-passed on samples of them, the larger the cooler: each point then always has a few pairs.
+Only the sum of each source point's weights and its weighted sum of targets are computed. Pairs farther than `CUT_OFF`
+are omitted. Large sets are sampled at high temperatures, with more points as T falls, so that each point has a few
+pairs.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 
 START = 3.0  # temperature, in squared root-mean-square radii: half a unit box's, whose side is 2.45 of them
 BENDING = 1.0
-TURNING = 0.3  # published as 0.01; with more, more of the deformed, cluttered and occluded shapes are found
-SETTLED = 0.03  # a round ends when no point moved by so much of a standard deviation
-BALANCED = 1e-2  # to which the weights of a point sum to one; the next round goes on from there
+ROTATION = 0.3  # published as 0.01; 0.3 matches more of the deformed, cluttered and occluded shapes
+SETTLED = 0.03  # of a standard deviation: a round ends when no point moves farther
+BALANCED = 1e-2  # tolerance of a point's sum of weights; the next round continues from there
 BALANCINGS = 10
-CUT_OFF = 24.0  # of T, squared distance beyond which exp(-12) counts as nothing
-COARSE = (120, 350)  # points of source and target in the first temperatures, of sets that have more
-FINE = 0.5  # of the spacing of the target's points that take part: the standard deviation falls no farther below it
+CUT_OFF = 24.0  # of T: squared distance beyond which the weight exp(-12) is neglected
+COARSE = (120, 350)  # points of source and target sampled at the first temperature
+FINE = 0.5  # least standard deviation, of the spacing of the sampled target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cooling:
-    """How temperatures fall: by a factor, from one to another, with at most so many rounds at each."""
+    """Geometric cooling from ``start`` to ``end``, with at most ``rounds`` rounds at a temperature."""
 
     factor: float
     start: float
@@ -59,32 +59,32 @@ def anneal(
     basis
         Of the source's points, normalised.
     coordinates
-        The spline to begin with; its matrix is what the affine part is held to.
+        The initial spline; the ridge draws the affine part to its matrix.
     target
         Normalised points, shape (m, d).
     cooling
         The temperatures.
     """
     rows, columns = spread_order(basis.points), spread_order(target)
-    all_at_once = len(rows) <= COARSE[0] and len(columns) <= COARSE[1]
-    spread = 0.0 if all_at_once else FINE * _spacing(target, columns)
-    hold, balance = coordinates[basis.bent + 1 :], np.ones(len(target))
+    small = len(rows) <= COARSE[0] and len(columns) <= COARSE[1]
+    spread = 0.0 if small else FINE * _spacing(target, columns)
+    initial, balance = coordinates[basis.bent + 1 :], np.ones(len(target))
     temperature = cooling.start
     while temperature > cooling.end:
         finer = max(spread**2 / temperature, 1.0) ** (target.shape[1] / 2)
         here, there = rows[: int(COARSE[0] * finer)], columns[: int(COARSE[1] * finer)]
-        some = basis if len(here) == len(rows) else basis.at(here)
+        sample = basis if len(here) == len(rows) else basis.at(here)
         coordinates, balance[there] = _settle(
-            some, coordinates, target[there], temperature, balance[there], hold, cooling.rounds
+            sample, coordinates, target[there], temperature, balance[there], initial, cooling.rounds
         )
         temperature *= cooling.factor
     return coordinates
 
 
 def _spacing(target: NDArray[np.float64], order: NDArray[np.int64]) -> float:
-    """Median distance between neighbours in the coarsest sample of the target, which may be all of it."""
-    few = target[order[: COARSE[1]]]
-    return float(np.median(np.sort(cdist(few, few))[:, 1]))
+    """Median distance between neighbours in the coarsest sample of the target."""
+    sample = target[order[: COARSE[1]]]
+    return float(np.median(np.sort(cdist(sample, sample))[:, 1]))
 
 
 def _settle(
@@ -93,14 +93,14 @@ def _settle(
     target: NDArray[np.float64],
     temperature: float,
     balance: NDArray[np.float64],
-    hold: NDArray[np.float64],
+    initial: NDArray[np.float64],
     rounds: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pairs and spline in turn at one temperature."""
+    """Alternate pairs and spline at one temperature."""
     transformed = basis.design @ coordinates
     for _ in range(rounds):
         paired, drawn, balance = soft_pairs(transformed, target, temperature, balance)
-        coordinates = _follow(basis, paired, drawn, temperature, hold)
+        coordinates = _fit_spline(basis, paired, drawn, temperature, initial)
         before, transformed = transformed, basis.design @ coordinates
         if np.max((transformed - before) ** 2) < SETTLED**2 * temperature:
             break
@@ -110,7 +110,7 @@ def _settle(
 def soft_pairs(
     transformed: NDArray[np.float64], target: NDArray[np.float64], temperature: float, balance: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """What soft pairs of the moved source, shape (n, d), and the target, shape (m, d), say.
+    """Sums over the soft pairs of the transformed source, shape (n, d), and the target, shape (m, d).
 
     Parameters
     ----------
@@ -119,22 +119,29 @@ def soft_pairs(
     temperature
         T, positive.
     balance
-        Factors of the target's points to begin with, shape (m,): those of a temperature little different save most of
-        the work.
+        Initial factors of the target's points, shape (m,): those of a similar temperature save most of the work.
 
     Returns
     -------
     paired
         Sum of each source point's weights, in [0, 1], shape (n,).
     drawn
-        Sum of the targets that they weigh, shape (n, d).
+        Weighted sum of the targets, shape (n, d).
     balance
         Factors of the target's points, shape (m,).
     """
     order = np.argsort(target[:, 0], kind="stable")
-    single, stray = outlier_weights(transformed), outlier_weights(target)
+    source_outliers, target_outliers = outlier_weights(transformed), outlier_weights(target)[order]
     paired, drawn, sorted_balance = _balanced(
-        transformed, target[order], temperature, balance[order], single, stray[order], BALANCINGS, BALANCED, CUT_OFF
+        transformed,
+        target[order],
+        temperature,
+        balance[order],
+        source_outliers,
+        target_outliers,
+        BALANCINGS,
+        BALANCED,
+        CUT_OFF,
     )
     balance = np.empty_like(balance)
     balance[order] = sorted_balance
@@ -147,16 +154,16 @@ def _balanced(
     target: NDArray[np.float64],
     temperature: float,
     balance: NDArray[np.float64],
-    single: NDArray[np.float64],
-    stray: NDArray[np.float64],
-    most: int,
-    enough: float,
-    extent: float,
+    source_outliers: NDArray[np.float64],
+    target_outliers: NDArray[np.float64],
+    rounds: int,
+    tolerance: float,
+    cut_off: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """The parts of `soft_pairs`; the target ascends along the first axis, so that near points lie in one run."""
+    """Kernel of `soft_pairs`; the target ascends along the first axis, so that near points are contiguous."""
     n, dimension = transformed.shape
     first_axis = np.ascontiguousarray(target[:, 0])
-    farthest = np.sqrt(extent * temperature)
+    farthest = np.sqrt(cut_off * temperature)
     start = np.zeros(n + 1, dtype=np.int64)
     column = np.empty(4 * (n + len(target)), dtype=np.int64)
     near = np.empty(len(column))
@@ -168,7 +175,7 @@ def _balanced(
             away = 0.0
             for axis in range(dimension):
                 away += (transformed[i, axis] - target[j, axis]) ** 2
-            if away < extent * temperature:
+            if away < cut_off * temperature:
                 if pairs == len(column):
                     column = np.append(column, np.empty(pairs, dtype=np.int64))
                     near = np.append(near, np.empty(pairs))
@@ -176,10 +183,10 @@ def _balanced(
                 pairs += 1
         start[i + 1] = pairs
     rows = np.empty(n)
-    for _ in range(most):
-        columns = stray.copy()
+    for _ in range(rounds):
+        columns = target_outliers.copy()
         for i in range(n):
-            total = single[i]
+            total = source_outliers[i]
             for pair in range(start[i], start[i + 1]):
                 total += near[pair] * balance[column[pair]]
             rows[i] = 1 / total
@@ -189,7 +196,7 @@ def _balanced(
         for j in range(len(target)):
             change = max(change, abs(1 / (columns[j] * balance[j]) - 1))
             balance[j] = 1 / columns[j]
-        if change < enough:
+        if change < tolerance:
             break
     paired, drawn = np.zeros(n), np.zeros((n, dimension))
     for i in range(n):
@@ -204,7 +211,7 @@ def _balanced(
 def reference_soft_pairs(
     transformed: NDArray[np.float64], target: NDArray[np.float64], temperature: float, *, balancings: int = 2000
 ) -> NDArray[np.float64]:
-    """The weights that `soft_pairs` sums, shape (n, m), from the whole matrix with the outliers' row and column."""
+    """Weights of `soft_pairs`, shape (n, m), from the full matrix with the outliers' row and column."""
     weights = np.zeros((len(transformed) + 1, len(target) + 1))
     weights[:-1, :-1] = np.exp(-cdist(transformed, target, "sqeuclidean") / (2 * temperature)) / temperature
     weights[:-1, -1], weights[-1, :-1] = outlier_weights(transformed), outlier_weights(target)
@@ -215,24 +222,24 @@ def reference_soft_pairs(
 
 
 def outlier_weights(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weight of having no partner, shape (n,): a Gaussian about the mass centre at the starting temperature."""
+    """Weight of being unmatched, shape (n,): a Gaussian about the mass centre at the starting temperature."""
     away = np.sum((points - points.mean(axis=0)) ** 2, axis=1)
     return np.asarray(np.exp(-away / (2 * START)) / START)
 
 
-def _follow(
+def _fit_spline(
     basis: SplineBasis,
     paired: NDArray[np.float64],
     drawn: NDArray[np.float64],
     temperature: float,
-    hold: NDArray[np.float64],
+    initial: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Coordinates of the spline that follows the weighed targets, as far as the temperature lets it."""
+    """Coordinates of the spline fitted to the weighted targets with the ridges of the temperature."""
     normal = basis.design.T @ (paired[:, None] * basis.design)
     right = basis.design.T @ drawn
-    resting = temperature * len(paired)
-    ridge = np.full(len(normal), BENDING * resting)
-    ridge[basis.bent] = 1e-12 * resting  # the translation is free, but for no weight at all
-    ridge[basis.bent + 1 :] = TURNING * resting
-    right[basis.bent + 1 :] += ridge[basis.bent + 1 :, None] * hold
+    scale = temperature * len(paired)
+    ridge = np.full(len(normal), BENDING * scale)
+    ridge[basis.bent] = 1e-12 * scale  # the translation is free; this only regularises zero weight
+    ridge[basis.bent + 1 :] = ROTATION * scale
+    right[basis.bent + 1 :] += ridge[basis.bent + 1 :, None] * initial
     return ridge_solution(normal, right, ridge)

@@ -1,8 +1,7 @@
-"""Coherent point drift (Myronenko and Song 2010), non-rigid: Gaussians about the moved points explain the target.
+"""Non-rigid coherent point drift (Myronenko and Song 2010): a Gaussian mixture about the transformed points.
 
 Expectation and maximisation alternate. The displacement field is smooth over a width `WIDTH`, and smoother the larger
-`STIFFNESS`. Its Gaussian kernel matrix has few eigenvalues that matter, whatever the number of points, so that it is
-kept as a pivoted Cholesky factor, which ends where nothing above rounding is left.
+`STIFFNESS`. Its Gaussian kernel matrix has low numerical rank, so that a pivoted Cholesky factor replaces it.
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ if TYPE_CHECKING:
 
 WIDTH = 2.0  # beta of the paper, in root-mean-square radii of the points
 STIFFNESS = 2.0  # lambda of the paper
-OUTLIERS = 0.1  # w of the paper: share of target points that belong to none
+OUTLIERS = 0.1  # w of the paper: fraction of unmatched target points
 ROUNDS = 150
-SETTLED = 0.02  # relative change of the variance below which it has ended; going on follows outliers
-SHARPEST = 1e-6  # least variance: places are not better known than a thousandth of the points' radius
-NEGLIGIBLE = 37.0  # exp(-37) is lost beside 1
+SETTLED = 0.02  # relative change of the variance that ends the iteration; further rounds fit outliers
+SHARPEST = 1e-6  # least variance: positions are no more precise than a thousandth of the points' radius
+NEGLIGIBLE = 37.0  # exp(-37) is below rounding of 1
 KERNEL_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DisplacementField:
-    """A displacement field: Gaussians of the width `WIDTH` about control points.
+    """Sum of Gaussians of the width `WIDTH` about control points.
 
     Attributes
     ----------
@@ -49,22 +48,22 @@ class DisplacementField:
     weights: NDArray[np.float64]
 
     def __call__(self, points: NDArray[np.float64], /) -> NDArray[np.float64]:
-        """Where ``points``, shape (n, d), go."""
+        """Transform ``points``, shape (n, d)."""
         return np.asarray(points + gaussian(points, self.control) @ self.weights)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExpectedPairs:
-    """What the expectation leaves: sums over the matrix of the chances that target j is source i's.
+    """Expectation: sums over the matrix of probabilities that target j belongs to source i.
 
     Attributes
     ----------
     source
-        Sum of the chances over the target, shape (n,).
+        Sum of the probabilities over the target, shape (n,).
     target
         Sum over the source, shape (m,).
     drawn
-        Target points summed with the chances, shape (n, d).
+        Sum of target points weighted by the probabilities, shape (n, d).
     """
 
     source: NDArray[np.float64]
@@ -73,7 +72,7 @@ class ExpectedPairs:
 
 
 def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
-    """Match normalised points, shapes (n, d) and (m, d), by coherent point drift; nothing in it is left to chance."""
+    """Match normalised points, shapes (n, d) and (m, d), by coherent point drift, which is deterministic."""
     del rng
     move, variance = fit_displacement(source, target)
     tolerance = max(TOLERANCE_SD * np.sqrt(variance), spacing(target) / 2)
@@ -89,18 +88,18 @@ def fit_displacement(
     rounds: int = ROUNDS,
     settled: float = SETTLED,
 ) -> tuple[DisplacementField, float]:
-    """The displacement field that takes source to target, and the variance of places that is left.
+    """The displacement field from source to target, and the residual variance of positions.
 
     Parameters
     ----------
     source, target
         Shapes (n, d) and (m, d), normalised.
     outliers
-        Share of target points taken to belong to none, in [0, 1).
+        Assumed fraction of unmatched target points, in [0, 1).
     rounds
         Most rounds of expectation and maximisation.
     settled
-        Relative change of the variance from round to round below which it ends.
+        Relative change of the variance in a round that ends the iteration.
     """
     factor, control, triangle = _kernel_factor(source)
     dimension, transformed = source.shape[1], source
@@ -108,10 +107,10 @@ def fit_displacement(
     variance = max(float(cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
     for _ in range(rounds):
         of_source, of_target, drawn = expect(transformed, target, variance, outliers)
-        observed = ExpectedPairs(source=of_source, target=of_target, drawn=drawn)
-        coordinates = _maximise(factor, source, observed, STIFFNESS * variance)
+        expected = ExpectedPairs(source=of_source, target=of_target, drawn=drawn)
+        coordinates = _maximise(factor, source, expected, STIFFNESS * variance)
         transformed = source + factor @ coordinates
-        before, variance = variance, _variance(transformed, target, observed)
+        before, variance = variance, _variance(transformed, target, expected)
         if abs(variance - before) <= settled * before:
             break
     return DisplacementField(
@@ -127,35 +126,35 @@ def gaussian(points: NDArray[np.float64], control: NDArray[np.float64]) -> NDArr
 def _kernel_factor(
     points: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """L with L L' the kernel matrix, shape (n, k); the k points that it rests on; its rows at these, shape (k, k)."""
+    """Factor L of the kernel matrix L L', shape (n, k); its k pivot points; and its rows there, shape (k, k)."""
     factor, pivots, rank, _ = dpstrf(gaussian(points, points), tol=KERNEL_ROUNDING, lower=1)
     lower = np.tril(factor)[:, :rank]
-    placed = np.empty_like(lower)
-    placed[pivots - 1] = lower
-    return placed, points[pivots[:rank] - 1], lower[:rank]
+    unpivoted = np.empty_like(lower)
+    unpivoted[pivots - 1] = lower
+    return unpivoted, points[pivots[:rank] - 1], lower[:rank]
 
 
 def _maximise(
-    factor: NDArray[np.float64], source: NDArray[np.float64], expected_pairs: ExpectedPairs, ridge: float
+    factor: NDArray[np.float64], source: NDArray[np.float64], expected: ExpectedPairs, ridge: float
 ) -> NDArray[np.float64]:
-    """Coordinates c of the displacement L c that draws each point to its targets and has a small sum of squares."""
-    normal = factor.T @ (expected_pairs.source[:, None] * factor)
-    right = factor.T @ (expected_pairs.drawn - expected_pairs.source[:, None] * source)
+    """Coordinates c of the displacement L c, by ridge regression on the weighted targets."""
+    normal = factor.T @ (expected.source[:, None] * factor)
+    right = factor.T @ (expected.drawn - expected.source[:, None] * source)
     return ridge_solution(normal, right, ridge)
 
 
-def _variance(transformed: NDArray[np.float64], target: NDArray[np.float64], expected_pairs: ExpectedPairs) -> float:
-    """Mean square distance, a coordinate, of target points from the points that explain them."""
-    total = expected_pairs.target @ np.sum(target**2, axis=1) + expected_pairs.source @ np.sum(transformed**2, axis=1)
-    total -= 2 * np.sum(transformed * expected_pairs.drawn)
-    return max(float(total / max(expected_pairs.source.sum() * transformed.shape[1], 1e-300)), SHARPEST)
+def _variance(transformed: NDArray[np.float64], target: NDArray[np.float64], expected: ExpectedPairs) -> float:
+    """Mean square distance per coordinate of target points from their source points."""
+    total = expected.target @ np.sum(target**2, axis=1) + expected.source @ np.sum(transformed**2, axis=1)
+    total -= 2 * np.sum(transformed * expected.drawn)
+    return max(float(total / max(expected.source.sum() * transformed.shape[1], 1e-300)), SHARPEST)
 
 
 @compiled
 def expect(
     transformed: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """The sums of `ExpectedPairs` without the matrix, leaving out what rounding would."""
+    """The sums of `ExpectedPairs` without the matrix or its entries below rounding."""
     n, dimension = transformed.shape
     m = len(target)
     source, explained, drawn = np.zeros(n), np.zeros(m), np.zeros((n, dimension))
@@ -167,7 +166,7 @@ def expect(
             for k in range(dimension):
                 square += (target[j, k] - transformed[i, k]) ** 2
             away[i] = square / (2 * variance)
-        nearest = away.min()  # measured from it, no chance underflows that matters
+        nearest = away.min()  # an offset against underflow
         total = uniform * np.exp(nearest) if outliers > 0 else 0.0
         for i in range(n):
             chance[i] = np.exp(nearest - away[i]) if away[i] - nearest < NEGLIGIBLE else 0.0

@@ -1,4 +1,4 @@
-"""Evidence for a map between two point sets: by it maps that began differently are compared, and all with none."""
+"""Evidence of a map between two point sets, to compare maps from different starts, and maps with no relation."""
 
 from __future__ import annotations
 
@@ -17,20 +17,19 @@ if TYPE_CHECKING:
     from tsis.matching._spline import SplineBasis
 
 
-BENDING_VARIANCES = (1e-4, 1e-3, 1e-2)  # prior, of a bending coordinate of normalised points; the likeliest counts
+BENDING_VARIANCES = (1e-4, 1e-3, 1e-2)  # priors of a bending coordinate of normalised points; the likeliest counts
 FIRST_OUTLIERS = 0.1
-NARROWEST = 1e-3  # standard deviation of a pair, of normalised points
+NARROWEST = 1e-3  # least standard deviation of a pair, of normalised points
 ROUNDS = 6
-CUT_OFF_VARIANCES = 50.0  # variances, squared distance beyond which nothing is explained
+CUT_OFF_VARIANCES = 50.0  # variances: squared distance beyond which the likelihood is neglected
 FEWEST_OUTLIERS, MOST_OUTLIERS = 0.01, 0.95
-UPRIGHT = 0.2  # log odds a target point of sets the same way up against those turned by half a turn: a true pose
-# explains each point by more, a false one of many points does not
-SLACK = 1e-6  # ridge that draws the affine part to rest, lest no responsibility at all leaves it undetermined
+UPRIGHT = 0.2  # log odds per target point of upright sets against sets rotated by 180 degrees; a true pose gains more
+SLACK = 1e-6  # ridge on the affine part, which regularises zero responsibility
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExplainedTarget:
-    """How moved source points explain the target.
+    """Likelihood of the target under the transformed source points, and sums over the responsibilities.
 
     Attributes
     ----------
@@ -39,9 +38,9 @@ class ExplainedTarget:
     paired
         Sum of each source point's responsibilities, shape (n,).
     drawn
-        Sum of the targets that they weigh, shape (n, d).
+        Weighted sum of the targets, shape (n, d).
     squared
-        Sum of the squared distances that they weigh.
+        Weighted sum of the squared distances.
     """
 
     likelihood: float
@@ -51,11 +50,11 @@ class ExplainedTarget:
 
 
 def log_evidence(basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64]) -> float:
-    """Log probability of the target, over that of points spread evenly, when the moved source explains it.
+    """Log probability of the target given the transformed source, over that of uniformly distributed points.
 
-    Each target point is an outlier anywhere in the target's box, or lies about a moved source point. The spline, the
-    outliers' share and the common standard deviation are those that explain the target best near the spline that is
-    given; the bending coordinates are normal before the data are seen, and integrated over by Laplace's method.
+    Each target point is an outlier, uniform in the target's box, or is normal about a transformed source point. Spline,
+    outlier fraction and common standard deviation maximise the likelihood near the given spline. The bending
+    coordinates have a normal prior and are integrated out by Laplace's method.
 
     Parameters
     ----------
@@ -68,11 +67,11 @@ def log_evidence(basis: SplineBasis, coordinates: NDArray[np.float64], target: N
 
 
 def upright_prior(matrix: NDArray[np.float64], points: int) -> float:
-    """Log prior of a pose's matrix, shape (d, d), of 0 for one that turns nothing; `points` of the target are to judge.
+    """Log prior of a pose's matrix, shape (d, d), for a target of ``points`` points; 0 without rotation.
 
-    Sets are likelier the same way up than turned. That decides between poses that the points hardly tell apart.
+    Upright sets are likelier than rotated ones. That decides between poses of nearly equal evidence.
     """
-    return UPRIGHT * points * (_cosine_of_turn(matrix) - 1) / 2
+    return UPRIGHT * points * (_cosine_of_rotation(matrix) - 1) / 2
 
 
 def _evidence(
@@ -87,7 +86,7 @@ def _evidence(
         total = max(float(now.paired.sum()), 1e-9)
         outliers = float(np.clip(1 - total / count, FEWEST_OUTLIERS, MOST_OUTLIERS))
         variance = max(now.squared / (dimension * total), NARROWEST**2)
-        coordinates = _follow(basis, now, variance / bending_variance)
+        coordinates = _fit_spline(basis, now, variance / bending_variance)
     now = explained(basis.design @ coordinates, target, variance, outliers, 1 / box)
     bends = basis.design[:, : basis.bent]
     precision = (bends * now.paired[:, None]).T @ bends * (bending_variance / variance)
@@ -97,8 +96,7 @@ def _evidence(
     return float(now.likelihood + count * np.log(box) - 0.5 * bending - 0.5 * dimension * volume)
 
 
-def _follow(basis: SplineBasis, now: ExplainedTarget, bending: float) -> NDArray[np.float64]:
-    """Coordinates of the spline that follows the weighed targets."""
+def _fit_spline(basis: SplineBasis, now: ExplainedTarget, bending: float) -> NDArray[np.float64]:
     normal = basis.design.T @ (now.paired[:, None] * basis.design)
     right = basis.design.T @ now.drawn
     ridge = np.full(len(normal), bending)
@@ -107,8 +105,8 @@ def _follow(basis: SplineBasis, now: ExplainedTarget, bending: float) -> NDArray
     return ridge_solution(normal, right, ridge)
 
 
-def _cosine_of_turn(matrix: NDArray[np.float64]) -> float:
-    """Cosine of the angle of the rotation that is nearest to a matrix, shape (d, d)."""
+def _cosine_of_rotation(matrix: NDArray[np.float64]) -> float:
+    """Cosine of the angle of the nearest rotation to a matrix, shape (d, d)."""
     left, _, right = np.linalg.svd(matrix)
     trace = float(np.trace(left @ right))
     return float(np.clip(trace / 2 if len(matrix) == 2 else (trace - 1) / 2, -1.0, 1.0))
@@ -117,10 +115,10 @@ def _cosine_of_turn(matrix: NDArray[np.float64]) -> float:
 def explained(
     transformed: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
 ) -> ExplainedTarget:
-    """How moved source points, shape (n, d), explain the target, shape (m, d), at a common variance.
+    """Likelihood of the target, shape (m, d), under the transformed source points, shape (n, d).
 
-    ``outliers`` is the share of targets that lie anywhere, with the density ``even``; the others lie normally about one
-    of the source points, each as likely as another.
+    The fraction ``outliers`` of the targets has the uniform density ``even``; the others are normal with ``variance``
+    about any of the source points with equal probability.
     """
     order = np.argsort(transformed[:, 0], kind="stable")
     likelihood, inner, outer, squared = _explained(transformed[order], target, variance, outliers, even)
@@ -133,7 +131,7 @@ def explained(
 def _explained(
     transformed: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
-    """The parts of `ExplainedTarget`; moved points are sorted along the first axis, so near ones are contiguous."""
+    """Kernel of `explained`; transformed points ascend along the first axis, so that near ones are contiguous."""
     n, dimension = transformed.shape
     near = (1 - outliers) / n * (2 * np.pi * variance) ** (-dimension / 2)
     paired, drawn, weights, away = np.zeros(n), np.zeros((n, dimension)), np.empty(n), np.empty(n)

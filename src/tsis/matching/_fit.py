@@ -1,4 +1,4 @@
-"""What a method of matching returns: where points go, which belong together, and how sure each pair is."""
+"""Interface of the matching methods: map, correspondences and trust in normalised coordinates."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ if TYPE_CHECKING:
 
 
 UNMATCHED = -1
-BLOCK = 20_000  # points that are moved at once
+BLOCK = 20_000  # points transformed at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MatchFit:
-    """A method's answer in the normalised coordinates that it was given.
+    """Result of a method, in its normalised coordinates.
 
     Attributes
     ----------
     move
-        Takes points of the source's coordinates, shape (k, d), to the target's.
+        Map from the source's coordinates, shape (k, d), to the target's.
     matches
         Index of each source point's target point, or `UNMATCHED`, shape (n,); no target point twice.
     trust
-        How sure each match is, in [0, 1], shape (n,); 0 where there is none.
+        Confidence of each match, in [0, 1], shape (n,); 0 where there is none.
     """
 
     move: Move
@@ -39,37 +39,37 @@ class Move(Protocol):
     """A map of points, shape (k, d), to points."""
 
     def __call__(self, points: NDArray[np.float64], /) -> NDArray[np.float64]:
-        """Where the points go."""
+        """Transform the points."""
 
 
 def transformed_in_blocks(move: Move, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where many points go, shape (k, d), without room for the terms of all of them at once."""
+    """Transform many points, shape (k, d), in blocks of limited memory."""
     return np.concatenate([move(points[start : start + BLOCK]) for start in range(0, len(points), BLOCK)])
 
 
 class MatchMethod(Protocol):
-    """One way of matching two normalised point sets, shapes (n, d) and (m, d), d being 2 or 3.
+    """A method that matches two normalised point sets, shapes (n, d) and (m, d), with d = 2 or 3.
 
-    Each set has its mean in the origin and a root-mean-square distance of 1 from it. ``rng`` is the only source of
-    chance, for those that need any.
+    A normalised set has its mean in the origin and a root-mean-square distance of 1 from it. All randomness comes from
+    ``rng``.
     """
 
     def __call__(
         self, source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator
     ) -> MatchFit:
-        """Match them."""
+        """Match the sets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NormalFrame:
-    """Where a point set lies, ``centre`` of shape (d,), and how large it is, in its own unit."""
+    """Centre, shape (d,), and size of a point set in its own unit."""
 
     centre: NDArray[np.float64]
     size: float
 
     @classmethod
     def of(cls, points: NDArray[np.float64]) -> NormalFrame:
-        """The frame of points, shape (n, d), that are not all in one place."""
+        """The frame of points, shape (n, d), that do not all coincide."""
         centre = points.mean(axis=0)
         return cls(centre=centre, size=float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean())))
 
@@ -85,9 +85,9 @@ class NormalFrame:
 def ridge_solution(
     normal: NDArray[np.float64], right: NDArray[np.float64], ridge: NDArray[np.float64] | float
 ) -> NDArray[np.float64]:
-    """Solution x of ``(normal + diag(ridge)) x = right``, shape (k, d); unchecked, for inner loops.
+    """Solution x of ``(normal + diag(ridge)) x = right``, shape (k, d), for inner loops: inputs are not checked.
 
-    ``normal``, shape (k, k), is symmetric and used up: its content is another one afterwards.
+    ``normal``, shape (k, k), is symmetric and is overwritten.
     """
     normal[np.diag_indices_from(normal)] += ridge
     factor = cho_factor(normal, overwrite_a=True, check_finite=False)

@@ -1,13 +1,12 @@
-"""Shape contexts: how the other points lie around each point, counted in bins of distance and direction.
+"""Shape contexts: histograms of the other points around each point, in bins of distance and direction.
 
 Belongie, Malik and Puzicha (2002): `DISTANCE_BINS` bins whose edges double from `INNER` to `OUTER` times the scale,
-the first one reaching down to 0, by `ANGLE_BINS` equal angles; in space also by `POLAR_BINS` bins of equal solid angle
-about the z axis. A bin is a column: distance slowest, angle fastest, so that turning the points shifts the last axis of
+the first from 0, by `ANGLE_BINS` equal angles; in space also by `POLAR_BINS` bins of equal solid angle about the z
+axis. Distance is the slowest column index, angle the fastest, so that a rotation shifts the last axis of
 ``histograms.reshape(n, DISTANCE_BINS, -1, ANGLE_BINS)``.
 
-A neighbour is shared linearly among the bins whose centres it lies between, and fades out beyond the centre of the
-outermost: on deformed shapes of which the true pairs are known, more points then have their partner as the nearest
-histogram than with sharp bins.
+A neighbour is distributed linearly among the nearest bin centres, and fades out beyond the outermost. On deformed
+shapes with known pairs this finds more partners by the nearest histogram than sharp bins.
 """
 
 from __future__ import annotations
@@ -28,32 +27,31 @@ if TYPE_CHECKING:
 DISTANCE_BINS = 5
 ANGLE_BINS = 12
 POLAR_BINS = 6
-INNER, OUTER = 1 / 8, 2.0  # of the scale; four doublings between them leave five bins
+INNER, OUTER = 1 / 8, 2.0  # of the scale; four doublings between them give five bins
 SMALLEST = 1e-300
 
 
 def histograms(points: ArrayLike, *, turn: float = 0.0, scale: float | None = None) -> NDArray[np.float64]:
-    """Shape context of every point, directions measured from the x axis.
+    """Shape context of each point, with directions from the x axis.
 
     Parameters
     ----------
     points
-        Shape (n, d), d being 2 or 3, in any unit.
+        Shape (n, d) with d = 2 or 3, in any unit.
     turn
-        By how much the axis that angles are measured from is turned from x towards y, in radians; the histograms are
-        those of the points turned back by it.
+        Rotation of the axis of angle 0 from x towards y, in radians.
     scale
-        Distance that the bins are relative to, in the unit of the points; by default the mean distance of two points.
+        Unit of distance of the bins, in the unit of the points; by default the mean distance of two points.
 
     Returns
     -------
     NDArray
-        Shape (n, 60) in the plane, (n, 360) in space; each row sums to 1, or to 0 where no point lies near enough.
+        Shape (n, 60) in the plane, (n, 360) in space; a row sums to 1, or to 0 where no point lies within the bins.
 
     Raises
     ------
     InputError
-        When the points are not in the plane or in space, or all lie in one place.
+        When the points are not in the plane or in space, or all coincide.
 
     Examples
     --------
@@ -66,32 +64,32 @@ def histograms(points: ArrayLike, *, turn: float = 0.0, scale: float | None = No
 
 
 def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> NDArray[np.float64]:
-    """Shape context of every point, directions measured from where the mass centre lies: the same for turned points.
+    """Shape context of each point, with directions from the mass centre: invariant to rotation.
 
-    In space only the angle to that direction is left, in `POLAR_BINS` bins, for nothing says where around it to start.
+    In space only the polar angle to that direction is defined, in `POLAR_BINS` bins.
 
     Parameters
     ----------
     points
-        Shape (n, d), d being 2 or 3, in any unit.
+        Shape (n, d) with d = 2 or 3, in any unit.
     scale
-        Distance that the bins are relative to, in the unit of the points; by default the mean distance of two points.
+        Unit of distance of the bins, in the unit of the points; by default the mean distance of two points.
 
     Returns
     -------
     NDArray
-        Shape (n, 60) in the plane, (n, 30) in space; each row sums to 1, or to 0 where no point lies near enough.
+        Shape (n, 60) in the plane, (n, 30) in space; a row sums to 1, or to 0 where no point lies within the bins.
 
     Raises
     ------
     InputError
-        When the points are not in the plane or in space, or all lie in one place.
+        When the points are not in the plane or in space, or all coincide.
 
     Examples
     --------
     >>> corner = [[0.0, 0.0], [3.0, 0.0], [0.0, 1.0]]
-    >>> turned = [[0.0, 0.0], [0.0, 3.0], [-1.0, 0.0]]
-    >>> bool(np.allclose(axis_histograms(corner), axis_histograms(turned)))
+    >>> rotated = [[0.0, 0.0], [0.0, 3.0], [-1.0, 0.0]]
+    >>> bool(np.allclose(axis_histograms(corner), axis_histograms(rotated)))
     True
     """
     points = _points(points)
@@ -133,7 +131,7 @@ def mean_distance(points: NDArray[np.float64]) -> float:
 
 @compiled
 def _common(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``sum_k a_k b_k / (a_k + b_k)``, which chi squared has to add up pair by pair; b is transposed, shape (k, m)."""
+    """``sum_k a_k b_k / (a_k + b_k)`` of each pair; b is transposed, shape (k, m)."""
     total = np.zeros((len(a), b.shape[1]))
     for i in range(len(a)):
         for k in range(len(b)):
@@ -146,7 +144,7 @@ def _common(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 @compiled
 def _counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """Neighbours in each bin, shape (n, distance, polar, angle), with an axis of angles for each point."""
+    """Neighbours in each bin, shape (n, distance, polar, angle); ``axis`` is each point's direction of angle 0."""
     number, dimension = points.shape
     polar = 1 if dimension == 2 else POLAR_BINS
     counts = np.zeros((number, DISTANCE_BINS, polar, ANGLE_BINS))
@@ -157,7 +155,7 @@ def _counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float
             r = np.sqrt(x * x + y * y + z * z)
             if i == j:
                 continue
-            # Places are in bins, counted from the centre of the first.
+            # Coordinates are in bins, from the centre of the first.
             ring = max(np.log2(max(r / scale, SMALLEST) / INNER) + 0.5, 0.0)
             if ring >= DISTANCE_BINS:
                 continue
@@ -174,7 +172,7 @@ def _counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float
 
 
 def reference_counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """What the compiled loop counts, written plainly: shape (n, distance, polar, angle)."""
+    """Readable reference of `_counts`, shape (n, distance, polar, angle)."""
     away = points[None, :, :] - points[:, None, :]
     length = np.linalg.norm(away, axis=2)
     angle = (np.arctan2(away[..., 1], away[..., 0]) - axis[:, None]) / (2 * np.pi) * ANGLE_BINS - 0.5
@@ -186,19 +184,19 @@ def reference_counts(points: NDArray[np.float64], axis: NDArray[np.float64], sca
 
 
 def _rings(distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Place among the distance bins, counted from the centre of the first, of distances relative to the scale."""
+    """Coordinate of scaled distances in distance bins, from the centre of the first."""
     return np.maximum(np.log2(np.maximum(distance, SMALLEST) / INNER) + 0.5, 0.0)
 
 
 def _within(position: NDArray[np.float64], bins: int) -> NDArray[np.float64]:
-    """Places counted from the centre of the first of ``bins``, none outside the centres of the outermost."""
+    """Coordinate from the centre of the first of ``bins``, clipped to the centres of the outermost."""
     return np.clip(position - 0.5, 0.0, bins - 1.0)
 
 
 def _radial_weight(
     ring: NDArray[np.float64], latitude: NDArray[np.float64], angle: NDArray[np.float64], bins: tuple[int, int, int]
 ) -> NDArray[np.float64]:
-    """Share each pair's neighbour, shape (n, n), linearly among the bins about its place; a point is not its own."""
+    """Distribute each neighbour, shape (n, n), linearly among the nearest bins; a point is not its own neighbour."""
     counts = np.zeros((len(ring), *bins))
     row = np.broadcast_to(np.arange(len(ring))[:, None], ring.shape)
     for corner in np.ndindex(2, 2, 2):
@@ -220,7 +218,7 @@ def _normalised(counts: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _scale(value: float) -> float:
-    return require_number("scale", value, SMALLEST, 1e300, hint="the points must not all lie in one place")
+    return require_number("scale", value, SMALLEST, 1e300, hint="the points must not all coincide")
 
 
 def _points(value: ArrayLike) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Pairs from costs: each point at most once, none where having no partner is cheaper."""
+"""One-to-one pairs of least cost, with unmatched points where that is cheaper."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-TOLERANCE_SD = 3.0  # standard deviations of a point's place that the tolerance stands for
+TOLERANCE_SD = 3.0  # tolerance in standard deviations of a point's position
 
 
 def nearest_pairs(
     transformed: NDArray[np.float64], target: NDArray[np.float64], *, tolerance: float
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Which target point each moved point has reached, the squared distances together being the least possible.
+    """Match transformed points with target points at the least sum of squared distances.
 
     Parameters
     ----------
     transformed, target
         Shapes (n, d) and (m, d), in the same unit.
     tolerance
-        Distance beyond which points have no partner, positive, in that unit.
+        Distance beyond which points are unmatched, positive, in that unit.
 
     Returns
     -------
     matches
         Index of the target point, or `UNMATCHED`, shape (n,); no target point twice.
     trust
-        Chance of the match among all targets and none, were places normal with a standard deviation of a third of the
-        tolerance and having no partner as likely as one at the tolerance; 0 where there is no match; shape (n,).
+        Probability of the match, for normal positions with a standard deviation of a third of the tolerance, where no
+        partner is as likely as a partner at the tolerance; 0 where there is no match; shape (n,).
 
     Examples
     --------
@@ -52,17 +52,16 @@ def nearest_pairs(
 
 
 def assign(cost: NDArray[np.float64], *, dummy: float) -> NDArray[np.int64]:
-    """Cheapest pairing of rows with columns, shape (n, m), where every point may stay alone.
+    """Cheapest pairing of rows with columns, shape (n, m), where points may be unmatched.
 
-    A pair is made only where it costs less than ``dummy``, which is what a row without a column costs. Returns the
-    column of each row, or `UNMATCHED`, shape (n,).
+    An unmatched row costs ``dummy``. Returns the column of each row, or `UNMATCHED`, shape (n,).
 
     Examples
     --------
     >>> assign(np.array([[1.0, 2.0], [1.1, 9.0]]), dummy=5.0).tolist()
     [1, 0]
     """
-    # A pair that costs no less than none is none: it need not be told apart from the others like it.
+    # All pairs that cost at least ``dummy`` are equivalent: their rows are unmatched.
     rows, columns = linear_sum_assignment(np.minimum(cost, dummy))
     matches = np.full(len(cost), UNMATCHED, dtype=np.int64)
     cheap = cost[rows, columns] < dummy
@@ -71,25 +70,25 @@ def assign(cost: NDArray[np.float64], *, dummy: float) -> NDArray[np.int64]:
 
 
 def spacing(points: NDArray[np.float64]) -> float:
-    """Median distance of the points, shape (n, d), to the nearest one elsewhere; 0 where there is none."""
+    """Median distance of distinct points, shape (n, d), to their nearest neighbour; 0 for a single point."""
     positions = np.unique(points, axis=0)
     distance, _ = KDTree(positions).query(positions, k=[2])
     return float(np.median(distance)) if len(positions) > 1 else 0.0
 
 
-MOST_PAIRS = 16_000_000  # 128 MB a table; a method holds a few of them
-SAMPLE = 2000  # points of the source; of the target, as many as a table of all pairs has room for
+MOST_PAIRS = 16_000_000  # 128 MB a table; a method allocates a few of them
+SAMPLE = 2000  # points of the source; the target gets the rest of MOST_PAIRS
 MOST_POINTS = 2_000_000
-MUTUAL_RANGE = 0.5  # of the target's spacing, up to which a moved point has found its partner
+MUTUAL_RANGE = 0.5  # largest distance of a match, of the target's spacing
 
 
 def drawn(
     source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Samples of two normalised sets, shapes (n, d) and (m, d), whose table has room; the sets where theirs has.
+    """Samples of two normalised sets, shapes (n, d) and (m, d), with at most `MOST_PAIRS` pairs; small sets unchanged.
 
-    More of the target are drawn, so that most points drawn of the source have their partners among them, up to some
-    8000 points; where fewer have, the outlines and densities must do.
+    The target's sample is larger, so that it contains the partners of most sampled source points, for up to some 8000
+    points; in larger sets only outlines and densities agree.
     """
     if len(source) * len(target) <= MOST_PAIRS:
         return source, target
@@ -101,11 +100,7 @@ def drawn(
 
 
 def matched_all(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.float64]) -> MatchFit:
-    """The fit of samples, with matches of all normalised points, shapes (n, d) and (m, d).
-
-    What samples tell is the map. The matches are read off it, between moved source points and target points that are
-    each other's nearest.
-    """
+    """The fit of samples, with mutual nearest neighbours of all normalised points, shapes (n, d) and (m, d)."""
     transformed = transformed_in_blocks(fit.move, source)
     matches, trust = mutual_nearest(transformed, target)
     return MatchFit(move=fit.move, matches=matches, trust=trust)
@@ -118,6 +113,6 @@ def mutual_nearest(
     away, nearest = KDTree(target).query(transformed)
     _, back = KDTree(transformed).query(target)
     extent = MUTUAL_RANGE * spacing(target)
-    result = (np.asarray(back)[nearest] == np.arange(len(transformed))) & (away <= extent)
-    matches = np.where(result, nearest, UNMATCHED).astype(np.int64)
-    return matches, np.where(result, 1 - away / extent / 2, 0.0)
+    mutual = (np.asarray(back)[nearest] == np.arange(len(transformed))) & (away <= extent)
+    matches = np.where(mutual, nearest, UNMATCHED).astype(np.int64)
+    return matches, np.where(mutual, 1 - away / extent / 2, 0.0)

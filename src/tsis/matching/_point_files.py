@@ -1,4 +1,4 @@
-"""Vertices of PLY files, text and binary."""
+"""Read and write point sets: CSV, NPY and PLY files."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ TYPES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vertices:
-    """What a header says of the vertices.
+    """Vertices as declared in a PLY header.
 
     Attributes
     ----------
     order
-        Byte order as NumPy writes it; empty for text.
+        NumPy's code of the byte order; empty for text.
     count
-        How many there are said to be.
+        Number of vertices.
     types
         NumPy's type of each property, by name, in order.
     """
@@ -64,12 +64,12 @@ def parse_ply(content: bytes, *, most: int) -> NDArray[np.float64]:
     content
         The whole file.
     most
-        The largest number of vertices that is decoded.
+        Largest number of vertices.
 
     Raises
     ------
     FileInputError
-        When the header or the data are broken, or the vertices are not the first element or too many.
+        When the header or the data are invalid, or the vertices are not the first element or are too many.
 
     Examples
     --------
@@ -109,7 +109,7 @@ def _vertices(lines: list[str]) -> Vertices:
         except (KeyError, IndexError, ValueError) as error:
             if isinstance(error, FileInputError):
                 raise
-            raise FileInputError(f"a PLY header line must be one that is known; got {line.strip()!r:.60}") from error
+            raise FileInputError(f"a PLY header line must have a known form; got {line.strip()!r:.60}") from error
     if order is None or count is None:
         raise FileInputError("a PLY header must give a format, and vertices as the first element")
     return Vertices(order=order, count=count, types=types)
@@ -146,15 +146,15 @@ NPY_MAGIC = b"\x93NUMPY"
 
 
 def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
-    """Read the points of a file; its content tells the format, its name does not.
+    """Read the points of a file; the format is detected by content, not by name.
 
     Parameters
     ----------
     path
-        CSV, one point a line, two or three columns, or any columns under a first line that names x and y (and z);
-        columns are parted by commas, semicolons, tabs or spaces, and lines that begin with # are left out.
-        NPY, an array of shape (n, 2) or (n, 3). PLY, text or binary, whose vertices have x and y (and z); vertices
-        that all have the same z are points of the plane.
+        CSV, a point per line, with two or three columns, or any columns under a first line that names x and y (and z);
+        commas, semicolons, tabs or spaces separate columns, and lines that begin with # are ignored. NPY, an array of
+        shape (n, 2) or (n, 3). PLY, text or binary, with vertices of x and y (and z); vertices of equal z are points
+        of the plane.
 
     Returns
     -------
@@ -164,8 +164,8 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
     Raises
     ------
     FileInputError
-        When the file is missing, broken, of another kind, too large, or holds something that is no finite number; the
-        message names the line or row.
+        When the file is missing, invalid, of another kind, too large, or contains a value that is not a finite number;
+        the message names the line or row.
     """
     path = as_path(path)
     size = file_size(path)
@@ -184,7 +184,7 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
 
 
 def csv_text(points: ArrayLike, **columns: ArrayLike) -> str:
-    r"""Points, and columns beside them, as CSV that `read_points` reads back to the last bit.
+    r"""Format points and further columns as CSV, which `read_points` reads back exactly.
 
     Parameters
     ----------
@@ -198,9 +198,9 @@ def csv_text(points: ArrayLike, **columns: ArrayLike) -> str:
     >>> csv_text([[0.5, 1.0]], match=[3])
     'x,y,match\n0.5,1.0,3\n'
     """
-    positions = np.asarray(points, dtype=float)
-    heads = [*AXES[: positions.shape[1]], *columns]
-    values = [*positions.T.tolist(), *(np.asarray(column).tolist() for column in columns.values())]
+    coordinates = np.asarray(points, dtype=float)
+    heads = [*AXES[: coordinates.shape[1]], *columns]
+    values = [*coordinates.T.tolist(), *(np.asarray(column).tolist() for column in columns.values())]
     rows = (",".join(map(repr, row)) for row in zip(*values, strict=True))
     return "\n".join([",".join(heads), *rows]) + "\n"
 
@@ -232,20 +232,20 @@ def _npy(content: bytes) -> NDArray[np.float64]:
 def _csv(content: bytes) -> NDArray[np.float64]:
     _require_text(content[:4096])
     lines = (
-        text_line
-        for text_line in text_lines(content, most=MOST_POINTS)
-        if text_line[1].strip() and text_line[1].lstrip()[:1] != "#"
+        (number, line)
+        for number, line in text_lines(content, most=MOST_POINTS)
+        if line.strip() and line.lstrip()[:1] != "#"
     )
     first = next(lines, None)
     if first is None:
         raise FileInputError("it must hold points; got none")
-    parting = next((mark for mark in ";,\t" if mark in first[1]), None)
-    heads = [head.strip().strip('"').lower() for head in first[1].split(parting)]
+    separator = next((mark for mark in ";,\t" if mark in first[1]), None)
+    heads = [head.strip().strip('"').lower() for head in first[1].split(separator)]
     named = all(_number(head) is None and not head[:1].isdigit() for head in heads)
     chosen = _columns(heads, named=named)
     values = array("d")
     for number, line in lines if named else itertools.chain([first], lines):
-        values.extend(_row(number, line.split(parting), chosen, len(heads)))
+        values.extend(_row(number, line.split(separator), chosen, len(heads)))
         if len(values) > MOST_POINTS * len(chosen):
             raise FileInputError(
                 f"it must hold 1 to {MOST_POINTS} points; got {MOST_POINTS + 1} or more (thin them out)"
@@ -256,7 +256,7 @@ def _csv(content: bytes) -> NDArray[np.float64]:
 
 def _require_text(start: bytes) -> None:
     try:
-        text = codecs.getincrementaldecoder("utf-8")().decode(start)  # a letter may be cut at the end
+        text = codecs.getincrementaldecoder("utf-8")().decode(start)  # the sample may end within a character
     except UnicodeDecodeError as error:
         raise FileInputError("it must be CSV, NPY or PLY; got bytes that are none of these") from error
     if "\0" in text:
@@ -264,7 +264,7 @@ def _require_text(start: bytes) -> None:
 
 
 def _columns(heads: list[str], *, named: bool) -> list[int]:
-    """Which columns hold coordinates."""
+    """Indices of the coordinate columns."""
     if named and "x" in heads and "y" in heads:
         return [heads.index(axis) for axis in AXES if axis in heads]
     if len(heads) not in (2, 3):

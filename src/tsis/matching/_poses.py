@@ -1,8 +1,8 @@
-"""Rotation hypotheses: under each, shape contexts and relaxation find partners, and most of them agree on a pose.
+"""Pose hypotheses: for trial rotations, shape contexts and relaxation propose pairs, whose consensus is a pose.
 
-The printed method measures angles from the direction to the mass centre, which any outlier or missing part turns; it is
-the main cause of its failures. Here the source is turned as a whole, by one of so many rotations that the nearest lies
-within reach of the shape contexts, and the pose is the affine map that the most trusted pairs agree on.
+The printed method measures angles from the direction to the mass centre, which outliers and missing parts rotate; that
+causes most of its failures. Here the whole source is rotated by a grid of rotations, dense enough for the shape
+contexts, and the pose is the affine map that the most trusted pairs agree on.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from tsis.matching._log_polar import ANGLE_BINS, chi_squared, histograms, mean_distance
 from tsis.matching._relaxation import NEIGHBOURS as SOURCE_NEIGHBOURS
 from tsis.matching._relaxation import TARGET_NEIGHBOURS, Neighbourhood, label
-from tsis.matching._spline import far_apart
+from tsis.matching._spline import spread_indices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,25 +26,25 @@ NO_PARTNER_SUPPORT = 0.07  # support for having no partner
 UPDATES = 20
 COMPARED = 150  # source points whose shape contexts choose the rotations
 LABELLED = {2: 6, 3: 30}  # rotations that are labelled, by dimension
-MANY, LABELLED_OF_MANY = 200_000, 2  # pairs beyond which fewer are
+MANY, LABELLED_OF_MANY = 200_000, 2  # number of pairs beyond which fewer rotations are labelled
 CLEAR = 0.65  # agreement that ends the search
-DRAWS = 250  # of as many pairs as fix an affine map
+DRAWS = 250  # random samples of d + 1 pairs
 CLOSE = 0.25  # root-mean-square radii: a pair farther from an affine map does not agree with it
-LEAST_VOLUME, MOST_VOLUME = 0.1, 6.0  # by which a pose may scale areas or volumes
+LEAST_VOLUME, MOST_VOLUME = 0.1, 6.0  # factor of areas or volumes under a pose
 MOST_SHEAR = 1.6  # mean squared singular value over their squared geometric mean; 1 for a similarity
 LEAST_SPREAD = 0.1  # area or volume of the drawn points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pose:
-    """An affine map: row 0 the translation, the others the matrix, shape (d + 1, d); and how many pairs agree on it."""
+    """An affine map, shape (d + 1, d) with the translation in row 0, and the weight of the pairs that agree on it."""
 
     affine: NDArray[np.float64]
     agreement: float
 
 
 def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
-    """Poses of the source on the target, the best agreed on first; normalised points, shapes (n, d) and (m, d)."""
+    """Poses of the source on the target by falling agreement; normalised points, shapes (n, d) and (m, d)."""
     scale = mean_distance(target)
     contexts = histograms(target, scale=scale)
     likely = _likely_rotations(source, contexts, scale)
@@ -65,33 +65,32 @@ def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.r
 def _likely_rotations(
     source: NDArray[np.float64], contexts: NDArray[np.float64], scale: float
 ) -> list[NDArray[np.float64]]:
-    """All rotations, those first under which some source points have the likest shape contexts among the target's."""
-    some = far_apart(source, COMPARED)
-    rotated = []
-    simple = histograms(source, scale=scale)[some]
+    """All rotations, by rising distance between shape contexts of sampled source points and the nearest target's."""
+    sample = spread_indices(source, COMPARED)
+    ranked = []
+    unrotated = histograms(source, scale=scale)[sample]
     for number, rotation in enumerate(rotations(source.shape[1])):
-        if source.shape[1] == 2:  # a turn by whole angle bins only shifts them
-            shifted = np.roll(simple.reshape(len(some), -1, ANGLE_BINS), number, axis=-1).reshape(simple.shape)
+        if source.shape[1] == 2:  # a rotation by whole angle bins only shifts them
+            rotated = np.roll(unrotated.reshape(len(sample), -1, ANGLE_BINS), number, axis=-1).reshape(unrotated.shape)
         else:
-            shifted = histograms(source @ rotation.T, scale=scale)[some]
-        rotated.append((float(chi_squared(shifted, contexts).min(axis=1).mean()), number, rotation))
-    return [rotation for _, _, rotation in sorted(rotated, key=lambda item: item[:2])]
+            rotated = histograms(source @ rotation.T, scale=scale)[sample]
+        ranked.append((float(chi_squared(rotated, contexts).min(axis=1).mean()), number, rotation))
+    return [rotation for _, _, rotation in sorted(ranked, key=lambda item: item[:2])]
 
 
-def rounded_poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
-    """The same, found on both shapes made as wide as long.
+def whitened_poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
+    """Poses of the whitened sets.
 
-    That takes away whatever affine part lies between whole shapes; where a part is missing, or points are added, it
-    may as well bring one in.
+    Whitening removes the affine part between complete shapes; with missing or added points it may introduce one.
     """
-    here, there = _rounding(source), _rounding(target)
+    here, there = _whitening(source), _whitening(target)
     back = np.linalg.inv(there)
     result = poses(source @ here, target @ there, rng=rng)
     return [replace(pose, affine=np.vstack([pose.affine[0] @ back, here @ pose.affine[1:] @ back])) for pose in result]
 
 
-def _rounding(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrix that gives points, shape (n, d), the same spread in all directions, turning them least."""
+def _whitening(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Symmetric matrix that gives points, shape (n, d), the same variance in all directions."""
     value, axis = np.linalg.eigh(np.cov(points, rowvar=False))
     return np.asarray((axis / np.sqrt(value * len(value))) @ axis.T)
 
@@ -111,18 +110,18 @@ def agreed(
     *,
     rng: np.random.Generator,
 ) -> Pose:
-    """The affine map that most pairs agree on, of those through d + 1 of them drawn by trust (random sample consensus).
+    """Consensus of the pairs: the best of the affine maps through d + 1 pairs drawn by trust (RANSAC).
 
-    Where no draw gives a plausible map, it is a shift alone.
+    Where no sample gives a plausible map, the result is a translation.
 
     Parameters
     ----------
     source, partners
-        Points that belong together, shape (n, d) each.
+        Pairs of points, shape (n, d) each.
     trust
-        Of each pair, not negative, shape (n,).
+        Trust in each pair, not negative, shape (n,).
     rng
-        Source of the draws.
+        Random generator of the samples.
     """
     count, dimension = source.shape
     chance = trust + 1e-9

@@ -1,4 +1,4 @@
-"""How far an answer can be relied on, whatever method gave it."""
+"""Register two point sets by any method, and rate the confidence of the result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tsis.matching import _tps_rpm as tps_rpm
 from tsis.matching._evidence import log_evidence
 from tsis.matching._fit import UNMATCHED, NormalFrame, transformed_in_blocks
 from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
-from tsis.matching._spline import far_apart, spline_basis, spread_out
+from tsis.matching._spline import spline_basis, spread_indices, spread_out
 from tsis.model import require_array, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -30,44 +30,43 @@ if TYPE_CHECKING:
 
 
 RELIABLE = 0.5
-SCALE = 3.0  # of log evidence, in which confidence grows from a quarter to three
-MOST = 600  # points of each set that are looked at
-PASSING = 1e-6  # bending that is held back when the spline is read back from the moved points
+SCALE = 3.0  # of log evidence, over which confidence rises from 1/4 to 3/4
+MOST = 600  # points of each set that enter the confidence
+PASSING = 1e-6  # bending ridge of the spline through the transformed points
 
 
 def confidence_of(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.float64]) -> float:
-    """Confidence in [0, 1] that an answer says more than chance: from the evidence for it, over that for no relation.
+    """Confidence in [0, 1] of a fit: from its evidence over that of unrelated sets.
 
-    No relation is the likelier of points spread evenly and one normal cloud; the map pays for its affine part.
-
-    A wrong answer that explains much, as half of a shape that lies on another, is not told from a right one.
+    Unrelated points are uniform or one normal cloud, whichever is likelier; Schwarz's criterion penalises the affine
+    part of the map. A wrong fit of high evidence, as of a shape on half of another, is not detected.
 
     Parameters
     ----------
     fit
-        What a method found.
+        Result of a method.
     source, target
-        The normalised points that it was given.
+        Its normalised points.
     """
     dimension = source.shape[1]
     if np.count_nonzero(fit.matches != UNMATCHED) < dimension + 2:
         return 0.0
-    observed = source[far_apart(source, MOST)] if len(source) > MOST else source
-    there = target[far_apart(target, MOST)] if len(target) > MOST else target
-    basis = spline_basis(observed)
-    coordinates = basis.coordinates(fit.move(observed), bending=PASSING)
-    for_it = log_evidence(basis, coordinates, there) - _price_of_a_pose(there) - _normal_over_even(there)
-    return float(1 / (1 + np.exp(np.clip(-for_it / SCALE, -50, 50))))
+    here = source[spread_indices(source, MOST)] if len(source) > MOST else source
+    there = target[spread_indices(target, MOST)] if len(target) > MOST else target
+    basis = spline_basis(here)
+    coordinates = basis.coordinates(fit.move(here), bending=PASSING)
+    evidence = log_evidence(basis, coordinates, there) - _affine_penalty(there) - _normal_over_uniform(there)
+    return float(1 / (1 + np.exp(np.clip(-evidence / SCALE, -50, 50))))
 
 
-def _price_of_a_pose(target: NDArray[np.float64]) -> float:
-    """What an affine map fitted to the points gains where there is none (Schwarz's criterion)."""
+def _affine_penalty(target: NDArray[np.float64]) -> float:
+    """Expected gain of an affine map fitted to unrelated points (Schwarz's criterion)."""
     dimension = target.shape[1]
     return float(0.5 * dimension * (dimension + 1) * np.log(target.size))
 
 
-def _normal_over_even(target: NDArray[np.float64]) -> float:
-    """Log probability of the points as one normal cloud, over that of points spread evenly in their box; at least 0."""
+def _normal_over_uniform(target: NDArray[np.float64]) -> float:
+    """Log probability of the points as one normal cloud over that of uniform points in their box; at least 0."""
     count, dimension = target.shape
     _, volume = np.linalg.slogdet(np.cov(target, rowvar=False, bias=True))
     box = float(np.log(np.ptp(target, axis=0)).sum())
@@ -75,9 +74,9 @@ def _normal_over_even(target: NDArray[np.float64]) -> float:
 
 
 FEWEST = 4  # points: three in the plane fit any affine map
-FEW = {2: 9, 3: 16}  # points, by dimension, that a bent map takes close to unrelated ones
-LARGEST = 1e100  # coordinate whose square is a number
-THIN = 1e-6  # extent of points across a line or plane, of that along it, that rounding could make
+FEW = {2: 9, 3: 16}  # points, by dimension, below which a bent map fits unrelated sets
+LARGEST = 1e100  # coordinate whose square does not overflow
+THIN = 1e-6  # extent across a line or plane, of that along it, that may be rounding
 
 METHODS: Mapping[str, MatchMethod] = MappingProxyType(
     {
@@ -92,7 +91,7 @@ METHODS: Mapping[str, MatchMethod] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Registration:
-    """How one point set goes over into another.
+    """Correspondences of two point sets, and the transform of the first to the second.
 
     Attributes
     ----------
@@ -103,15 +102,15 @@ class Registration:
     matches
         Index of each source point's target point, -1 where it has none, shape (n,).
     trust
-        How sure each match is, in [0, 1], shape (n,); 0 where there is none.
+        Confidence of each match, in [0, 1], shape (n,); 0 where there is none.
     confidence
-        How sure the whole is, in [0, 1].
+        Confidence of the registration, in [0, 1].
     reliable
-        Whether the confidence suffices. Where it does not, nothing is matched and the transform leaves points alone.
+        Whether the confidence suffices. Otherwise nothing is matched and the transform is the identity.
     notes
-        What the reader must know, a sentence each.
+        Warnings, a message each.
     move
-        The transform without checks of its points; `transform` is the one to call.
+        The transform without checks of its points; call `transform`.
     """
 
     method: str
@@ -124,7 +123,7 @@ class Registration:
     move: Move
 
     def transform(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Where points of the source's space, shape (k, d), go.
+        """Transform points of the source's space, shape (k, d).
 
         Raises
         ------
@@ -139,31 +138,30 @@ class Registration:
 
     @property
     def outliers(self) -> NDArray[np.bool_]:
-        """Which source points have no match, shape (n,)."""
+        """Mask of source points without a match, shape (n,)."""
         return np.asarray(self.matches == UNMATCHED)
 
 
 def register(
     source: ArrayLike, target: ArrayLike, *, method: str = "tprl", rng: np.random.Generator | None = None
 ) -> Registration:
-    """Match two point sets that differ by a smooth deformation, of which either may lack or add points.
+    """Match two point sets that differ by a smooth deformation; points of either may be missing in the other.
 
     Parameters
     ----------
     source, target
-        Points, shapes (n, d) and (m, d), d being 2 or 3, in any one unit; at least 4 each, not all in a line or plane.
-        Above some thousands of points a sample of both is matched and the note says so; above two millions they are
-        refused.
+        Points, shapes (n, d) and (m, d) with d = 2 or 3, in one unit; at least 4 each, not all in a line or plane.
+        Above some thousands of points samples are matched, with a note; above two millions an error is raised.
     method
-        ``"tprl"``, ``"cpd"``, ``"tps-rpm"``, ``"rpm-lns"`` or ``"shape-context"``. All but the first expect the
-        sets to be turned little against each other.
+        ``"tprl"``, ``"cpd"``, ``"tps-rpm"``, ``"rpm-lns"`` or ``"shape-context"``. All but the first expect only a
+        small rotation between the sets.
     rng
-        Source of chance, for the sample of large sets and for methods that draw; seeded with 0 by default.
+        Random generator, for samples of large sets and for methods that need it; seeded with 0 by default.
 
     Raises
     ------
     UnknownNameError
-        When there is no such method.
+        When the method is unknown.
     InputError
         When shapes do not fit, values are not finite, or the points are too few, too many, or in a line or plane.
 
@@ -172,10 +170,10 @@ def register(
     >>> import numpy as np
     >>> angle = np.linspace(0, 5, 40)
     >>> spiral = np.column_stack([angle * np.cos(angle), angle * np.sin(angle)])
-    >>> found = register(spiral, 2 * spiral[::-1] + [3.0, 1.0])
-    >>> bool((found.matches == np.arange(40)[::-1]).all()), found.reliable
+    >>> registration = register(spiral, 2 * spiral[::-1] + [3.0, 1.0])
+    >>> bool((registration.matches == np.arange(40)[::-1]).all()), registration.reliable
     (True, True)
-    >>> found.transform([[0.0, 0.0]]).round(0).tolist()
+    >>> registration.transform([[0.0, 0.0]]).round(0).tolist()
     [[3.0, 1.0]]
     """
     result = match_points(source, target, method=method, rng=rng)
@@ -185,9 +183,9 @@ def register(
 def match_points(
     source: ArrayLike, target: ArrayLike, *, method: str = "tprl", rng: np.random.Generator | None = None
 ) -> Registration:
-    """What a method finds, however little it can be relied on; the rest is as `register` says.
+    """Match two point sets as `register` does, but return unreliable matches too.
 
-    For comparisons with programs that withhold nothing. Parameters and errors are those of `register`.
+    For comparisons with programs that do not rate confidence. Parameters and errors are those of `register`.
     """
     require_one_of("method", method, METHODS)
     source, target = _points("source", source), _points("target", target)
@@ -198,25 +196,25 @@ def match_points(
     rng = np.random.default_rng(0) if rng is None else rng
     require_type("rng", rng, np.random.Generator)
     with one_blas_thread():
-        return _guess(method, source, target, rng)
+        return _match(method, source, target, rng)
 
 
-def _guess(
+def _match(
     method: str, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
 ) -> Registration:
     start, end = NormalFrame.of(source), NormalFrame.of(target)
     here, there = start.inward(source), end.inward(target)
-    some, others = drawn(here, there, rng=rng)
-    fit = METHODS[method](some, others, rng=rng)
-    confidence = confidence_of(fit, some, others)
+    source_sample, target_sample = drawn(here, there, rng=rng)
+    fit = METHODS[method](source_sample, target_sample, rng=rng)
+    confidence = confidence_of(fit, source_sample, target_sample)
     notes = []
-    if min(len(some), len(others)) < FEW[source.shape[1]]:
-        notes.append("so few points fit almost any others; the confidence says little")
-    if len(some) < len(here) or len(others) < len(there):
+    if min(len(source_sample), len(target_sample)) < FEW[source.shape[1]]:
+        notes.append("so few points fit almost any others; the confidence means little")
+    if len(source_sample) < len(here) or len(target_sample) < len(there):
         fit = matched_all(fit, here, there)
         notes.append(
             f"{len(source):,} and {len(target):,} points are too many for tables of all pairs; "
-            f"{len(some):,} and {len(others):,} drawn from them were matched"
+            f"{len(source_sample):,} and {len(target_sample):,} drawn from them were matched"
         )
 
     def move(points: NDArray[np.float64], /) -> NDArray[np.float64]:
@@ -236,8 +234,10 @@ def _guess(
 
 
 def _withheld(registration: Registration, source: NDArray[np.float64]) -> Registration:
-    """The registration that leaves points alone and matches none."""
-    note = f"no reliable match: confidence {registration.confidence:.2f} lies below {RELIABLE:g}; no point was moved"
+    """The registration with the identity as its transform and no matches."""
+    note = (
+        f"no reliable match: confidence {registration.confidence:.2f} lies below {RELIABLE:g}; no point was transformed"
+    )
     return replace(
         registration,
         moved=source,
@@ -264,9 +264,9 @@ def _points(name: str, value: ArrayLike) -> NDArray[np.float64]:
         )
     if np.abs(points).max() > LARGEST:
         raise InputError(f"{name} must lie within {LARGEST:g} of the origin; got {np.abs(points).max():g}")
-    positions = spread_out(points, FEWEST)
-    if len(positions) < FEWEST:
-        raise InputError(f"{name} must hold at least {FEWEST} points in different places; got {len(positions)}")
+    distinct = spread_out(points, FEWEST)
+    if len(distinct) < FEWEST:
+        raise InputError(f"{name} must hold at least {FEWEST} distinct points; got {len(distinct)}")
     extent = np.linalg.svd(points - points.mean(axis=0), full_matrices=False, compute_uv=False)
     if extent[0] < 1 / LARGEST:
         raise InputError(f"{name} must extend over at least {1 / LARGEST:g}; got {extent[0]:g}")

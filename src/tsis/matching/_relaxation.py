@@ -1,15 +1,13 @@
 """Relaxation labelling that preserves topology: neighbours of partners support each other.
 
-The source states the problem as the largest energy (5.6) of (5.7), whose two constraints are printed swapped.
-A pair (i, j) is supported by pairs (a, b) of neighbours a of i and b of j whose places relative to i and j agree:
-``r = alpha * beta * gamma`` (5.11), alpha for their distances (5.8), beta for their directions (5.9), gamma for how
-near a is (5.10). Their sum is the support (5.12); the update is (5.13), then rows and columns are normalised. Printed
-with five distance and twelve angle bins, alpha and beta are taken here of the distances and angles themselves, which
-bins only round; beta is printed without the angle's being circular, and all are printed with sums over all points where
-those over neighbours are meant.
+The source states the problem as the maximum of the energy (5.6) under (5.7), whose two constraints are printed swapped.
+A pair (i, j) is supported by pairs (a, b) of neighbours a of i and b of j whose positions relative to i and j agree:
+``r = alpha * beta * gamma`` (5.11), with alpha for their distances (5.8), beta for their directions (5.9) and gamma for
+the nearness of a (5.10). Their sum is the support (5.12); the update is (5.13), then rows and columns are normalised.
+The source bins distances (5) and angles (12); alpha and beta here use the exact values. The printed beta ignores that
+angles are circular, and the printed sums run over all points instead of neighbours.
 
-Only `CANDIDATES` targets of each source point are weighed, and the supports between them are listed once; an update
-then costs as many products as there are supports.
+Each source point has `CANDIDATES` targets; the supports between candidates are a sparse matrix.
 """
 
 from __future__ import annotations
@@ -27,20 +25,20 @@ if TYPE_CHECKING:
 
 
 NEIGHBOURS = 10  # of a source point
-TARGET_NEIGHBOURS = 14  # more, for outliers lie among them
+TARGET_NEIGHBOURS = 14  # more than of a source point, to allow for outliers
 CANDIDATES = 20
 UPDATES = 30
 SETTLED = 1e-3
-NOTHING = 1e-6  # a probability below it is zero
+NOTHING = 1e-6  # smaller probabilities are set to zero
 NORMALISATIONS = 3  # of rows and columns after each update
-SHARPNESS = 0.05  # of the first probabilities: the cost by which one falls to 1/e of another
-FARTHEST = 1.25  # gamma vanishes so many times beyond the farthest neighbour
+SHARPNESS = 0.05  # cost that reduces an initial probability by 1/e
+FARTHEST = 1.25  # distance at which gamma vanishes, of the farthest neighbour's
 SAME_DISTANCE = 1.0  # difference of the logarithms of two distances at which alpha vanishes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Neighbourhood:
-    """The nearest points of every point, and where they lie.
+    """The nearest neighbours of each point: index, distance and direction.
 
     Attributes
     ----------
@@ -64,7 +62,7 @@ class Neighbourhood:
 
     @classmethod
     def among(cls, points: NDArray[np.float64], index: NDArray[np.int64]) -> Neighbourhood:
-        """The given neighbours of points, shape (n, d)."""
+        """Neighbourhood of points, shape (n, d), with the neighbours ``index``."""
         away = points[index] - points[:, None, :]
         distance = np.maximum(np.linalg.norm(away, axis=2), 1e-12)
         return cls(index=index, log_distance=np.log(distance), direction=away / distance[..., None])
@@ -84,9 +82,9 @@ class Labels:
     Attributes
     ----------
     candidates
-        Target points that are weighed, shape (n, c).
+        Candidate target points, shape (n, c).
     probability
-        Of each, shape (n, c); with what is left for none they sum to one.
+        Their probabilities, shape (n, c); a row sums to one together with the probability of no partner.
     """
 
     candidates: NDArray[np.int64]
@@ -114,9 +112,9 @@ def label(
     source, target
         Neighbours of the n and m points.
     cost
-        Cost of each pair before its neighbours are asked, shape (n, m).
+        Initial cost of each pair, shape (n, m).
     single
-        Support for having no partner, in (0, 1], 1 being what full agreement of all neighbours gives a pair.
+        Support for having no partner, in (0, 1], where full agreement of all neighbours is 1.
     updates
         Most updates.
     """
@@ -144,7 +142,7 @@ def label(
 
 
 def cheapest(cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """The ``count`` cheapest columns of each row, in no order; all where there are no more."""
+    """The ``count`` cheapest columns of each row at most, in no order."""
     if count >= cost.shape[1]:
         return np.tile(np.arange(cost.shape[1]), (len(cost), 1))
     return np.asarray(np.argpartition(cost, count - 1, axis=1)[:, :count])
@@ -163,7 +161,7 @@ def _supports(
     nearness: NDArray[np.float64],
     same: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
-    """Which entries support each entry, and how much: rows of a sparse matrix over the flattened probabilities.
+    """Sparse matrix of the support between entries of the flattened probabilities.
 
     The weight is the compatibility (5.11): alpha (5.8) times beta (5.9) times gamma (5.10).
     """
@@ -178,8 +176,8 @@ def _supports(
             j = candidates[i, s]
             for a in range(source_index.shape[1]):
                 for b in range(target_index.shape[1]):
-                    result = slot[source_index[i, a], target_index[j, b]]
-                    if result < 0:
+                    position = slot[source_index[i, a], target_index[j, b]]
+                    if position < 0:
                         continue
                     alpha = 1 - abs(source_log[i, a] - target_log[j, b]) / same
                     beta = 0.0
@@ -190,7 +188,7 @@ def _supports(
                     if count == len(entry):
                         entry = np.append(entry, np.empty(count, dtype=np.int32))
                         weight = np.append(weight, np.empty(count, dtype=np.float32))
-                    entry[count], weight[count] = source_index[i, a] * c + result, alpha * beta * nearness[i, a]
+                    entry[count], weight[count] = source_index[i, a] * c + position, alpha * beta * nearness[i, a]
                     count += 1
             start[i * c + s + 1] = count
     return start, entry[:count], weight[:count]
@@ -208,10 +206,7 @@ def _relax(
     columns: int,
     updates: int,
 ) -> None:
-    """Sum the support (5.12), update by (5.13) and normalise rows to one and columns to at most one, in place.
-
-    It ends when nothing changes any more.
-    """
+    """Iterate in place: sum the support (5.12), update by (5.13), normalise rows to one and columns to at most one."""
     n, c = probability.shape
     flat = probability.reshape(-1)
     support = np.empty(n * c)
@@ -235,7 +230,7 @@ def _relax(
                     if taken[candidates[i, s]] > 1:
                         probability[i, s] /= taken[candidates[i, s]]
         for i in range(n):
-            none[i] = max(1 - probability[i].sum(), 0.0)  # what two points wanted, and one of them did not get
+            none[i] = max(1 - probability[i].sum(), 0.0)  # the rest after normalising the columns
         change = 0.0
         for at in range(n * c):
             if flat[at] < NOTHING:
@@ -254,7 +249,7 @@ def _normalise_rows(probability: NDArray[np.float64], none: NDArray[np.float64])
 
 
 def reference_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[np.float64]:
-    """Support ``[i, j, a, b]`` that pair (a, b) gives pair (i, j), shape (n, m, n, m): the sum in (5.12), in full."""
+    """Support ``[i, j, a, b]`` of pair (i, j) by pair (a, b), shape (n, m, n, m): the terms of (5.12) in full."""
     difference = np.abs(source.log_distance[:, None, :, None] - target.log_distance[None, :, None, :])
     alpha = np.maximum(1 - difference / SAME_DISTANCE, 0)
     beta = np.maximum(np.einsum("iad,jbd->ijab", source.direction, target.direction), 0)
@@ -270,12 +265,12 @@ def reference_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[
 def reference_label(
     source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, single: float, updates: int = UPDATES
 ) -> NDArray[np.float64]:
-    """The probabilities of `label` as a whole matrix, shape (n, m), from products of whole matrices."""
+    """The probabilities of `label` as a full matrix, shape (n, m), from products of full matrices."""
     supports, candidates = reference_supports(source, target), cheapest(cost, CANDIDATES)
-    weighed = np.zeros(cost.shape)
+    allowed = np.zeros(cost.shape)
     none = np.full((len(cost), 1), 1 / (candidates.shape[1] + 1))
-    np.put_along_axis(weighed, candidates, 1.0, axis=1)
-    probability = weighed * np.exp((cost.min(axis=1, keepdims=True) - cost) / SHARPNESS)
+    np.put_along_axis(allowed, candidates, 1.0, axis=1)
+    probability = allowed * np.exp((cost.min(axis=1, keepdims=True) - cost) / SHARPNESS)
     probability *= (1 - none) / probability.sum(axis=1, keepdims=True)
     for _ in range(updates):
         before = probability

@@ -1,9 +1,9 @@
 """Robust point matching that preserves local neighbourhoods (Zheng and Doermann 2006), by relaxation labelling.
 
-Neighbours should be matched with neighbours. A pair (i, j) is supported by the pairs (a, b) of i's neighbours a with
-j's neighbours b, every one counting alike. Chances begin with the likeness of shape contexts, are multiplied by their
-support again and again, and normalised over rows and columns with a chance of having no partner; a thin-plate spline
-follows the pairs, and all begins anew from the moved points.
+A pair (i, j) is supported by the pairs (a, b) of i's neighbours a with j's neighbours b, with equal weights.
+Probabilities start from shape contexts; each update multiplies them by their support and normalises rows and columns
+with a probability of no partner. A thin-plate spline is fitted to the pairs, and the next round starts from the
+transformed points.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ if TYPE_CHECKING:
 
 
 ROUNDS = 10
-UPDATES = 10  # published as 300: more are slower and find no more, for what is wrong hardens too
+UPDATES = 10  # published as 300: more are slower and match no more, since wrong pairs converge too
 NEIGHBOURS = 5
 CANDIDATES = 25  # of each point, by shape context
-SHARPNESS = 0.03  # chi-squared distance that makes a pair e times less likely
-FIRST_NO_PARTNER = 0.2  # chance of having no partner to begin with
-LEAST_AGREEMENT = 0.35  # share of the neighbours that must agree for a pair to be likelier than none
+SHARPNESS = 0.03  # chi-squared distance that reduces the probability of a pair by 1/e
+FIRST_NO_PARTNER = 0.2  # initial probability of no partner
+LEAST_AGREEMENT = 0.35  # fraction of agreeing neighbours at which a pair is as likely as no partner
 BALANCINGS = 2  # of rows and columns after each update
-SETTLED = 1e-3  # no chance changed by more
+SETTLED = 1e-3  # largest change of a probability that ends the updates
 BENDING, SOFTENING = 30.0, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pairs:
-    """Pairs that are thought possible, as the entries of a sparse matrix in row order.
+    """Candidate pairs, as the entries of a sparse matrix in row order.
 
     Attributes
     ----------
     row, column
-        Source and target point of each, shape (p,).
+        Source and target point of each pair, shape (p,).
     shape
         Numbers of source and target points.
     """
@@ -56,14 +56,14 @@ class Pairs:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chances:
-    """How likely each pair is, and how likely each point is to have no partner.
+    """Probabilities of the pairs, and of points without partner.
 
     Attributes
     ----------
     pair
         In the order of `Pairs`, shape (p,).
     source, target
-        Chances of having none, shapes (n,) and (m,).
+        Probabilities of no partner, shapes (n,) and (m,).
     """
 
     pair: NDArray[np.float64]
@@ -72,13 +72,13 @@ class Chances:
 
 
 def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
-    """Match normalised points, shapes (n, d) and (m, d), by their neighbourhoods; nothing in it is left to chance."""
+    """Match normalised points, shapes (n, d) and (m, d), by their neighbourhoods; the method is deterministic."""
     del rng
-    basis, requested = spline_basis(source), histograms(target)
+    basis, target_contexts = spline_basis(source), histograms(target)
     graphs = neighbours(source), neighbours(target)
     transformed, last = source, np.full(len(source), UNMATCHED)
     for number in range(ROUNDS):
-        cost = chi_squared(histograms(transformed), requested)
+        cost = chi_squared(histograms(transformed), target_contexts)
         pairs = candidates(cost)
         likely = np.exp(-cost[pairs.row, pairs.column] / SHARPNESS)
         matches, trust = _best(relax(likely, support(pairs, *graphs), pairs), pairs)
@@ -88,21 +88,21 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
             weights=trust,
         )
         transformed = basis.design @ coordinates
-        if number >= ROUNDS // 2 and np.array_equal(matches, last):  # no sooner: the spline still softens
+        if number >= ROUNDS // 2 and np.array_equal(matches, last):  # earlier, the spline still softens
             break
         last = matches
     return MatchFit(move=basis.spline(coordinates), matches=matches, trust=trust)
 
 
 def neighbours(points: NDArray[np.float64]) -> csr_array:
-    """Which points are neighbours: `NEIGHBOURS` nearest of either; 1 where they are, shape (n, n)."""
+    """Symmetric graph of the `NEIGHBOURS` nearest neighbours: 1 where points are neighbours, shape (n, n)."""
     number = len(points)
     count = min(NEIGHBOURS, number - 1)
     _, index = KDTree(points).query(points, k=range(1, count + 2))
     row = np.repeat(np.arange(number), count + 1)
     graph = csr_array((np.ones(row.size), (row, index.ravel())), shape=(number, number))
     graph = graph + graph.T
-    graph.setdiag(0)  # of points in one place, any may be the first
+    graph.setdiag(0)  # of coincident points, any may be the first
     graph.eliminate_zeros()
     graph.data[:] = 1
     return graph
@@ -117,10 +117,10 @@ def candidates(cost: NDArray[np.float64]) -> Pairs:
 
 
 def support(pairs: Pairs, source: csr_array, target: csr_array) -> csr_array:
-    """Weight with which each pair supports each other, shape (p, p).
+    """Matrix of the support between pairs, shape (p, p).
 
-    It is one over the larger number of neighbours where both points are neighbours of the other pair's, else 0: the
-    support by chances is the share of the neighbours that agree.
+    It is one over the larger number of neighbours where the points of two pairs are neighbours, else 0: the product
+    with the probabilities is the fraction of neighbours that agree.
     """
     position = np.full(pairs.shape, -1, dtype=np.int64)
     position[pairs.row, pairs.column] = np.arange(len(pairs.row))
@@ -131,7 +131,7 @@ def support(pairs: Pairs, source: csr_array, target: csr_array) -> csr_array:
 
 
 def relax(likely: NDArray[np.float64], supported: csr_array, pairs: Pairs) -> Chances:
-    """Chances that agree with their neighbours', from how likely each pair is by itself, shape (p,)."""
+    """Relaxed probabilities, from the initial likelihood of each pair, shape (p,)."""
     n, m = pairs.shape
     chances = Chances(
         pair=likely * n / likely.sum(), source=np.full(n, FIRST_NO_PARTNER), target=np.full(m, FIRST_NO_PARTNER)
@@ -154,7 +154,7 @@ def relax(likely: NDArray[np.float64], supported: csr_array, pairs: Pairs) -> Ch
 def reference_relax(
     likely: NDArray[np.float64], source: NDArray[np.float64], target: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """What `relax` finds where every pair is a candidate, by whole matrices, all shape (n, m), (n, n) and (m, m)."""
+    """`relax` with all pairs as candidates, by full matrices of shapes (n, m), (n, n) and (m, m)."""
     chance = np.zeros((len(source) + 1, len(target) + 1))
     chance[:-1, :-1] = likely * len(source) / likely.sum()
     chance[:-1, -1] = chance[-1, :-1] = FIRST_NO_PARTNER
@@ -173,7 +173,7 @@ def reference_relax(
 
 
 def _balanced(chances: Chances, pairs: Pairs) -> Chances:
-    """Rows, then columns, brought to the sum of one with the chance of having no partner."""
+    """Normalise rows, then columns, to one together with the probability of no partner."""
     pair, source, target = chances.pair, chances.source, chances.target
     for _ in range(BALANCINGS):
         row = 1 / (np.bincount(pairs.row, pair, pairs.shape[0]) + source)
@@ -184,7 +184,7 @@ def _balanced(chances: Chances, pairs: Pairs) -> Chances:
 
 
 def _best(chances: Chances, pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Matches of the largest total chance, and the chance of each."""
+    """Matches of the largest total probability, and their probabilities."""
     chance = np.zeros(pairs.shape)
     chance[pairs.row, pairs.column] = np.minimum(chances.pair, 1.0)
     matches = assign(-chance, dummy=-SETTLED)
@@ -201,7 +201,7 @@ def _supporters(
     target_start: NDArray[np.int32],
     target_end: NDArray[np.int32],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Rows of the support matrix; ``position`` is a pair's number among the candidates, -1 where it is none."""
+    """Rows of the support matrix; ``position`` is a pair's index among the candidates, else -1."""
     start = np.zeros(len(row) + 1, np.int64)
     most = 0
     for e in range(len(row)):

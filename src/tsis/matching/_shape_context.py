@@ -1,7 +1,7 @@
-"""Matching by shape contexts (Belongie, Malik and Puzicha 2002): like surroundings are paired, a spline follows, anew.
+"""Matching by shape contexts (Belongie, Malik and Puzicha 2002).
 
-Each round compares the histograms of `log_polar`, pairs the points at the least total cost with some left alone, and
-fits a thin-plate spline, which may bend more from round to round.
+Each round compares the shape contexts, assigns pairs at the least total cost with some points unmatched, and fits a
+thin-plate spline with less bending ridge than the round before.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 ROUNDS = 6
-NO_PARTNER_DISTANCE = 0.25  # chi-squared distance beyond which a pair is given up,
-SPARED = 0.75  # but no more than the worst quarter of them: turned or noisy points are all unlike
+NO_PARTNER_DISTANCE = 0.25  # chi-squared distance beyond which a pair is rejected,
+SPARED = 0.75  # except for this best fraction: the contexts of rotated or noisy points all differ
 BENDING = 3.0  # of the first round
 SOFTENING = 0.5  # of the bending, from round to round
 
@@ -29,18 +29,18 @@ SOFTENING = 0.5  # of the bending, from round to round
 def fit(
     source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator, rotated: bool = False
 ) -> MatchFit:
-    """Match normalised points, shapes (n, d) and (m, d), by their shape contexts; nothing in it is left to chance.
+    """Match normalised points, shapes (n, d) and (m, d), by their shape contexts; the method is deterministic.
 
-    With ``rotated``, directions are measured from the mass centre, so that any rotation between the two is found, at
-    the price of contexts that tell less apart and change with whatever moves the mass centre.
+    With ``rotated``, directions are measured from the mass centre. The sets may then be rotated by any angle, but the
+    contexts discriminate less and change with the mass centre.
     """
     del rng
     describe = axis_histograms if rotated else histograms
-    requested, basis = describe(target), spline_basis(source)
+    target_contexts, basis = describe(target), spline_basis(source)
     transformed = source
     for number in range(ROUNDS):
-        cost = chi_squared(describe(transformed), requested)
-        matches = _shape_distance(cost)
+        cost = chi_squared(describe(transformed), target_contexts)
+        matches = _matches(cost)
         paired = matches != UNMATCHED
         coordinates = basis.coordinates(
             np.where(paired[:, None], target[matches], 0.0),
@@ -48,12 +48,12 @@ def fit(
             weights=paired.astype(float),
         )
         transformed = basis.design @ coordinates
-    correlation = 1 - np.minimum(cost[np.arange(len(source)), matches], 1.0)  # the sums of histograms round
+    correlation = 1 - np.minimum(cost[np.arange(len(source)), matches], 1.0)  # above 1 only by rounding
     return MatchFit(move=basis.spline(coordinates), matches=matches, trust=np.where(paired, correlation, 0.0))
 
 
-def _shape_distance(cost: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Cheapest pairs of all points of the smaller set, less those that are too unlike."""
+def _matches(cost: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Cheapest pairs of all points of the smaller set, less those beyond the limit of the distance."""
     matches = assign(cost, dummy=np.inf)
     paid = np.where(matches == UNMATCHED, np.inf, cost[np.arange(len(cost)), matches])
     limit = max(NO_PARTNER_DISTANCE, float(np.quantile(paid[np.isfinite(paid)], SPARED)))

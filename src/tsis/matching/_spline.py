@@ -1,12 +1,11 @@
-"""Thin-plate splines in two and three dimensions: regularised, weighted, with as many control points as one likes.
+"""Thin-plate splines in two and three dimensions: regularised, weighted, with any number of control points.
 
 A spline is an affine map plus ``sum_c w_c U(|x - c|)`` over its control points c, with the kernel ``U(r) = r**2 log r``
-in the plane and ``-r`` in space (the dissertation prints ``r**3 log r**3``, which bends infinitely at its control
-points in no dimension that it is used in). It minimises ``sum_i v_i |y_i - f(x_i)|**2 + bending * J(f)``, J being the
-bending energy, a quadratic form of the w_c.
+in the plane and ``-r`` in space (the dissertation prints ``r**3 log r**3``, which is the kernel of neither). It
+minimises ``sum_i v_i |y_i - f(x_i)|**2 + bending * J(f)``, where the bending energy J is a quadratic form of the w_c.
 
-The work that depends on the points alone is done once, in `SplineBasis`: its coordinates make the bending energy the
-sum of their squares, so that a fit is a ridge regression, and no rotation of the points changes it.
+`SplineBasis` computes once what depends only on the points: the bending energy is the sum of squares of its
+coordinates, so that a fit is a ridge regression, invariant to rotation.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-CONTROL_POINTS = 300  # more of them only cost time: between them a smooth deformation has nothing left to tell
-JITTER = 1e-12  # of the largest eigenvalue, lest rounding makes the bending energy negative
-ABSENT = 1e-12  # of the largest weight: a pair of less could not be told from rounding
-ANCHOR = 1e-12  # ridge on the affine part, of the whole weight: no weight at all leaves the points where they are
+CONTROL_POINTS = 300  # more only cost time for a smooth deformation
+JITTER = 1e-12  # of the largest eigenvalue: rounding must not make the bending energy negative
+ABSENT = 1e-12  # of the largest weight: pairs of less weight are ignored
+ANCHOR = 1e-12  # ridge on the affine part, of the total weight: zero weight gives the identity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,8 +41,7 @@ class ThinPlateSpline:
     weights
         Their weights w, shape (k, d); orthogonal to 1 and to the coordinates of the control points.
     affine
-        Row 0 is the translation, the rows below it are the matrix that points, as rows, are multiplied by;
-        shape (d + 1, d).
+        Shape (d + 1, d): row 0 is the translation, the others the matrix that multiplies points as rows.
     """
 
     control: NDArray[np.float64]
@@ -51,7 +49,7 @@ class ThinPlateSpline:
     affine: NDArray[np.float64]
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Where ``points``, shape (n, d), go."""
+        """Transform ``points``, shape (n, d)."""
         at = _points("points", points, self.control.shape[1])
         return np.asarray(kernel(at, self.control) @ self.weights + self.affine[0] + at @ self.affine[1:])
 
@@ -64,18 +62,18 @@ class ThinPlateSpline:
 
     @property
     def bending_energy(self) -> float:
-        """The quadratic form of the weights that a fit keeps small."""
+        """Quadratic form of the weights that a fit penalises."""
         return float(np.einsum("ck,cd,dk->", self.weights, kernel(self.control, self.control), self.weights))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SplineBasis:
-    """All splines over the same control points, in coordinates in which bending is a sum of squares.
+    """Basis of the splines over given control points, whose bending energy is a sum of squares of coordinates.
 
     Attributes
     ----------
     points
-        The points that fits are asked at, shape (n, d).
+        The points of the fits, shape (n, d).
     control
         Control points, shape (k, d).
     design
@@ -91,34 +89,27 @@ class SplineBasis:
 
     @property
     def bent(self) -> int:
-        """How many coordinates bend."""
+        """Number of bending coordinates."""
         return int(self.weights_of.shape[1])
 
     @property
     def rest(self) -> NDArray[np.float64]:
-        """Coordinates of the map that leaves all points where they are, shape (k, d)."""
+        """Coordinates of the identity, shape (k, d)."""
         return np.eye(self.design.shape[1], self.points.shape[1], -(self.bent + 1))
 
     def at(self, rows: NDArray[np.int64]) -> SplineBasis:
-        """The same splines, fitted at some of the points."""
+        """The basis for fits at some of the points."""
         return replace(self, points=self.points[rows], design=self.design[rows])
 
     def coordinates(
         self, targets: NDArray[np.float64], *, bending: float, weights: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Coordinates of the spline that takes the points to ``targets``, shape (k, d); unchecked, for inner loops."""
+        """Coordinates of the spline from the points to ``targets``, shape (k, d); inputs are not checked."""
         weighted = self.design if weights is None else self.design * weights[:, None]
         normal = weighted.T @ self.design
         ridge = np.full(len(normal), bending)
         ridge[self.bent :] = ANCHOR * max(float(np.trace(normal)), 1e-300)
-        right = weighted.T @ targets + self._still(ridge)
-        return ridge_solution(normal, right, ridge)
-
-    def _still(self, ridge: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Right-hand side of the affine ridge, which draws to the identity."""
-        right = np.zeros((len(ridge), self.points.shape[1]))
-        right[self.bent + 1 :] = np.diag(ridge[self.bent + 1 :])
-        return right
+        return ridge_solution(normal, weighted.T @ targets + ridge[:, None] * self.rest, ridge)
 
     def spline(self, coordinates: NDArray[np.float64]) -> ThinPlateSpline:
         """The spline of ``coordinates``, shape (k, d)."""
@@ -135,10 +126,10 @@ def spline_basis(points: ArrayLike, *, control: ArrayLike | None = None) -> Spli
     Parameters
     ----------
     points
-        Shape (n, d), d being 2 or 3, n at least d + 1, not all in a line or plane; normalised, as by `NormalFrame`: the
+        Shape (n, d) with d = 2 or 3, n at least d + 1, not all in a line or plane; normalised as by `NormalFrame`: the
         bounds on rounding assume numbers near 1.
     control
-        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` of them that lie far apart.
+        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` spread ones of them.
 
     Raises
     ------
@@ -176,23 +167,23 @@ def fit_spline(
     weights: ArrayLike | None = None,
     control: ArrayLike | None = None,
 ) -> ThinPlateSpline:
-    """The thin-plate spline that takes ``points`` near ``targets`` and bends little.
+    """Fit the thin-plate spline from ``points`` to ``targets``.
 
-    It has the form of the source's (5.15) and keeps the bending energy (5.14) small. Where ``bending`` is 0 it solves
-    (5.16). Kernel and energy are corrected.
+    It has the form of the source's (5.15) and penalises the bending energy (5.14). With ``bending`` 0 it solves (5.16).
+    Kernel and energy are corrected.
 
     Parameters
     ----------
     points, targets
-        Shape (n, d) each, d being 2 or 3, in any unit.
+        Shape (n, d) each with d = 2 or 3, in any unit.
     bending
-        How much bending is held back, in [0, 1e12], in units of the points, in the plane squared; 0 interpolates,
-        where every point is a control point.
+        Factor of the bending energy, in [0, 1e12], in units of the points, in the plane squared; 0 interpolates if
+        every point is a control point.
     weights
-        Trust in each pair, shape (n,), not negative; 1 by default. A pair of weight 0 is as good as absent.
+        Weight of each pair, shape (n,), not negative; 1 by default.
     control
-        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` of them that lie far apart. Where
-        bending is 0, no more than there are places of points.
+        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` spread ones of them. With bending 0, at
+        most as many as distinct points.
 
     Raises
     ------
@@ -219,25 +210,25 @@ def fit_spline(
     at, to, trust = at[selected], to[selected], trust[selected]
     here = NormalFrame.of(at)
     if here.size == 0:
-        raise InputError(f"points must lie in at least {at.shape[1] + 1} places; got {len(at)} in one")
+        raise InputError(f"at least {at.shape[1] + 1} points must be distinct; got {len(at)} equal ones")
     there = NormalFrame(centre=to.mean(axis=0), size=here.size)
     chosen = None if control is None else here.inward(_points("control", control, at.shape[1]))
     basis = spline_basis(here.inward(at), control=chosen)
-    positions = len(np.unique(at, axis=0))
-    if bending == 0 and positions < len(basis.control):
+    distinct = len(np.unique(at, axis=0))
+    if bending == 0 and distinct < len(basis.control):
         raise InputError(
-            f"bending must be positive where control points are more than the places of points; got "
-            f"{len(basis.control)} and {positions}"
+            f"bending must be positive where control points are more than distinct points; got "
+            f"{len(basis.control)} and {distinct}"
         )
     stiffness = bending / here.size ** (4 - at.shape[1])
     return _outward(basis.spline(basis.coordinates(there.inward(to), bending=stiffness, weights=trust)), here, there)
 
 
 def _outward(spline: ThinPlateSpline, here: NormalFrame, there: NormalFrame) -> ThinPlateSpline:
-    """The same map from the unit of one frame to that of another, which is as large."""
+    """The map between the units of two frames of equal size."""
     weights, shift = spline.weights, there.outward(spline.affine[0]) - here.centre @ spline.affine[1:]
     if spline.control.shape[1] == 2:
-        # Of (r / size)**2 log(r / size), r**2 log(size) is left, which sums to a constant over all control points.
+        # The term r**2 log(size) of (r / size)**2 log(r / size) sums to a constant over all control points.
         shift = shift - here.size * np.log(here.size) * ((spline.control**2).sum(axis=1) @ weights)
         weights = weights / here.size
     affine = np.vstack([shift, spline.affine[1:]])
@@ -253,19 +244,19 @@ def kernel(points: NDArray[np.float64], control: NDArray[np.float64]) -> NDArray
 
 
 def _kernel_rate(distance: NDArray[np.float64], dimension: int) -> NDArray[np.float64]:
-    """``U'(r) / r``: it times the vector from the control point is the kernel's gradient."""
+    """``U'(r) / r``; times the vector from the control point, it is the kernel's gradient."""
     if dimension == 3:
         return np.asarray(np.where(distance > 0, -1 / np.maximum(distance, 1e-300), 0.0))
     return np.asarray(2 * np.log(np.maximum(distance, 1e-300)) + 1)
 
 
 def spread_out(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """At most ``count`` of the points, no two in one place, each the farthest from those before it."""
-    return points[far_apart(points, count)]
+    """At most ``count`` distinct points, each the farthest from those before it."""
+    return points[spread_indices(points, count)]
 
 
-def far_apart(points: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Indices of at most ``count`` of the points, no two in one place, each the farthest from those before it."""
+def spread_indices(points: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Indices of at most ``count`` distinct points, each the farthest from those before it."""
     first = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
     chosen, nearest = [first], np.linalg.norm(points - points[first], axis=1)
     while len(chosen) < min(count, len(points)):
@@ -278,14 +269,14 @@ def far_apart(points: NDArray[np.float64], count: int) -> NDArray[np.int64]:
 
 
 def spread_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """All indices, ordered so that the first ones of any number lie far apart."""
-    first = far_apart(points, len(points))
+    """All indices, each point the farthest from those before it."""
+    first = spread_indices(points, len(points))
     return np.concatenate([first, np.setdiff1d(np.arange(len(points)), first)])
 
 
 def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArray[np.float64]:
     points = require_array(name, value, ndim=2)
     if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):
-        requested = "2 or 3" if dimension is None else str(dimension)
-        raise InputError(f"{name} must have {requested} coordinates each; got shape {points.shape}")
+        required = "2 or 3" if dimension is None else str(dimension)
+        raise InputError(f"{name} must have {required} coordinates each; got shape {points.shape}")
     return points

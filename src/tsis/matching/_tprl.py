@@ -1,4 +1,4 @@
-"""The last step: partners one to one, and a spline as stiff as the pairs themselves say."""
+"""Topology-preserving relaxation labelling: poses, annealing, one-to-one pairs and a spline of estimated stiffness."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tsis.matching._annealing import START, Cooling, anneal
 from tsis.matching._evidence import log_evidence, upright_prior
 from tsis.matching._fit import UNMATCHED, MatchFit
 from tsis.matching._pairing import assign, nearest_pairs, spacing
-from tsis.matching._poses import MANY, poses, rounded_poses
+from tsis.matching._poses import MANY, poses, whitened_poses
 from tsis.matching._spline import spline_basis
 
 if TYPE_CHECKING:
@@ -24,21 +24,19 @@ if TYPE_CHECKING:
     from tsis.matching._spline import SplineBasis
 
 
-# Distances beyond which there is no partner, unless the spacing is more.
-SCALES = (0.5, 0.3, 0.18, 0.1, 0.0)
-NEAREST = 1.5  # spacings up to which there always may be one
-SPREADS = 4.0  # standard deviations beyond which a pair is taken for a false one
-CERTAIN_DISTANCE = 0.2  # root-mean-square distance of partners, of the spacing, below which none is taken for another
+SCALES = (0.5, 0.3, 0.18, 0.1, 0.0)  # successive largest distances of a pair, at least NEAREST spacings
+NEAREST = 1.5
+SPREADS = 4.0  # standard deviations beyond which a pair is rejected
+CERTAIN_DISTANCE = 0.2  # root-mean-square distance of partners, of the spacing, below which pairs are unambiguous
 BENDINGS = np.logspace(-7, 2, 28)
 
 
 def assigned(
     basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], spacing: float
 ) -> NDArray[np.float64]:
-    """Coordinates of the spline through partners one to one, found from those of a spline that comes near.
+    """Coordinates of the spline through one-to-one pairs, from those of an approximate spline.
 
-    One-to-one pairs of the least sum of squares undo what soft pairs leave when points slid along a line: many small
-    steps are cheaper than the one large one at its end.
+    One-to-one pairs of the least sum of squares correct points that slid along a line under soft pairs.
     """
     for extent in SCALES:
         transformed = basis.design @ coordinates
@@ -61,11 +59,10 @@ def assigned(
 def interpolated(
     basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], spacing: float
 ) -> NDArray[np.float64]:
-    """Coordinates of the spline that takes points onto their partners, where these are beyond doubt; else as given.
+    """Coordinates of the interpolating spline where the pairs are unambiguous; else the given coordinates.
 
-    What is left between points and partners is noise, that a spline should pass by, or deformation too fine for it,
-    that it should follow. Nothing in the points tells which; but where it is small against their spacing, the partner
-    is the better guess of where the point belongs.
+    A residual is noise or fine deformation, which the points do not distinguish. Where it is small against the spacing,
+    the partner is the better estimate of the position.
     """
     squared = cdist(basis.design @ coordinates, target, "sqeuclidean")
     pairs = assign(squared, dummy=(NEAREST * spacing) ** 2)
@@ -77,10 +74,10 @@ def interpolated(
 
 
 def likeliest_bending(design: NDArray[np.float64], bent: int, values: NDArray[np.float64]) -> float:
-    """Ridge on the bending coordinates that makes the values, shape (n, d), likeliest.
+    """Restricted-maximum-likelihood ridge on the bending coordinates for values of shape (n, d).
 
-    Restricted maximum likelihood: bending coordinates normal with one variance, errors normal with another, any affine
-    part; the ridge is the ratio of the two.
+    Bending coordinates and errors are normal, each with one variance, and the affine part is free; the ridge is the
+    ratio of the variances.
     """
     affine, _ = np.linalg.qr(design[:, bent:])
     bends = design[:, :bent] - affine @ (affine.T @ design[:, :bent])
@@ -97,41 +94,41 @@ def likeliest_bending(design: NDArray[np.float64], bent: int, values: NDArray[np
     return float(BENDINGS[int(np.argmin(surprise))])
 
 
-POSES = {2: 2, 3: 6}  # of each kind that are followed, the best agreed on, by dimension; of very many points one
-SAME = 0.15  # a pose moves points as one before it does, within so many root-mean-square radii
+POSES = {2: 2, 3: 6}  # best poses of each kind that are refined, by dimension; of very many points one
+SAME = 0.15  # root-mean-square radii: largest distance of two poses that count as equal
 FACTOR, ROUNDS = 0.85, 3
-WARM = 0.15  # temperature from which a pose is followed
+WARM = 0.15  # initial temperature of a pose
 COLDEST = 0.35  # last standard deviation, of the distance between neighbours
-VAGUE = 0.3  # agreement below which no pose at all is tried first
-ENOUGH = {2: 2.0, 3: 5.0}  # log evidence a target point that ends the search, by dimension
+VAGUE = 0.3  # agreement below which the identity is tried first
+ENOUGH = {2: 2.0, 3: 5.0}  # log evidence per target point that ends the search, by dimension
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseFit:
-    """A spline's coordinates, and the evidence for it, with the prior of its pose."""
+    """A spline's coordinates, and its evidence with the prior of its pose."""
 
     coordinates: NDArray[np.float64]
     evidence: float
 
 
 def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
-    """Match normalised points, shapes (n, d) and (m, d); ``rng`` draws the pairs that poses are tried on."""
+    """Match normalised points, shapes (n, d) and (m, d); ``rng`` draws the samples of the pose consensus."""
     basis = spline_basis(source)
     step = max(spacing(source), spacing(target))
 
-    def judged(coordinates: NDArray[np.float64]) -> PoseFit:
+    def rated(coordinates: NDArray[np.float64]) -> PoseFit:
         prior = upright_prior(coordinates[basis.bent + 1 :], len(target))
         return PoseFit(coordinates=coordinates, evidence=prior + log_evidence(basis, coordinates, target))
 
-    def followed(coordinates: NDArray[np.float64], start: float) -> PoseFit:
+    def refined(coordinates: NDArray[np.float64], start: float) -> PoseFit:
         cooling = Cooling(factor=FACTOR, start=start, end=(COLDEST * step) ** 2, rounds=ROUNDS)
-        cooled = judged(anneal(basis, coordinates, target, cooling))
-        paired = judged(assigned(basis, cooled.coordinates, target, step))
+        cooled = rated(anneal(basis, coordinates, target, cooling))
+        paired = rated(assigned(basis, cooled.coordinates, target, step))
         return max(cooled, paired, key=lambda item: item.evidence)
 
     fits: list[PoseFit] = []
     for coordinates, start in _starts(basis, source, target, rng):
-        fits.append(followed(coordinates, start))
+        fits.append(refined(coordinates, start))
         if fits[-1].evidence >= ENOUGH[source.shape[1]] * len(target):
             break
     best = max(fits, key=lambda item: item.evidence).coordinates
@@ -143,29 +140,26 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
 def _starts(
     basis: SplineBasis, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
 ) -> Iterator[tuple[NDArray[np.float64], float]]:
-    """Coordinates to begin with and their temperatures.
-
-    The best poses and no pose at all, the latter first where poses are vague; then the best poses of rounded shapes.
-    """
+    """Initial coordinates and temperatures: the best poses and the identity, then the best poses of whitened sets."""
     result = poses(source, target, rng=rng)
     many = len(source) * len(target) >= MANY
     if result[0].agreement < VAGUE:
         yield basis.rest, START
-    yield from ((start, WARM) for start in _unlike(basis, result[: 1 if many else POSES[source.shape[1]]]))
+    yield from ((start, WARM) for start in _distinct(basis, result[: 1 if many else POSES[source.shape[1]]]))
     if result[0].agreement >= VAGUE:
         yield basis.rest, START
     if not many:
-        rounded = rounded_poses(source, target, rng=rng)
-        yield from ((start, WARM) for start in _unlike(basis, rounded[: POSES[source.shape[1]]]))
+        whitened = whitened_poses(source, target, rng=rng)
+        yield from ((start, WARM) for start in _distinct(basis, whitened[: POSES[source.shape[1]]]))
 
 
-def _unlike(basis: SplineBasis, poses: list[Pose]) -> Iterator[NDArray[np.float64]]:
-    """Coordinates of poses, leaving out those much like one before."""
-    placed: list[NDArray[np.float64]] = []
+def _distinct(basis: SplineBasis, poses: list[Pose]) -> Iterator[NDArray[np.float64]]:
+    """Coordinates of the poses that differ from those before them."""
+    earlier: list[NDArray[np.float64]] = []
     for pose in poses:
         start = np.zeros_like(basis.rest)
         start[basis.bent :] = pose.affine
         transformed = basis.design @ start
-        if all(((transformed - other) ** 2).sum(axis=1).mean() > SAME**2 for other in placed):
-            placed.append(transformed)
+        if all(((transformed - other) ** 2).sum(axis=1).mean() > SAME**2 for other in earlier):
+            earlier.append(transformed)
             yield start

@@ -1,4 +1,4 @@
-"""Robust point matching with thin-plate splines (Chui and Rangarajan 2003): soft pairs that harden as they cool."""
+"""Robust point matching with thin-plate splines by deterministic annealing (Chui and Rangarajan 2003)."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 FACTOR = 0.9
 ROUNDS = 4
-COLDEST = 0.35  # end of the cooling: standard deviation, of the distance between neighbours
+COLDEST = 0.35  # last standard deviation, of the distance between neighbours
 CONTROL_POINTS = 150
 
 
 def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
-    """Match normalised points, shapes (n, d) and (m, d), by cooling soft pairs; nothing in it is left to chance."""
+    """Match normalised points, shapes (n, d) and (m, d), by annealing, which is deterministic."""
     del rng
     basis = spline_basis(source, control=spread_out(source, CONTROL_POINTS))
     step = max(spacing(source), spacing(target))

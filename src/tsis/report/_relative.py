@@ -153,7 +153,7 @@ def comparison_tables(press_comparison: PressComparison) -> tuple[Table, ...]:
 
 
 def _reading(reading: RelativeReading) -> str:
-    return "nothing to read" if reading.value is None else f"{reading.value:.4g} {reading.unit}"
+    return "no value" if reading.value is None else f"{reading.value:.4g} {reading.unit}"
 
 
 def _shape_rows(shape: ObjectShape) -> tuple[tuple[str, str], ...]:

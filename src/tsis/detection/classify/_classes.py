@@ -1,4 +1,4 @@
-"""Three classes of targets, named by what is measured: none, and two kinds of inclusions parted by their properties."""
+"""Three classes of targets: none, and two kinds of inclusions separated by limits of their properties."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 NONE, OTHER, WANTED = 0, 1, 2
 CLASSES = 3
-SIDES = {  # unit, name of what lies on the wanted side, and on the other
+SIDES = {  # unit, name of the requested side, and of the other
     "young_kpa": ("kPa", "stiffer than", "softer than"),
     "diameter_mm": ("mm", "larger than", "smaller than"),
     "depth_mm": ("mm", "shallower than", "deeper than"),
@@ -23,10 +23,10 @@ SIDES = {  # unit, name of what lies on the wanted side, and on the other
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassSplit:
-    """What parts one kind of inclusion from the rest.
+    """Limits that separate two kinds of inclusions.
 
-    The third class is what is stiffer than ``young_kpa``, larger than ``diameter_mm`` and shallower than ``depth_mm``,
-    as far as these are given; the second is every other inclusion, and the first holds none.
+    The third class is stiffer than ``young_kpa``, larger than ``diameter_mm`` and shallower than ``depth_mm``, as far
+    as these are given; the second is any other inclusion, and the first is none.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class ClassSplit:
         return "none", f"{SIDES[name][2]} {limit:g} {SIDES[name][0]}", requested
 
     def label(self, inclusion: Inclusion | None) -> int:
-        """The class of a target by its truth: 0, 1 or 2; what lies on a limit is of class 1."""
+        """The true class of a target: 0, 1 or 2; an inclusion on a limit is of class 1."""
         if inclusion is None:
             return NONE
         require_type("inclusion", inclusion, Inclusion)

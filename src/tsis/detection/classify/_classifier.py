@@ -1,4 +1,4 @@
-"""What a classifier learns from: diameter, depth and modulus as presses told them, and how likely there is any."""
+"""Classifier of targets by the estimates of diameter, depth, modulus and presence."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ LARGEST = 1e6  # mm or kPa
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TargetEvidence:
-    """What presses told of one target.
+    """Estimate of one target as input of a classifier.
 
     Parameters
     ----------
     samples
         Diameters in mm, depths in mm and moduli in kPa of the posterior, shape (draws, 3), positive.
     log_ratio
-        Natural logarithm of how much better an inclusion explains the frames than plain tissue does.
+        Natural logarithm of the likelihood ratio of an inclusion over tissue without inclusion.
 
     Raises
     ------
@@ -61,29 +61,29 @@ class TargetEvidence:
 
     @property
     def log_likelihood_ratio(self) -> float:
-        """Inverse hyperbolic sine of the log likelihood ratio: weak evidence as it is, strong by its order."""
+        """Inverse hyperbolic sine of the log likelihood ratio: linear for weak, logarithmic for strong evidence."""
         return float(np.arcsinh(self.log_ratio))
 
     @property
     def at_mean(self) -> NDArray[np.float64]:
-        """The posterior's mean and what is told of the ratio, shape (4,)."""
+        """The posterior's mean and the transformed ratio, shape (4,)."""
         return np.array([*self.samples.mean(axis=0), self.log_likelihood_ratio])
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """Each sample with the same, shape (draws, 4)."""
+        """The samples with the transformed ratio, shape (draws, 4)."""
         return np.column_stack([self.samples, np.full(len(self.samples), self.log_likelihood_ratio)])
 
 
 def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | None = None) -> TargetEvidence:
-    """Take from an estimate what a classifier needs.
+    """Input of a classifier from an estimate.
 
     Parameters
     ----------
     estimate
-        As `tsis.inclusion.estimate` makes it.
+        A result of `tsis.inclusion.estimate`.
     draws
-        How many samples are kept, evenly through its own; all where it has fewer.
+        Number of samples, evenly through its own; all where it has fewer.
     prior
         As for `tsis.detection._presence`.
 
@@ -104,7 +104,7 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrainingSet:
-    """Targets whose class is known.
+    """Targets of known class.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class TrainingSet:
     def of(
         cls, readings: Sequence[TargetEvidence], truth: Sequence[Inclusion | None], split: ClassSplit
     ) -> TrainingSet:
-        """From readings and what was there, one of each a target."""
+        """Training set from readings and truth, one of each per target."""
         require_type("split", split, ClassSplit)
         if len(readings) != len(truth) or not readings:
             raise InputError(
@@ -166,7 +166,7 @@ class ClassifierSettings:
     Parameters
     ----------
     penalty
-        Of targets on the wrong side, in [0.001, 100]: larger follows the training targets more closely.
+        Of misclassified targets, in [0.001, 100]: larger values fit the training targets more closely.
     width
         Of the Gaussian kernel, as ``exp(-width * squared distance)`` of standardised features, in [0.001, 100]; None
         takes one over the number of features.
@@ -205,9 +205,9 @@ class Classified:
     Attributes
     ----------
     probabilities
-        By the names of the classes: means over the posterior's samples.
+        By class name: means over the posterior's samples.
     at_mean
-        Those of the posterior's mean, for comparison: too sure where the estimate is not.
+        Those of the posterior's mean, for comparison: overconfident for uncertain estimates.
     """
 
     probabilities: Mapping[str, float]
@@ -220,22 +220,22 @@ class Classified:
 
     @property
     def difference(self) -> float:
-        """Largest difference, over the classes, of both probabilities: how much the uncertainty matters."""
+        """Largest difference of both probabilities over the classes: effect of the uncertainty."""
         return max(abs(self.probabilities[name] - self.at_mean[name]) for name in self.probabilities)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Classifier:
-    """A fitted classifier; `train_classifier` makes one, and `read_classifier` fits one again from its file.
+    """A fitted classifier; `train_classifier` creates it, and `read_classifier` fits it again from its file.
 
     Attributes
     ----------
     split
         The classes.
     settings, training
-        How and on what it was fitted.
+        Settings and targets of the fit.
     notes
-        What its reader must know, e.g. that another version of scikit-learn fits it otherwise.
+        Warnings, e.g. that another version of scikit-learn gives another fit.
     """
 
     split: ClassSplit
@@ -294,7 +294,7 @@ def train_classifier(
 
 
 def enough(labels: NDArray[np.int64], split: ClassSplit, least: int) -> None:
-    """Refuse labels of which a class has fewer than ``least``."""
+    """Refuse labels with fewer than ``least`` of a class."""
     for label, name in enumerate(split.names):
         number = int(np.count_nonzero(labels == label))
         if number < least:

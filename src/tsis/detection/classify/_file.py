@@ -1,7 +1,6 @@
-"""A classifier as a text file: what it was fitted on and how, so that whoever reads it fits it again.
+"""A classifier as a text file of its training set and settings, fitted again on reading.
 
-No file can make the reader run anything. A few probabilities are kept beside the targets, by which a reader finds out
-that another version of scikit-learn fits another classifier.
+The file contains no code. A few stored probabilities reveal a different fit by another version of scikit-learn.
 """
 
 from __future__ import annotations
@@ -35,20 +34,20 @@ if TYPE_CHECKING:
 
 FORMAT, VERSION = "tsis classifier", 1
 LARGEST_BYTES = 2 * 2**20
-COMPARED = 8  # targets whose probabilities are kept
+COMPARED = 8  # targets with stored probabilities
 SAME = 1e-6  # largest difference of a probability that rounding explains
 KEYS = {"format", "version", "notice", "made_with", "split", "settings", "targets", "probabilities", "sha256"}
 
 
 def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Path:
-    """Write a classifier, whole or not at all.
+    """Write a classifier atomically.
 
     Parameters
     ----------
     classifier
         As `tsis.detection.classify.train_classifier` makes it.
     path
-        File to write; one of that name is replaced.
+        File to write or replace.
 
     Returns
     -------
@@ -87,7 +86,7 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     Parameters
     ----------
     path
-        As `write_classifier` wrote it; at most 2 MiB.
+        A file of `write_classifier`, of at most 2 MiB.
 
     Returns
     -------
@@ -96,7 +95,7 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     Raises
     ------
     FileInputError
-        When it is no such file, was changed, or the versions that it was made with fit it otherwise here.
+        When the file is of another kind, was changed, or its versions give another fit here.
     """
     path = as_path(path)
     content = read_object(path, most=LARGEST_BYTES)
@@ -180,7 +179,7 @@ def _check_form(content: dict[str, Any], path: Path) -> None:
         same = (
             classifier_sha256({name: value for name, value in content.items() if name != "sha256"}) == content["sha256"]
         )
-    except (ValueError, RecursionError):  # numbers that JSON has not
+    except (ValueError, RecursionError):  # numbers that are not valid JSON
         same = False
     if not same:
         raise FileInputError(

@@ -1,4 +1,4 @@
-"""How well a classifier does on targets that it has not seen."""
+"""Cross-validation of a classifier."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ LEAST = 1e-15  # a probability of 0 that came true would cost an infinite loss
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Validation:
-    """Probabilities of targets by classifiers that were fitted without them, beside the truth.
+    """Cross-validated probabilities of targets, and their true classes.
 
     Attributes
     ----------
     split
         The classes.
     labels
-        What the targets are, shape (targets,).
+        True classes, shape (targets,).
     probabilities
         Means over each target's posterior, shape (targets, 3).
     at_mean
@@ -58,13 +58,13 @@ class Validation:
 
     @property
     def confusion(self) -> NDArray[np.int64]:
-        """Number of targets of a class (rows) that were called one of a class (columns), shape (3, 3)."""
+        """Number of targets by true class (rows) and decided class (columns), shape (3, 3)."""
         table = np.zeros((CLASSES, CLASSES), dtype=np.int64)
         np.add.at(table, (self.labels, self.decided), 1)
         return table
 
     def proportion(self, truth: int, decided: int) -> Proportion:
-        """How many targets of class ``truth`` were called ``decided``; its ``interval()`` is Wilson's."""
+        """Proportion of targets of class ``truth`` decided as ``decided``; its ``interval()`` is Wilson's."""
         row = self.confusion[require_integer("truth", truth, 0, CLASSES - 1)]
         return Proportion(
             successes=int(row[require_integer("decided", decided, 0, CLASSES - 1)]), trials=int(row.sum())
@@ -72,13 +72,13 @@ class Validation:
 
     @property
     def accuracy(self) -> Proportion:
-        """Right decisions among all; it depends on how frequent the classes are."""
+        """Fraction of correct decisions; it depends on the frequencies of the classes."""
         right = int(np.count_nonzero(self.decided == self.labels))
         return Proportion(successes=right, trials=len(self.labels))
 
     @property
     def log_loss(self) -> float:
-        """Mean negative log of the probability of what was there; probabilities count as 1e-15 at least."""
+        """Mean negative log of the probability of the true class, at least 1e-15."""
         return log_loss(self.probabilities, self.labels)
 
     @property
@@ -88,7 +88,7 @@ class Validation:
 
     @property
     def differences(self) -> NDArray[np.float64]:
-        """Largest difference over the classes between both ways to a probability, shape (targets,)."""
+        """Largest difference of both probabilities over the classes, shape (targets,)."""
         return np.asarray(np.abs(self.probabilities - self.at_mean).max(axis=1))
 
 
@@ -112,22 +112,22 @@ def cross_validate(
     folds: int = 5,
     progress: Callable[[int, int], None] | None = None,
 ) -> Validation:
-    """Classify each target by a classifier that was fitted, and calibrated, without it.
+    """Classify the targets by classifiers that were fitted, and calibrated, without them.
 
     Parameters
     ----------
     readings
-        What presses told of each target.
+        Estimates of the targets.
     truth
-        What was there, None for nothing; as many.
+        True inclusions, None for none; as many.
     split
         The classes.
     settings
-        How each classifier is fitted; its seed shuffles the parts here too.
+        Settings of the classifiers; the seed also shuffles the folds.
     folds
-        In how many parts, of like shares of the classes, targets are left out, 2 to 20.
+        Number of stratified folds, 2 to 20.
     progress
-        Told (parts done, parts).
+        Called with (folds done, folds).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Where to press to search an area, and what such a plan cannot miss."""
+"""Plans of presses that search an area, and the inclusions that a plan cannot miss."""
 
 from tsis.detection.search._plan import ScanPlan, scan_plan, smallest_found_mm, widest_plan, widest_spacing_mm
 from tsis.detection.search._range import (

@@ -1,4 +1,4 @@
-"""Where to press to search an area: strips as in palpation, and what no position between presses can hide."""
+"""Plan presses over an area in strips, as in palpation, and compute the inclusions that it cannot miss."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.detection.search._range import Reach
+    from tsis.detection.search._range import DetectionRange
 
 
 AREA_MM = (1.0, 5000.0)
@@ -28,10 +28,10 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanPlan:
-    """Presses over a rectangle, in strips along its height that are walked up and down in turn.
+    """Presses over a rectangle, in strips along its height, alternately up and down.
 
-    The area is cut into equal cells and each is pressed at its centre: so no place, corners included, is farther from
-    a press than half a cell's diagonal. Presses at the edge overhang the area by ``overhang_mm``.
+    The area is divided into equal cells, pressed at their centres: no point is farther from a press than half a cell's
+    diagonal. Presses at the edge overhang the area by ``overhang_mm``.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class ScanPlan:
 
     @property
     def positions_mm(self) -> NDArray[np.float64]:
-        """Places (x, y) of the presses in their order, from a corner of the area, shape (presses, 2)."""
+        """Positions (x, y) of the presses in their order, from a corner of the area, shape (presses, 2)."""
         span = (np.arange(self.strips) + 0.5) * self.strip_spacing_mm
         along = (np.arange(self.presses_a_strip) + 0.5) * self.press_spacing_mm
         both = [along if index % 2 == 0 else along[::-1] for index in range(self.strips)]
@@ -98,32 +98,32 @@ class ScanPlan:
 
     @property
     def travel_mm(self) -> float:
-        """Length of the way from the first press to the last."""
+        """Length of the path from the first press to the last."""
         along = self.strips * (self.presses_a_strip - 1) * self.press_spacing_mm
         return along + (self.strips - 1) * self.strip_spacing_mm
 
     @property
     def worst_distance_mm(self) -> float:
-        """Distance from the nearest press of what lies worst: half a cell's diagonal."""
+        """Largest distance of a point from the nearest press: half a cell's diagonal."""
         return math.hypot(self.strip_spacing_mm, self.press_spacing_mm) / 2
 
     @property
     def overlap(self) -> tuple[float, float]:
-        """Share of the face's diameter that neighbours overlap by, across strips and along; negative is a gap."""
+        """Overlap of neighbours across and along strips, of the face's diameter; negative is a gap."""
         return 1 - self.strip_spacing_mm / (2 * self.radius_mm), 1 - self.press_spacing_mm / (2 * self.radius_mm)
 
     @property
     def overhang_mm(self) -> tuple[float, float]:
-        """How far the face reaches over the area's edges, across and along; negative keeps inside."""
+        """Overhang of the face over the area's edges, across and along; negative inside."""
         return self.radius_mm - self.strip_spacing_mm / 2, self.radius_mm - self.press_spacing_mm / 2
 
     def duration_s(self, *, press_s: float, speed_mm_s: float) -> float:
-        """Time of all presses and of the way between them.
+        """Time of all presses and of the path between them.
 
         Parameters
         ----------
         press_s
-            One press, settling and lifting included, in [0, 3600].
+            Of a press, settling and lifting included, in [0, 3600].
         speed_mm_s
             Of the probe between presses, in [0.01, 1000].
 
@@ -183,9 +183,9 @@ def scan_plan(
 
 
 def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_mm: float) -> ScanPlan:
-    """The plan of fewest presses in which no place is farther from a press than ``extent_mm``.
+    """The plan of fewest presses in which no point is farther from a press than ``extent_mm``.
 
-    Every number of strips that could be best is tried; of equals the one whose worst place is nearest is taken.
+    All numbers of strips that may be best are tried; among equals the plan of the least worst distance is chosen.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_m
     radius_mm
         Of the probe's face, in [0.5, 500].
     extent_mm
-        How far beside the axis the wanted inclusion is still found, in [0.05, 500].
+        Detection range of the inclusion beside the axis, in [0.05, 500].
 
     Raises
     ------
@@ -203,7 +203,7 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_m
 
     Examples
     --------
-    >>> plan = widest_plan(80, 60, radius_mm=12, reach_mm=3)
+    >>> plan = widest_plan(80, 60, radius_mm=12, extent_mm=3)
     >>> plan.strips, plan.presses_a_strip, round(plan.worst_distance_mm, 3)
     (18, 15, 2.99)
     """
@@ -222,7 +222,7 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_m
         strips += 1
     if best[0] > MOST_PRESSES:
         raise InputError(
-            f"reach_mm must be larger for this area: {extent_mm:g} would take {best[0]} presses of {MOST_PRESSES}"
+            f"extent_mm must be larger for this area: {extent_mm:g} would take {best[0]} presses of {MOST_PRESSES}"
         )
     return ScanPlan(
         width_mm=width_mm, height_mm=height_mm, strips=best[2], presses_a_strip=best[3], radius_mm=radius_mm
@@ -239,35 +239,35 @@ def _cells(length_mm: float, widest_mm: float) -> int:
     return max(1, math.ceil(length_mm / widest_mm * (1 - ROUNDING)))
 
 
-SIZES_MM = (0.5, 15.0)  # between which the smallest inclusion is looked for
+SIZES_MM = (0.5, 15.0)  # range of the search for the smallest inclusion
 STEPS = 200
 
 
 def widest_spacing_mm(extent_mm: float) -> float:
-    """Spacing of a square grid of presses between which nothing is farther than ``extent_mm`` from one: its root 2.
+    """Spacing, sqrt(2) times ``extent_mm``, of a square grid on which no point is farther than that from a press.
 
-    Both are in mm, the reach in [0, 500]; else `InputError` is raised.
+    Both are in mm, the extent in [0, 500]; else `InputError` is raised.
     """
     return math.sqrt(2) * require_number("extent_mm", extent_mm, 0.0, FARTHEST_MM, hint="millimetres")
 
 
 def smallest_found_mm(
-    plan: ScanPlan, detection_range: Reach, depth_mm: float, *, sizes_mm: tuple[float, float] = SIZES_MM
+    plan: ScanPlan, detection_range: DetectionRange, depth_mm: float, *, sizes_mm: tuple[float, float] = SIZES_MM
 ) -> float | None:
-    """Diameter from which on a plan cannot miss an inclusion, wherever between the presses it lies.
+    """Least diameter of an inclusion that a plan cannot miss, at any position between the presses.
 
-    "Cannot miss" means: with at least the probability that ``detection_range`` is for, by the nearest press alone.
+    "Cannot miss" means: with at least the probability of ``detection_range``, by the nearest press.
 
     Parameters
     ----------
     plan
-        Where is pressed.
+        The plan.
     detection_range
-        Function of diameter and depth in mm that gives the distance from the axis up to which it is found, mm.
+        Function of diameter and depth in mm: largest distance from the axis at which it is detected, mm.
     depth_mm
         Depth of its top.
     sizes_mm
-        Diameters between which it is looked for; 200 are tried, and between two the place where it changes is found.
+        Range of the search; 200 diameters are tried, then the change between two of them is located by bisection.
 
     Returns
     -------
@@ -276,7 +276,7 @@ def smallest_found_mm(
     Raises
     ------
     InputError
-        When a value lies outside its range or the reach is no number of 0 mm or more.
+        When a value is out of range, or the detection range is no number of 0 mm or more.
     """
     require_type("plan", plan, ScanPlan)
     low, high = require_pair("sizes_mm", sizes_mm)
@@ -294,17 +294,17 @@ def smallest_found_mm(
 
 
 def _turning(holds: Callable[[float], bool], below: float, above: float) -> float:
-    """Where a condition that fails below and holds above begins to hold."""
+    """Least value of a condition that is false below and true above."""
     while above - below > 1e-9 * above:
         middle = (below + above) / 2
         below, above = (below, middle) if holds(middle) else (middle, above)
     return above
 
 
-def _checked(detection_range: Reach) -> Reach:
+def _checked(detection_range: DetectionRange) -> DetectionRange:
     def asked(diameter_mm: float, depth_mm: float) -> float:
         return require_number(
-            "what reach gives", detection_range(diameter_mm, depth_mm), 0.0, FARTHEST_MM, hint="millimetres"
+            "the detection range", detection_range(diameter_mm, depth_mm), 0.0, FARTHEST_MM, hint="millimetres"
         )
 
     return asked

@@ -1,4 +1,4 @@
-"""How far beside the probe's axis an inclusion may lie and still be found, by its size and depth."""
+"""Detection range: largest distance of a detectable inclusion from the probe's axis, by its size and depth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    Reach = Callable[[float, float], float]
+    DetectionRange = Callable[[float, float], float]
 
 FARTHEST_MM = 500.0
 COLUMNS = ("diameter_mm", "depth_mm", "reach_mm")
@@ -29,20 +29,20 @@ RANGE_FOLDER = Path(__file__).parent / "reach"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DetectionRangeTable:
-    """Reach over a grid of sizes and depths, linear between; what lies outside is never thought better than it is.
+    """Detection range over a grid of sizes and depths, with linear interpolation and conservative extrapolation.
 
-    An inclusion smaller than the smallest, or deeper than the deepest, has no reach; one larger or shallower has that
-    of the last in the table.
+    An inclusion smaller than the smallest, or deeper than the deepest, has the range 0; a larger or shallower one has
+    that of the last in the table.
 
     Parameters
     ----------
     diameter_mm, depth_mm
         Ascending, shapes (n,) and (m,).
     reach_mm
-        Distance from the probe's axis up to which an inclusion is found with ``probability``, shape (n, m), in
-        [0, 500]; 0 where it is not found anywhere.
+        Largest distance from the probe's axis at which an inclusion is detected with ``probability``, shape (n, m), in
+        [0, 500]; 0 where it is not detected.
     probability
-        With which it is found there, in (0, 1).
+        Probability of detection, in (0, 1).
 
     Raises
     ------
@@ -51,7 +51,7 @@ class DetectionRangeTable:
 
     Examples
     --------
-    >>> table = ReachTable(diameter_mm=[4, 8], depth_mm=[4, 12], reach_mm=[[2, 0], [6, 2]], probability=0.9)
+    >>> table = DetectionRangeTable(diameter_mm=[4, 8], depth_mm=[4, 12], reach_mm=[[2, 0], [6, 2]], probability=0.9)
     >>> table(6, 8), table(3, 8), table(20, 8)
     (2.5, 0.0, 4.0)
     """
@@ -75,7 +75,7 @@ class DetectionRangeTable:
         object.__setattr__(self, "probability", require_number("probability", self.probability, 1e-6, 1 - 1e-6))
 
     def __call__(self, diameter_mm: float, depth_mm: float) -> float:
-        """Reach of one inclusion, mm."""
+        """Detection range of one inclusion, mm."""
         diameter = require_number("diameter_mm", diameter_mm, *INCLUSION_RANGES["diameter_mm"])
         depth = require_number("depth_mm", depth_mm, *INCLUSION_RANGES["depth_mm"])
         if diameter < self.diameter_mm[0] or depth > self.depth_mm[-1]:
@@ -85,20 +85,19 @@ class DetectionRangeTable:
 
 
 def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probability: float = 0.9) -> float:
-    """Reach by trials on inclusions of one kind at many distances from the axis.
+    """Detection range from trials on inclusions of one kind at many distances from the axis.
 
-    The share of those found is fitted by a step function that does not rise with the distance (isotonic regression);
-    the reach is the farthest trial up to which it stays at ``probability`` or above. It has no interval: with few
-    trials it errs to either side.
+    Isotonic regression fits the detection rate by a step function that does not rise with the distance; the range is
+    the farthest trial with a rate of at least ``probability``. It has no interval and is uncertain with few trials.
 
     Parameters
     ----------
     offset_mm
         Distances from the axis, shape (trials,), not negative.
     result
-        Whether the inclusion was found, booleans of shape (trials,).
+        Whether the inclusion was detected, booleans of shape (trials,).
     probability
-        Wanted, in (0, 1).
+        Requested probability of detection, in (0, 1).
 
     Returns
     -------
@@ -111,7 +110,7 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
 
     Examples
     --------
-    >>> reach_of_trials([0, 1, 2, 3, 4, 5], [True, True, True, False, True, False], probability=0.5)
+    >>> detection_range_of_trials([0, 1, 2, 3, 4, 5], [True, True, True, False, True, False], probability=0.5)
     4.0
     """
     away = require_array("offset_mm", offset_mm, ndim=1)
@@ -128,14 +127,14 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
 
 
 def read_detection_range(path: str | os.PathLike[str], *, probability: float = 0.9) -> DetectionRangeTable:
-    """Read a table of reaches: CSV with the columns ``diameter_mm``, ``depth_mm`` and ``reach_mm``, a row an inclusion.
+    """Read a table of detection ranges: CSV with the columns ``diameter_mm``, ``depth_mm`` and ``reach_mm``.
 
     Parameters
     ----------
     path
         The file, at most 1 MiB; every size with every depth once.
     probability
-        With which inclusions within their reach are found, in (0, 1).
+        Probability of detection within the range, in (0, 1).
 
     Raises
     ------
@@ -162,17 +161,17 @@ def read_detection_range(path: str | os.PathLike[str], *, probability: float = 0
 
 
 def measured_detection_range(probe: str) -> DetectionRangeTable | None:
-    """The reaches that a large study on the virtual probe found for a probe of the catalog; None where there was none.
+    """Detection ranges of a catalog probe from a study on the virtual probe; None where there was no study.
 
-    Of the inclusions of a row, 90 % were found when 10 % of blank places were called ones with an inclusion, in uneven
-    tissue (``benchmarks/detection_study.py``); none lay farther than 5 mm beside the axis.
+    The detection rate is 90 % at a false positive rate of 10 %, in heterogeneous tissue
+    (``benchmarks/detection_study.py``), for offsets up to 5 mm.
 
     Examples
     --------
-    >>> table = measured_reach("tsis-domed")
+    >>> table = measured_detection_range("tsis-domed")
     >>> table(10.0, 6.0) > table(3.0, 6.0) > 0
     True
-    >>> measured_reach("tsis-2011") is None
+    >>> measured_detection_range("tsis-2011") is None
     True
     """
     by_name = {path.stem: path for path in RANGE_FOLDER.glob("*.csv")}

@@ -1,14 +1,14 @@
-"""What the frames themselves say against an estimate: no contact, clipping, tilt, no round inclusion, off the axis."""
+"""Checks of the frames before an estimate: contact, clipping, tilt, roundness and position of the inclusion."""
 
 from tsis.inclusion.checks._images import image_findings
-from tsis.inclusion.checks._place import SEEN, InclusionPosition, inclusion_position
+from tsis.inclusion.checks._position import APPARENT_FRACTION, InclusionPosition, inclusion_position
 from tsis.inclusion.checks._roundness import roundness, tilt_evidence
 from tsis.inclusion.checks._sectors import RINGS, SECTORS, sector_means
 
 __all__ = [
+    "APPARENT_FRACTION",
     "RINGS",
     "SECTORS",
-    "SEEN",
     "InclusionPosition",
     "image_findings",
     "inclusion_position",

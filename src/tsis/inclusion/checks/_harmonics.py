@@ -1,6 +1,6 @@
-"""Harmonics around the axis of what rings show, and how unlikely they are as noise.
+"""Harmonics around the axis in rings, and their test against noise.
 
-A harmonic of order m is a complex number a ring: ``c + i s`` of ``c cos(m angle) + s sin(m angle)``.
+A harmonic of order m is a complex number per ring: ``c + i s`` of ``c cos(m angle) + s sin(m angle)``.
 """
 
 from __future__ import annotations
@@ -19,20 +19,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-DENT_MM = 0.5  # standard deviation of a face's displacement of which nothing is known here
-SLOPE = 0.15  # and of its slope
+DENT_MM, SLOPE = 0.5, 0.15  # standard deviations of the unknown displacement of the face and of its slope
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unevenness:
-    """How far harmonics are from noise.
+    """Test of harmonics against noise.
 
     Attributes
     ----------
     chance
-        Chance that noise alone makes as much.
+        Probability of harmonics this large by noise alone.
     size_grey
-        The harmonic where it stands out most, grey levels at even light.
+        The harmonic in the ring of the largest signal-to-noise ratio, grey levels at uniform light.
     radius_mm
         Radius of that ring.
     over_noise
@@ -48,7 +47,7 @@ class Unevenness:
 def harmonic(sectors: NDArray[np.float64], order: int) -> NDArray[np.complex128]:
     """Harmonic of each ring, shape (rings,), of means over sectors, shape (rings, SECTORS).
 
-    Averaging over a sector flattens a harmonic by a known share, which is put back.
+    The attenuation by averaging over a sector is corrected.
     """
     return np.asarray(sectors @ _wave(order))
 
@@ -72,12 +71,12 @@ def shading_harmonics(
     flux: NDArray[np.complex128],
     radius_mm: NDArray[np.float64],
 ) -> list[NDArray[np.complex128]]:
-    """What lamps of unequal power make of a round dent, for displacements of one standard deviation each.
+    """Harmonics that lamps of unequal power give a round dent, for displacements of one standard deviation.
 
     Parameters
     ----------
     grey
-        Mean grey level at even light of each ring, shape (rings,).
+        Mean grey level at uniform light of each ring, shape (rings,).
     growth, flux
         Harmonics of the light's growth per mm and of its flux away from the axis, shape (rings,).
     radius_mm
@@ -107,7 +106,7 @@ def unevenness(
     radius_mm
         Radius of each ring.
     given
-        Harmonics that innocent causes make, each times an unknown normal number of variance one.
+        Harmonics of allowed causes, each with a standard normal factor.
     """
     covariance = np.diag(variance.ravel())
     if given:

@@ -1,4 +1,4 @@
-"""Is what an inclusion adds to a press round? One sphere in a uniform slab makes no second harmonic around the axis."""
+"""Roundness of the change by an inclusion: one sphere in a uniform slab has no second harmonic around the axis."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ if TYPE_CHECKING:
     from tsis.model import Calibration
 
 
-FIRST_RING = 1  # the innermost is a few pixels wide and shows no second harmonic
-FEWEST = 4  # rings with which roundness can be told
-OFFSET_MM = 1.5  # standard deviation of the place of an inclusion near the axis
+FIRST_RING = 1  # the innermost is a few pixels wide and has no second harmonic
+FEWEST = 4  # least number of rings for the test
+OFFSET_MM = 1.5  # standard deviation of the position of an inclusion near the axis
 
 
 def roundness(target: Sectors, reference: Sectors | None, calibration: Calibration) -> Unevenness | None:
-    """How far the second harmonic of what the target adds to the reference is from noise.
+    """Test the second harmonic of the change between reference and target against noise.
 
-    A round signal off the axis by ``d`` shows the first harmonic ``-d g'`` and the second ``d²/4 (g'' - g'/r)``,
-    which is ``-d/4 (h' - h/r)`` of the first, h. For inclusions within some `OFFSET_MM` of the axis that is no finding.
+    A round signal off the axis by ``d`` has the first harmonic ``-d g'`` and the second ``d²/4 (g'' - g'/r)``, which is
+    ``-d/4 (h' - h/r)`` of the first, h. This is allowed for inclusions within some `OFFSET_MM` of the axis.
 
     Parameters
     ----------
     target, reference
-        The frames in rings and sectors; without a reference the target alone is looked at.
+        The frames in rings and sectors; without a reference the target alone is tested.
     calibration
-        Sizes of the errors.
+        The errors.
 
     Returns
     -------
-    The finding, or None when too few rings are seen as a whole.
+    The result, or None when too few rings are complete.
     """
     frames = [target] if reference is None else [target, reference]
     use = np.logical_and.reduce([frame.usable for frame in frames])
@@ -61,19 +61,19 @@ def roundness(target: Sectors, reference: Sectors | None, calibration: Calibrati
 
 
 def harmonic_variance(
-    shown: NDArray[np.float64], frames: Sequence[Sectors], calibration: Calibration, *, order: int
+    grey: NDArray[np.float64], frames: Sequence[Sectors], calibration: Calibration, *, order: int
 ) -> NDArray[np.float64]:
-    """Variances of both parts of a harmonic of ``shown``, a frame or the difference of two, shape (2, rings).
+    """Variances of both parts of a harmonic of ``grey``, a frame or the difference of two, shape (2, rings).
 
-    A pattern that is alike all around makes a harmonic's parts err by twice the variance of the ring's mean. The fixed
-    pattern and the error of the light scale with what is shown; pixel noise and repeatability add up over the frames.
+    A pattern of uniform variance around a ring gives a harmonic's parts twice the variance of the ring's mean. The
+    fixed pattern and the error of the light scale with ``grey``; pixel noise and repeatability add up over the frames.
     """
     fixed = calibration.pattern_sd**2 + frames[0].grid.light_sd ** 2
-    correlation = fixed * shown.mean(axis=1) ** 2
+    pattern = fixed * grey.mean(axis=1) ** 2
     for frame in frames:
-        correlation = correlation + (calibration.repeatability_sd * frame.grey.mean(axis=1)) ** 2
+        pattern = pattern + (calibration.repeatability_sd * frame.grey.mean(axis=1)) ** 2
     pixels = np.sum([frame.variance for frame in frames], axis=0)
-    return np.asarray(2 * correlation + harmonic_noise(pixels, order))
+    return np.asarray(2 * pattern + harmonic_noise(pixels, order))
 
 
 def roundness_findings(
@@ -81,27 +81,27 @@ def roundness_findings(
     references: Sequence[Sectors | None],
     calibration: Calibration,
 ) -> list[tuple[str, str]]:
-    """Flag ``not_one_round_inclusion`` for the target that is least round, or say that it could not be told.
+    """Flag ``not_one_round_inclusion`` for the least round target, or ``roundness_not_checked``.
 
     Parameters
     ----------
     targets, references
-        Each target and the reference that is subtracted from it, or None.
+        The targets, and the reference that is subtracted from each, or None.
     calibration
-        Sizes of the errors.
+        The errors.
     """
-    results = [roundness(*pair, calibration) for pair in zip(targets, references, strict=True)]
-    observed = [item for item in results if item is not None]
-    if not observed:
+    tests = [roundness(*pair, calibration) for pair in zip(targets, references, strict=True)]
+    results = [result for result in tests if result is not None]
+    if not results:
         return [
             (
                 "roundness_not_checked",
-                f"Whether the inclusion is round was not checked: fewer than {FEWEST} rings are seen all around "
+                f"Whether the inclusion is round was not checked: fewer than {FEWEST} rings are complete and "
                 "without clipping.",
             )
         ]
-    worst = min(observed, key=lambda item: (item.chance, -item.over_noise))
-    if worst.chance >= IMPROBABLE / len(observed):
+    worst = min(results, key=lambda result: (result.chance, -result.over_noise))
+    if worst.chance >= IMPROBABLE / len(results):
         return []
     return [
         (
@@ -114,13 +114,13 @@ def roundness_findings(
     ]
 
 
-AXIS_MM = 0.1  # standard deviation of where in the picture the probe's axis is believed to be
+AXIS_MM = 0.1  # standard deviation of the axis in the picture
 
 
 def tilt_evidence(sectors: Sectors, calibration: Calibration) -> Unevenness | None:
-    """How far the first harmonic of a press on plain tissue is from noise; None when too few rings are whole.
+    """Test the first harmonic of a reference press against noise; None when too few rings are complete.
 
-    An axis believed at a slightly wrong place shifts the picture over the light: that is no tilt.
+    A small error of the axis, which shifts the picture over the light, does not count as tilt.
     """
     use = sectors.usable
     use[:FIRST_RING] = False
@@ -137,19 +137,18 @@ def tilt_evidence(sectors: Sectors, calibration: Calibration) -> Unevenness | No
 
 
 def tilt_findings(references: Sequence[Sectors], calibration: Calibration) -> list[tuple[str, str]]:
-    """Flag ``tilted`` for the reference press that leans most."""
-    observed = [
-        item for item in (tilt_evidence(reference, calibration) for reference in references) if item is not None
-    ]
-    if not observed:
+    """Flag ``tilted`` for the reference press of the largest tilt."""
+    tests = [tilt_evidence(reference, calibration) for reference in references]
+    results = [result for result in tests if result is not None]
+    if not results:
         return []
-    worst = min(observed, key=lambda item: (item.chance, -item.over_noise))
-    if worst.chance >= IMPROBABLE / len(observed):
+    worst = min(results, key=lambda result: (result.chance, -result.over_noise))
+    if worst.chance >= IMPROBABLE / len(results):
         return []
     return [
         (
             "tilted",
-            f"A reference press is not the same all around: {worst.radius_mm:.1f} mm from the axis one side is "
+            f"A reference press is not symmetric: {worst.radius_mm:.1f} mm from the axis one side is "
             f"brighter by {2 * worst.size_grey:.2g} grey levels, {worst.over_noise:.1f} times the noise; hold the "
             "probe square to the tissue, or check axis_px.",
         )

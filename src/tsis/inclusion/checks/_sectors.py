@@ -1,7 +1,4 @@
-"""Rings and sectors of the face: what a frame shows in each, read in one pass over its pixels.
-
-Whether a press is there, is seen as a whole and is round can all be told from these few hundred means.
-"""
+"""Means of a frame over rings and sectors of the face, for the checks of contact, visibility and roundness."""
 
 from __future__ import annotations
 
@@ -20,25 +17,25 @@ if TYPE_CHECKING:
     from tsis.model import Calibration, LightMap, Probe, TactileImage
 
 
-RINGS, SECTORS = 12, 16  # sixteen tell the second harmonic from the fourth and eighth of four lamps
-WHOLE = 0.95  # share of a sector that the picture must hold
-FINE_ANGLES, FINE_RADII = 720, 8  # places, a turn and a ring, at which is asked whether the picture holds them
+RINGS, SECTORS = 12, 16  # sixteen separate the second harmonic from the fourth and eighth of four lamps
+WHOLE = 0.95  # fraction of a sector that must be in the picture
+FINE_ANGLES, FINE_RADII = 720, 8  # per circle and per ring: sampling of the visible area
 
 _Geometry = tuple[tuple[int, int], tuple[float, float], tuple[float, float], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SectorGrid:
-    """Where the rings and sectors lie in the pictures of one camera, and how the face is lit there.
+    """Rings and sectors in the pictures of one camera, and their light.
 
     Attributes
     ----------
     sector
-        Number of each pixel's sector, ring by ring, flat; one beyond the last for pixels outside all rings.
+        Index of each pixel's sector, ring by ring, flat; one beyond the last for pixels outside all rings.
     count
-        Pixels in each, shape (rings, sectors).
+        Pixels in each sector, shape (rings, sectors).
     whole
-        Rings whose every sector the picture holds and the lamps light, shape (rings,).
+        Rings whose sectors are all lit and in the picture, shape (rings,).
     light
         Sum of the light over the pixels of each sector, shape (rings, sectors).
     radius_mm
@@ -47,7 +44,7 @@ class SectorGrid:
         Growth of the light with displacement and its flux away from the axis, weighted by the light, shape
         (rings, sectors).
     light_sd
-        Relative standard error of the mean light in each ring, by the rays it was counted with, shape (rings,).
+        Relative standard error of the mean light in each ring, by the number of rays, shape (rings,).
     extent_mm
         Outer radius of the last ring.
     """
@@ -71,18 +68,18 @@ class SectorGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sectors:
-    """What one frame shows in rings and sectors.
+    """Means of one frame over rings and sectors.
 
     Attributes
     ----------
     grid
-        Where they lie.
+        The rings and sectors.
     raw
-        Mean grey level of all their pixels as the camera delivered it, shape (rings, sectors).
+        Mean raw grey level, shape (rings, sectors).
     clipped
-        Pixels that clip, shape (rings, sectors).
+        Clipped pixels, shape (rings, sectors).
     grey
-        Mean grey level above background at even light, at each ring's own radius, shape (rings, sectors).
+        Mean grey level above background at uniform light, at the ring's mean radius, shape (rings, sectors).
     variance
         Variance of ``grey`` by pixel noise, shape (rings, sectors).
     pixel_variance
@@ -98,12 +95,12 @@ class Sectors:
 
     @property
     def usable(self) -> NDArray[np.bool]:
-        """Rings that are seen as a whole and in which nothing clips, shape (rings,)."""
+        """Complete rings without clipped pixels, shape (rings,)."""
         return np.asarray(self.grid.whole & (self.clipped.sum(axis=1) == 0))
 
 
 def sector_means(frame: TactileImage, *, probe: Probe, calibration: Calibration) -> Sectors:
-    """Means over rings and sectors of a frame, of the part of the face that profiles are read from."""
+    """Means over rings and sectors of the profile's disc."""
     extent = OUTER_FRACTION * probe.radius_mm
     grid = _grid(_geometry(frame, extent), calibration.light)
     sums, clipped = _gather(frame.grey.ravel(), grid.sector, frame.full_scale)
@@ -111,7 +108,7 @@ def sector_means(frame: TactileImage, *, probe: Probe, calibration: Calibration)
     count, light = np.maximum(grid.count, 1), np.where(grid.light > 0, grid.light, 1.0)
     above = total - calibration.background_grey * grid.count
     pixel = calibration.read_noise_grey**2 + 1 / 12 + calibration.shot_noise_grey * np.maximum(above / count, 0.0)
-    # Pixels and lamps are not the same all around: a sector lit more on its outside sees a larger radius.
+    # Pixels and lamps are not symmetric: a sector lit more on its outside has a larger mean radius.
     away = grid.radius_mm - grid.ring_radius_mm[:, None]
     return Sectors(
         grid=grid,
@@ -124,12 +121,12 @@ def sector_means(frame: TactileImage, *, probe: Probe, calibration: Calibration)
 
 
 def _slope(above: NDArray[np.float64], grid: SectorGrid) -> NDArray[np.float64]:
-    """Slope along the radius of the grey at even light, from its sums over rings; those not seen are as the last."""
+    """Radial slope of the grey at uniform light, from its sums over rings; rings without light repeat the last."""
     light, ring = grid.light.sum(axis=1), np.arange(RINGS)
-    observed = light > 0
-    if not observed.any():
+    lit = light > 0
+    if not lit.any():
         return np.zeros(RINGS)
-    grey = np.interp(ring, ring[observed], above[observed] / light[observed])
+    grey = np.interp(ring, ring[lit], above[lit] / light[lit])
     return np.asarray(np.gradient(grey, grid.extent_mm / RINGS))
 
 
@@ -140,7 +137,7 @@ def _gather(
     """Sum of the grey levels and number of clipped pixels in each sector, in one pass."""
     total = np.zeros(RINGS * SECTORS + 1)
     clipped = np.zeros(RINGS * SECTORS + 1, dtype=np.int64)
-    # Neighbours mostly share a sector: their sum stays in a register until the sector changes.
+    # Neighbours are mostly in one sector: their sum stays in a register until the sector changes.
     here, glow, clips = position[0], 0.0, 0
     for pixel in range(len(grey)):
         if position[pixel] != here:
@@ -155,15 +152,12 @@ def _gather(
 
 
 def ring_visibility(frame: TactileImage, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share of each ring's area that the picture holds, shape (rings,), in [0, 1].
-
-    The mean of a ring seen in part is that of the side that is seen: light or an inclusion that is not centred biases
-    it.
+    """Fraction of each ring's area in the picture, shape (rings,), in [0, 1].
 
     Parameters
     ----------
     frame
-        Its scale must be known.
+        A frame with a scale.
     edges_mm
         Boundaries of the rings in mm, ascending, shape (rings + 1,).
     """
@@ -181,14 +175,14 @@ def _sums(position: NDArray[np.uint8], values: NDArray[np.float64] | None) -> ND
     return np.asarray(result.reshape(RINGS, SECTORS), dtype=float)
 
 
-@lru_cache(maxsize=8)  # the frames of one camera share it
+@lru_cache(maxsize=8)  # equal for all frames of a camera
 def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
     (rows, columns), scale, axis, extent = geometry
     x, y = (np.arange(columns) - axis[0]) * scale[0], (np.arange(rows) - axis[1]) * scale[1]
     radius = np.hypot(x, y[:, None])
     ring = np.floor(radius * (RINGS / extent)).astype(np.intp)
-    turn = np.arctan2(y[:, None], x[None, :]) / (2 * np.pi) % 1.0
-    sector = np.minimum((turn * SECTORS).astype(np.intp), SECTORS - 1)
+    angle = np.arctan2(y[:, None], x[None, :]) / (2 * np.pi) % 1.0
+    sector = np.minimum((angle * SECTORS).astype(np.intp), SECTORS - 1)
     position = np.where(ring < RINGS, ring * SECTORS + sector, RINGS * SECTORS).ravel().astype(np.uint8)
     count = _sums(position, None)
 
@@ -200,7 +194,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
     else:
         lit, flux_x, flux_y, growth, _ = light.undented(x, y)
         flux = (flux_x * x + flux_y * y[:, None]) / np.maximum(radius, 1e-9)
-        # Rays are counted node by node of the map, so that the error of a ring's mean falls with its nodes.
+        # Each node of the map counts its own rays, so that the error of a ring's mean falls with its nodes.
         node = float(np.diff(light.x_mm).mean() * np.diff(light.y_mm).mean())
         light_sd = light.error / np.sqrt(np.maximum(area / node, 1.0))
     total = _sums(position, lit.ravel())
@@ -210,8 +204,8 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
         return _sums(position, (lit * values).ravel()) / divisor
 
     level = total / np.maximum(count, 1)
-    observed = _visible(geometry, edges.tobytes()).reshape(RINGS, SECTORS, -1).mean(axis=2)
-    whole = (observed >= WHOLE) & (count > 0) & (level > DARKEST * level.max())
+    visible = _visible(geometry, edges.tobytes()).reshape(RINGS, SECTORS, -1).mean(axis=2)
+    whole = (visible >= WHOLE) & (count > 0) & (level > DARKEST * level.max())
     return SectorGrid(
         sector=position,
         count=count,
@@ -227,7 +221,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
 
 @lru_cache(maxsize=8)
 def _visible(geometry: _Geometry, edges: bytes) -> NDArray[np.float64]:
-    """Share of each ring that the picture holds along many directions, shape (rings, directions)."""
+    """Fraction of each ring in the picture along many directions, shape (rings, directions)."""
     (rows, columns), scale, axis, _ = geometry
     angle = (np.arange(FINE_ANGLES) + 0.5) * (2 * np.pi / FINE_ANGLES)
     squares = np.frombuffer(edges) ** 2

@@ -1,4 +1,4 @@
-"""How well a planned probe and protocol would tell inclusions apart."""
+"""Expected accuracy of a planned probe and protocol, its limits, and the search for better ones."""
 
 from tsis.inclusion.design._alternatives import (
     ASPECTS,

@@ -1,4 +1,4 @@
-"""Other probes and presses beside a planned one, and how they compare."""
+"""Alternatives to a planned probe and protocol, and their comparison."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CRITERIA = ("all", *PARAMETERS)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Design:
-    """A protocol, what it would tell, and how near it comes to its limits."""
+    """A protocol, its information and its limits."""
 
     protocol: Protocol
     information: ProtocolInformation
@@ -42,7 +42,7 @@ class Design:
 
 
 def design_of(view: PlannedView) -> Design:
-    """Judge a protocol on inclusions spread over the prior."""
+    """Evaluate a protocol on inclusions spread over the prior."""
     inclusions = even_inclusions(view.model.prior)
     return Design(
         protocol=view.protocol, information=information_of(view, inclusions), limits=limits_of(view, inclusions)
@@ -50,33 +50,33 @@ def design_of(view: PlannedView) -> Design:
 
 
 def score(protocol_information: ProtocolInformation, criterion: str) -> float:
-    """What a design should make small: a parameter's expected error, or of ``"all"`` the mean log product of the sd."""
+    """Objective of a design: a parameter's expected error, or for ``"all"`` the mean log product of the sd."""
     require_one_of("criterion", criterion, CRITERIA)
     return protocol_information.log_sd if criterion == "all" else protocol_information.rmse[criterion]
 
 
 def rank_designs(designs: Sequence[Design], criterion: str = "all") -> tuple[Design, ...]:
-    """Best first; those that break a limit come after all that keep them."""
+    """Evaluations by rising objective; those that violate a limit come last."""
     return tuple(sorted(designs, key=lambda item: (bool(item.limits.broken), score(item.information, criterion))))
 
 
 def design_alternatives(planned: Protocol, aspect: Aspect) -> tuple[Protocol, ...]:
-    """The planned protocol with one thing changed in several ways, without itself.
+    """Variants of the planned protocol in one aspect, without the protocol itself.
 
     Parameters
     ----------
     planned
-        What is changed.
+        The planned protocol.
     aspect
-        ``"softness"``: all moduli times 1/4 to 4. ``"layers"``: one modulus that gives way as much under even
-        pressure, and the moduli in reverse. ``"dome"``: a flat face, and curvatures of 80, 40 and 30 mm that fit the
-        face. ``"forces"``: all forces times 1/2 to 2. ``"frames"``: each press made 1, 4 or 16 times. ``"reference"``:
-        with and without presses on plain tissue.
+        ``"softness"``: all moduli times 1/4 to 4. ``"layers"``: one modulus of equal compliance under uniform pressure,
+        and the moduli in reverse. ``"dome"``: a flat face, and curvatures of 80, 40 and 30 mm that fit the face.
+        ``"forces"``: all forces times 1/2 to 2. ``"frames"``: 1, 4 or 16 repeats of each press. ``"reference"``: with
+        and without reference presses.
 
     Raises
     ------
     UnknownNameError
-        When there is no such aspect.
+        When the aspect is unknown.
     """
     require_one_of("aspect", aspect, ASPECTS)
     return tuple(other for other in _CHANGES[aspect](planned) if _unnamed(other) != _unnamed(planned))
@@ -106,7 +106,7 @@ def _domed(planned: Protocol) -> Iterator[Protocol]:
         name = "flat face" if curvature is None else f"face curved by {curvature:g} mm"
         try:
             probe = replace(planned.probe, face_curvature_mm=curvature, name=name)
-        except InputError:  # a dome that the layers are too thin for, or the face too wide
+        except InputError:  # the layers are too thin or the face is too wide for the dome
             continue
         yield replace(planned, probe=probe, name=name)
 
@@ -115,7 +115,7 @@ def _pressed(planned: Protocol) -> Iterator[Protocol]:
     for factor in FORCES:
         try:
             presses = tuple(replace(press, force_n=factor * press.force_n) for press in planned.presses)
-        except InputError:  # a force outside what can be planned
+        except InputError:  # a force outside the range of a plan
             continue
         forces = " and ".join(f"{press.force_n:g}" for press in presses)
         yield replace(planned, presses=presses, name=f"{forces} N")
@@ -143,25 +143,25 @@ _CHANGES: dict[str, Callable[[Protocol], Iterator[Protocol]]] = {
 
 
 def with_moduli(probe: Probe, young_kpa: Sequence[float]) -> Probe:
-    """The probe with other moduli of its layers, from the tissue up; a changed one loses the catalog's name."""
+    """The probe with other moduli of its layers, from the tissue up; a changed probe has no catalog name."""
     layers = tuple(replace(layer, young_kpa=float(young)) for layer, young in zip(probe.layers, young_kpa, strict=True))
     return replace(probe, layers=layers, name=probe.name if layers == probe.layers else f"{probe.name} (changed)")
 
 
 def calibration_for(probe: Probe, *, of: Probe, calibration: Calibration, traced: bool = False) -> Calibration:
-    """What the calibration of one probe would be for another.
+    """Predict the calibration of another probe.
 
-    Asperities of its skin flatten at pressures in proportion to the skin's modulus; the exposure is such that small
-    pressures give the grey levels that they gave.
+    The pressure of saturation scales with the skin's modulus, because its asperities flatten in proportion; the
+    exposure gives the same grey levels at small pressures.
 
     Parameters
     ----------
     probe, of
         The other probe, and that of the calibration.
     calibration
-        Answer of grey level to pressure.
+        Response of grey level to pressure.
     traced
-        Whether to light the face by the lamps, which takes seconds a probe; else the calibration's own light is kept.
+        Whether to trace the lamps' light on the face, in seconds per probe; else the calibration's light is used.
     """
     stiffer = probe.layers[0].young_kpa / of.layers[0].young_kpa
     result = replace(calibration, saturation_kpa=calibration.saturation_kpa * stiffer, probe="")
@@ -184,21 +184,20 @@ def compare_designs(
     degrees: Degrees | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Design, ...]:
-    """Judge protocols, in their order.
+    """Evaluate protocols, in their order.
 
-    The press of each new probe takes seconds to solve and is kept on disk, so that an interrupted comparison goes on
-    where it was.
+    The press of a new probe takes seconds to solve and is cached on disk, so that an interrupted comparison resumes.
 
     Parameters
     ----------
     protocols
-        What to judge.
+        The protocols.
     of, calibration, traced
         A probe, its calibration, and whether to trace the lamps' light; see `calibration_for`.
     prior, sensor, degrees
         See `information`.
     progress
-        Called with (protocols done, protocols in all).
+        Called with (protocols done, all protocols).
     """
     designs = []
     for done, protocol in enumerate(protocols):

@@ -1,8 +1,8 @@
-"""How well a protocol would tell inclusions apart, from the likelihood of presses that nobody made.
+"""Expected accuracy of a protocol, from the likelihood of simulated presses.
 
-The Fisher information of diameter, depth and modulus with every nuisance integrated out, at inclusions spread over the
-prior's box, from grey profiles that the model itself makes. Where the inclusion lies beside the axis is as unknown as
-the prior says, though a reference may show it.
+It is the Fisher information of diameter, depth and modulus with the nuisances integrated out, at inclusions spread over
+the prior's box, from the model's grey profiles. The inclusion's offset from the axis has the prior's uncertainty, also
+with references.
 """
 
 from __future__ import annotations
@@ -46,21 +46,21 @@ SPREAD = 64  # inclusions over the box
 SOURCE_INCLUSIONS = 9
 # A design needs the derivatives of the press, not its last digits: a third of the solves of an estimate's surrogate.
 COARSE = Degrees(diameter=5, depth=4, contrast=2, tissue=2, thickness=2, baseline=3)
-MODEL_ERROR = 1.3e-4  # of the press behind an estimate, whose surrogate is finer than the one used here
+MODEL_ERROR = 1.3e-4  # of the finer surrogate of an estimate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProtocolInformation:
-    """What a protocol would tell about each of a set of inclusions.
+    """Information of a protocol about a set of inclusions.
 
     Attributes
     ----------
     inclusions
         Diameter in mm, depth in mm and modulus in kPa, shape (n, 3).
     matrix
-        Fisher information of the three with every nuisance integrated out, shape (n, 3, 3).
+        Fisher information of the three with the nuisances integrated out, shape (n, 3, 3).
     prior
-        Ranges of the three before any press, and the tissue around them.
+        Prior of inclusion and tissue.
     """
 
     inclusions: NDArray[np.float64]
@@ -69,12 +69,12 @@ class ProtocolInformation:
 
     @property
     def prior_sd(self) -> NDArray[np.float64]:
-        """Standard deviations of the three before any press, shape (3,)."""
+        """Prior standard deviations of the three, shape (3,)."""
         return np.array(list(self.prior.sd.values()))
 
     @property
     def cramer_rao_sd(self) -> NDArray[np.float64]:
-        """Least sd of an unbiased estimate, shape (n, 3); infinite where the presses tell nothing."""
+        """Cramér–Rao bound of the sd, shape (n, 3); infinite without information."""
         return least_sd(self.matrix)
 
     @property
@@ -82,17 +82,17 @@ class ProtocolInformation:
         """Expected standard deviations, shape (n, 3).
 
         Signals are nearly linear in diameter, depth and the saturation of the signal with the modulus,
-        `tsis.mechanics.surrogate.contrast_factor`. The modulus keeps its uniform prior, which the
-        posterior often fills. The uniform priors of diameter and depth count as normal ones of the same variance.
+        `tsis.mechanics.surrogate.contrast_factor`. The modulus has its uniform prior, which the posterior often fills;
+        diameter and depth have normal priors of the same variance as the uniform ones.
         """
         factor = contrast_factor(self.inclusions[:, 2] / self.prior.tissue_young_kpa)
-        reported = self.matrix.copy()
+        fisher = self.matrix.copy()
         slope = 1 / _factor_slope(self.inclusions[:, 2], self.prior.tissue_young_kpa)
-        reported[:, 2] *= slope[:, None]
-        reported[:, :, 2] *= slope[:, None]
-        sizes = np.linalg.inv(reported[:, :2, :2] + np.diag(self.prior_sd[:2] ** -2))
-        along = np.einsum("nij,nj->ni", sizes, reported[:, :2, 2])  # what one of the factor is taken for in the sizes
-        precision = reported[:, 2, 2] - np.einsum("ni,ni->n", reported[:, :2, 2], along)
+        fisher[:, 2] *= slope[:, None]
+        fisher[:, :, 2] *= slope[:, None]
+        sizes = np.linalg.inv(fisher[:, :2, :2] + np.diag(self.prior_sd[:2] ** -2))
+        along = np.einsum("nij,nj->ni", sizes, fisher[:, :2, 2])  # change of the sizes equivalent to one of the factor
+        precision = fisher[:, 2, 2] - np.einsum("ni,ni->n", fisher[:, :2, 2], along)
         young = np.linspace(*self.prior.young_kpa, CELLS)
         at = contrast_factor(young / self.prior.tissue_young_kpa)
         weight = np.exp(-0.5 * precision[:, None] * (at - factor[:, None]) ** 2)
@@ -107,7 +107,7 @@ class ProtocolInformation:
 
     @property
     def identified_fraction(self) -> float:
-        """Share of the inclusions whose modulus would be known to better than 20 kPa."""
+        """Fraction of the inclusions with an expected sd of the modulus below 20 kPa."""
         return float((self.expected_sd[:, -1] < MODULUS_SD_KPA).mean())
 
     @property
@@ -117,7 +117,7 @@ class ProtocolInformation:
 
 
 def _factor_slope(young_kpa: NDArray[np.float64], tissue_young_kpa: float) -> NDArray[np.float64]:
-    """Derivative of the contrast factor by the inclusion's modulus, per kPa."""
+    """Derivative of the contrast factor with respect to the inclusion's modulus, per kPa."""
     return np.asarray(2.5 * tissue_young_kpa / (young_kpa + 1.5 * tissue_young_kpa) ** 2)
 
 
@@ -128,16 +128,16 @@ def _variance(weight: NDArray[np.float64], values: NDArray[np.float64]) -> NDArr
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlannedView:
-    """A protocol made ready: the model of its presses and the pixels that would see each ring.
+    """Model of a protocol's presses, and the sensor's pixels in each ring.
 
     Attributes
     ----------
     model
-        Model of one frame of each press, whose errors are those of the mean of its repeats.
+        Model of one frame of each press, with the errors of the mean of its repeats.
     count
         Pixels of the sensor in each ring, shape (rings,).
     protocol, surrogate, sensor
-        What it was made of.
+        The inputs.
     """
 
     model: ForwardModel
@@ -147,7 +147,7 @@ class PlannedView:
     sensor: Sensor
 
     def grey(self, inclusions: NDArray[np.float64] | None) -> NDArray[np.float64]:
-        """Expected grey levels as the camera sees them, shape (n, frames, rings); None is plain tissue, n = 1."""
+        """Expected grey levels, shape (n, frames, rings); None is tissue without inclusion, n = 1."""
         observed = self.model.grey(inclusions, self.start) * self.model.level
         return np.asarray(observed + self.model.calibration.background_grey)
 
@@ -157,7 +157,7 @@ class PlannedView:
         return np.zeros(len(self.model.nuisance_sd(np.zeros(len(self.model.force_n)))))
 
     def likelihood(self, inclusion: NDArray[np.float64]) -> InclusionLikelihood:
-        """Of the frames that the model itself makes of an inclusion (3,), without an error."""
+        """Likelihood of the model's frames of an inclusion (3,), without errors."""
         given, level = self.model.calibration, self.model.level
         grey = self.model.grey(inclusion[None], self.start)[0]
         observed = grey * level
@@ -183,17 +183,16 @@ def protocol_information(
     degrees: Degrees | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ProtocolInformation:
-    """Compute what a protocol would tell.
+    """Compute the information of a protocol.
 
     Parameters
     ----------
     protocol
         Probe and presses.
     prior
-        Ranges of the inclusion and beliefs about the tissue.
+        Prior of inclusion and tissue.
     calibration
-        Answer of grey level to pressure and the sizes of the errors; with its map of light, or even light where it
-        has none.
+        Response of grey level to pressure, and the errors; without a map of light, the light is uniform.
     sensor
         The camera; `Sensor` by default.
     inclusions
@@ -201,7 +200,7 @@ def protocol_information(
     degrees
         Of the press's surrogate; a third of the solves of an estimate's by default.
     progress
-        Called with (slabs solved, slabs in all) while the surrogate is built.
+        Called with (slabs solved, all slabs) while the surrogate is built.
 
     Raises
     ------
@@ -225,7 +224,7 @@ def information_of(view: PlannedView, inclusions: NDArray[np.float64]) -> Protoc
             f"inclusions must hold diameter, depth and modulus within the prior's ranges ({prior}); "
             f"got shape {inclusions.shape}, from {inclusions.min(axis=0)} to {inclusions.max(axis=0)}"
         )
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
         matrix = np.array([view.information(inclusion) for inclusion in inclusions])
     return ProtocolInformation(inclusions=inclusions, matrix=matrix, prior=prior)
 
@@ -239,7 +238,7 @@ def planned_view(
     degrees: Degrees | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> PlannedView:
-    """Make a protocol ready; see `protocol_information` for the parameters."""
+    """Build the model of a protocol; see `protocol_information` for the parameters."""
     require_type("prior", prior, InclusionPrior)
     check_calibration(calibration, protocol.probe)
     built = build_full_contact_surrogate(protocol.probe, prior.box(), degrees=degrees or COARSE, progress=progress)
@@ -254,7 +253,7 @@ def view_of(
     calibration: Calibration,
     sensor: Sensor,
 ) -> PlannedView:
-    """Make a protocol ready whose presses are known."""
+    """Build the model of a protocol with a given surrogate."""
     edges, dark = ring_edges(protocol.probe), np.zeros((sensor.rows, sensor.columns))
     blank = TactileImage(grey=dark, mm_per_pixel=sensor.mm_per_pixel, full_scale=sensor.full_scale)
     observed = replace(calibration, read_noise_grey=sensor.read_noise_grey, shot_noise_grey=sensor.shot_noise_grey)
@@ -278,9 +277,9 @@ def view_of(
 
 
 def _averaged(calibration: Calibration, frames: int) -> Calibration:
-    """Errors of the mean of repeats: those that each press makes anew fall, gain and pattern stay.
+    """Errors of the mean of repeats: independent errors fall, gain and pattern stay.
 
-    The likelihood is linear in the errors, so that the mean of repeats says all that the repeats say.
+    The likelihood is linear in the errors, so that the mean is sufficient.
     """
     fraction = 1 / np.sqrt(frames)
     return replace(

@@ -1,4 +1,4 @@
-"""What a planned press must keep to, for the model of an estimate to hold and the camera to see it."""
+"""Limits of a planned press by the model of an estimate and by the camera."""
 
 from __future__ import annotations
 
@@ -15,30 +15,29 @@ if TYPE_CHECKING:
     from tsis.inclusion.design._information import PlannedView
 
 
-ROUNDING = 1e-9  # relative: a force chosen to lie on a limit keeps to it
+ROUNDING = 1e-9  # relative: a force chosen on a limit satisfies it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignLimits:
-    """How near a protocol comes to each limit.
+    """Values of a protocol that are limited.
 
     Attributes
     ----------
     strain
-        Nominal strain of the strongest press on plain tissue; small strain takes 0.3.
+        Nominal strain of the strongest press on tissue without inclusion; at most 0.3 for small strain.
     least_force_n
         Force of the weakest press.
     covering_force_n
-        Force in newtons from which the contact covers the face on plain tissue; 0 of a flat one.
+        Least force in newtons at which the contact covers the face on tissue without inclusion; 0 for a flat face.
     whole_fraction
-        Share of the inclusions on which the weakest press touches with the whole face. On the others an estimate would
-        say that its model does not hold.
+        Fraction of the inclusions with full contact in the weakest press. Estimates of the others are not trusted.
     brightest_grey
         Largest grey level of any press, background included.
     full_scale
         Grey level at which the camera clips.
     read_mm
-        Diameter of the face that is read.
+        Diameter of the evaluated face.
     view_mm
         Shorter side of the picture on the face.
     """
@@ -54,32 +53,32 @@ class DesignLimits:
 
     @property
     def broken(self) -> dict[str, str]:
-        """What is broken, by name: strain, contact, saturation or view; one sentence each."""
+        """Violated limits by name, strain, contact, saturation or view, with a message each."""
         slack, findings = 1 + ROUNDING, dict[str, str]()
         if self.strain > STRAIN_LIMIT * slack:
             findings["strain"] = (
-                f"The nominal strain is {self.strain:.2f}; small strain takes {STRAIN_LIMIT:g}: press less."
+                f"The nominal strain is {self.strain:.2f}; the limit of small strain is {STRAIN_LIMIT:g}: press less."
             )
         if self.least_force_n * slack < self.covering_force_n:
             findings["contact"] = (
-                f"At {self.least_force_n:.2g} N the face touches plain tissue only in part; from "
-                f"{self.covering_force_n:.2g} N on it touches as a whole: press more."
+                f"At {self.least_force_n:.2g} N the face touches the tissue only in part; full contact needs "
+                f"{self.covering_force_n:.2g} N: press more."
             )
         if self.brightest_grey >= self.full_scale:
             findings["saturation"] = (
-                f"The brightest place has {self.brightest_grey:.0f} grey levels; the camera clips at "
+                f"The brightest point has {self.brightest_grey:.0f} grey levels; the camera clips at "
                 f"{self.full_scale:g}: expose less."
             )
         if self.read_mm > self.view_mm * slack:
             findings["view"] = (
-                f"The face is read over {self.read_mm:.1f} mm; the picture shows {self.view_mm:.1f} mm: use another "
-                "lens."
+                f"The profile covers {self.read_mm:.1f} mm of the face; the picture shows {self.view_mm:.1f} mm: "
+                "use another lens."
             )
         return findings
 
 
 def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> DesignLimits:
-    """How near a protocol comes to its limits on plain tissue and on the inclusions (n, 3)."""
+    """The limited values of a protocol without inclusion and on the inclusions (n, 3)."""
     forces, sensor = view.protocol.forces_n, view.sensor
     at_none, per_newton = nominal_strains(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)
     sides = (sensor.columns * sensor.mm_per_pixel[0], sensor.rows * sensor.mm_per_pixel[1])
@@ -97,7 +96,7 @@ def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> DesignLimit
 
 
 def covering_n(view: PlannedView, inclusions: NDArray[np.float64]) -> float:
-    """Force from which the contact covers the face on plain tissue and on every one of the inclusions (n, 3)."""
+    """Least force at which the contact covers the face without inclusion and on all inclusions (n, 3)."""
     return max(_covers(view, inclusion) for inclusion in (None, *inclusions))
 
 
@@ -106,5 +105,5 @@ def _covers(view: PlannedView, inclusion: NDArray[np.float64] | None) -> float:
 
 
 def largest_force_of(view: PlannedView) -> float:
-    """Force at which the nominal strain on plain tissue reaches the limit."""
+    """Force at the limit of the nominal strain without inclusion."""
     return largest_force_n(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)

@@ -1,4 +1,4 @@
-"""What would be pressed how, before anything is built."""
+"""A planned probe and its presses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class PlannedPress:
     force_n
         Force in newtons, in [0.001, 50].
     with_reference
-        Whether plain tissue nearby is pressed with the same force.
+        Whether there is a reference press with the same force.
 
     Raises
     ------
@@ -44,18 +44,18 @@ class Protocol:
     Parameters
     ----------
     probe
-        What presses.
+        The probe.
     presses
         At least one press on the target.
     frames_each
-        How often each press, on the target and on plain tissue, is made anew, in [1, 1000].
+        Repeats of each press, on target and reference, in [1, 1000].
     name
-        What tables call it.
+        Name in tables.
 
     Raises
     ------
     InputError
-        When there is no press, or a value lies outside its range.
+        When there is no press, or a value is out of range.
 
     Examples
     --------
@@ -86,12 +86,12 @@ class Protocol:
 
     @property
     def has_reference(self) -> bool:
-        """Whether any press is made on plain tissue too."""
+        """Whether any press has a reference press."""
         return any(press.with_reference for press in self.presses)
 
     @property
     def described(self) -> str:
-        """The protocol in words."""
+        """Text of the protocol."""
         forces = " and ".join(f"{force:g}" for force in self.forces_n)
         count = sum(press.with_reference for press in self.presses)
         reference = {0: "no reference", len(self.presses): "each with a reference"}.get(
@@ -104,7 +104,7 @@ class Protocol:
 
 
 def protocol_of(probe: Probe, forces_n: tuple[float, ...], *, with_reference: bool = True, name: str = "") -> Protocol:
-    """Press with each of the forces once, all with a reference or none."""
+    """Protocol with one press at each of the forces, all with a reference or none."""
     presses = tuple(PlannedPress(force_n=force, with_reference=with_reference) for force in forces_n)
     return Protocol(probe=probe, presses=presses, name=name)
 

@@ -1,8 +1,7 @@
-"""The layers and forces that tell most, within the limits of the model and of the camera.
+"""Search for the layers and forces of most information, within the limits of the model and of the camera.
 
-Moduli need new presses to be solved, which takes seconds; forces do not, because a press is affine in its force. So for
-each choice of moduli the best forces are found at once, between the force from which the whole face touches and the one
-at which the first limit is met.
+New moduli need a new surrogate, in seconds; new forces do not, because a press is affine in its force. An inner search
+therefore optimises the forces for each choice of moduli, between the force of full contact and the first limit.
 """
 
 from __future__ import annotations
@@ -35,32 +34,32 @@ if TYPE_CHECKING:
 
 MOST_EVALUATIONS = 25
 OCTAVES = 2.0  # the layers' common factor and their gradient lie between 1/4 and 4
-SEARCHED = 16  # inclusions while searching; the answer is judged on all
+SEARCHED = 16  # inclusions of the search; the result is evaluated on all
 FORCE_EVALUATIONS = 30
-WEAKEST = 0.05  # of the strongest force: a flat face touches at any
-CLIP_FRACTION = 0.98  # of full scale: what lies between the searched inclusions may be a little brighter
-AT_END = 0.02  # of a range: nearer to its end a variable is held by it
-HOPELESS = 1e3  # score of layers under which no force keeps to the limits
+WEAKEST = 0.05  # least force, of the strongest: a flat face has full contact at any force
+CLIP_FRACTION = 0.98  # of full scale: inclusions between the searched ones may be slightly brighter
+AT_END = 0.02  # of a range: distance from its end below which a variable is bound by it
+HOPELESS = 1e3  # score of layers without a force within the limits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignOptimum:
-    """The best design found.
+    """The best design of a search.
 
     Attributes
     ----------
     planned, best
-        The design that the search started from, and the best that it met.
+        The initial design and the best one.
     stiffening
         Factor of all moduli.
     gradient
-        Factor by which the skin's end of the stack was made stiffer over the glass's.
+        Relative stiffening of the skin's end of the stack over the glass's.
     binding
-        What keeps the design from being better: names of limits (``"strain"``, ``"contact"``, ``"saturation"``,
+        Binding limits: names of limits (``"strain"``, ``"contact"``, ``"saturation"``,
         ``"view"``) and of ends of the search (``"softest"``, ``"stiffest"``, ``"gradient"``, ``"weakest force"``,
         ``"strongest force"``).
     evaluations
-        Stacks of layers that were solved.
+        Number of solved stacks of layers.
     """
 
     planned: Design
@@ -73,7 +72,7 @@ class DesignOptimum:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Forces:
-    """Forces between which a stack may be pressed, and what ends them."""
+    """Range of the forces of a stack, and the limits at its ends."""
 
     low_n: float
     high_n: float
@@ -81,7 +80,7 @@ class _Forces:
     high_by: str
 
     def at(self, fractions: NDArray[np.float64]) -> tuple[float, ...]:
-        """Forces at shares, in [0, 1], of the range's logarithm, the weakest first."""
+        """Forces at fractions, in [0, 1], of the range's logarithm, the weakest first."""
         forces = self.low_n * (self.high_n / self.low_n) ** np.sort(np.clip(fractions, 0.0, 1.0))
         return tuple(forces.tolist())
 
@@ -103,30 +102,30 @@ def optimise_design(
     Parameters
     ----------
     planned
-        Where the search starts; how many presses and references there are, and the probe's shape, stay.
+        The initial design; numbers of presses and references and the probe's shape are fixed.
     prior, sensor, degrees
         See `information`.
     calibration, traced
         Of the planned probe; see `calibration_for`.
     criterion
-        What is made small: ``"all"``, the mean over the prior of the log of the product of the three expected standard
+        The objective: ``"all"``, the mean over the prior of the log of the product of the three expected standard
         deviations, or the expected error of ``"diameter_mm"``, ``"depth_mm"`` or ``"young_kpa"``.
     evaluations
-        Stacks to solve at most, in [1, 25].
+        Largest number of stacks, in [1, 25].
     progress
-        Called with (stacks solved, stacks at most).
+        Called with (stacks solved, largest number).
 
     Raises
     ------
     InputError
-        When no force keeps the limits with any of the stacks that were tried.
+        When no force satisfies the limits with any stack.
     UnknownNameError
-        When there is no such criterion.
+        When the criterion is unknown.
 
     Returns
     -------
     Optimum
-        The best design met, and what binds it.
+        The best design and its binding limits.
     """
     require_one_of("criterion", criterion, CRITERIA)
     evaluations = require_integer("evaluations", evaluations, 1, MOST_EVALUATIONS)
@@ -152,7 +151,7 @@ def optimise_design(
         return value
 
     start = np.zeros(2)
-    # A first simplex of one octave: smaller ones spend the few evaluations on finding the scale.
+    # The first simplex spans an octave: a smaller one wastes evaluations on the scale.
     simplex = np.array([start, [1.0, 0.0], [0.0, 1.0]])
     minimize(
         judge,
@@ -179,7 +178,7 @@ def optimise_design(
 
 
 def _moduli(probe: Probe, octaves: NDArray[np.float64]) -> list[float]:
-    """Moduli times a common factor, and times a gradient from the skin to the glass that is one in the middle."""
+    """Moduli times a common factor and a gradient from skin to glass, which is 1 in the middle."""
     thickness = np.array([layer.thickness_mm for layer in probe.layers])
     middle = (np.cumsum(thickness) - thickness / 2) / thickness.sum()
     young = np.array([layer.young_kpa for layer in probe.layers])
@@ -187,7 +186,7 @@ def _moduli(probe: Probe, octaves: NDArray[np.float64]) -> list[float]:
 
 
 def _forces(view: PlannedView, inclusions: NDArray[np.float64]) -> _Forces:
-    """From whole contact to the first of strain, saturation and the largest force there is."""
+    """Range from full contact to the first limit: strain, saturation or the largest force."""
     covering = covering_n(view, inclusions)
     most = {
         "strain": largest_force_of(view),
@@ -201,7 +200,7 @@ def _forces(view: PlannedView, inclusions: NDArray[np.float64]) -> _Forces:
 
 
 def _clipping_n(view: PlannedView, inclusions: NDArray[np.float64]) -> float:
-    """Force at which the brightest place of any press fills the camera's scale."""
+    """Force at which the brightest point of any press saturates."""
 
     def excess(force_n: float) -> float:
         pressed = at_forces(view, (force_n,) * len(view.protocol.presses))
@@ -216,7 +215,7 @@ def _clipping_n(view: PlannedView, inclusions: NDArray[np.float64]) -> float:
 
 
 def at_forces(view: PlannedView, forces_n: tuple[float, ...]) -> PlannedView:
-    """The same presses at other forces, one for each."""
+    """The presses at other forces."""
     protocol = view.protocol
     presses = tuple(replace(press, force_n=force) for press, force in zip(protocol.presses, forces_n, strict=True))
     every = [press.force_n for press in presses] + [press.force_n for press in presses if press.with_reference]
@@ -247,7 +246,7 @@ def _pressed_best(
 
 
 def _binding(best: Design, octaves: NDArray[np.float64], forces: _Forces) -> tuple[str, ...]:
-    """Names of what holds the best design, in the order of forces, moduli and what is broken all the same."""
+    """Names of the binding limits: forces, moduli, then violated limits."""
     span = np.log(forces.high_n / forces.low_n)
     pressed, stored = best.protocol.forces_n, []
     if np.log(max(pressed) / forces.low_n) > (1 - AT_END) * span:

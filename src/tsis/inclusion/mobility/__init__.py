@@ -1,4 +1,4 @@
-"""Mobility: how far the light moves over a sequence of frames, (6.14)."""
+"""Mobility: displacement of the light over a sequence of frames, (6.14)."""
 
 from tsis.inclusion.mobility._track import Mobility, mobility
 

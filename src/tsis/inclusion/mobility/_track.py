@@ -1,4 +1,4 @@
-"""How far the pixels' noise alone moves the centroid of the light."""
+"""Track the centroid of the light over a sequence of frames, with its noise."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ LEAST_STEP = 1e-3  # of the threshold, where a frame has next to no noise
 def centroid_noise_mm(part: LitPart, change: LightChange, frame: TactileImage) -> float:
     """Standard deviation of one coordinate of the centroid by the noise of one frame, mm.
 
-    Noise changes what a pixel inside weighs, and, twice as much, which pixels of the edge count at all. So the answer
-    of the counted light to a change of grey level is a difference over the noise itself, which smears the edge as noise
-    does. The reference's noise is left out: it shifts all frames of a sequence alike.
+    Noise changes the weights of the pixels inside and, with twice the effect, which pixels of the edge count. The
+    derivative of the counted light is therefore a difference over the noise, which smears the edge as noise does. The
+    reference's noise is omitted: it shifts all frames of a sequence equally.
     """
-    assert part.centroid_px is not None  # asked for lit parts only
+    assert part.centroid_px is not None  # callers pass only frames with a lit part
     sx, sy = frame.scale()
     grey, threshold = change.image.grey, part.threshold_grey
     step = max(change.noise_grey, LEAST_STEP * threshold)
@@ -53,38 +53,38 @@ def centroid_noise_mm(part: LitPart, change: LightChange, frame: TactileImage) -
         response += counted / (2.0 * side)
     x = (np.arange(grey.shape[1])[None, :] - part.centroid_px[0]) * sx
     y = (np.arange(grey.shape[0])[:, None] - part.centroid_px[1]) * sy
-    # The blur that the change went through is its own transpose, so it may act on the answer instead of the noise.
+    # The blur is its own transpose: it may act on the derivative instead of the noise.
     pull = sum(float(np.square(change.raised * smoothed(response * along)).sum()) for along in (x, y))
     return float(pixel_noise(frame.grey) * np.sqrt(pull / 2.0) / part.total_grey)
 
 
-CLEAR_MOVEMENT = 6.0  # standard deviations of one position; the range of many that stand still hardly gets there
+CLEAR_MOVEMENT = 6.0  # standard deviations of a position, more than the range of many positions at rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mobility:
-    """Positions of the light over a sequence, and how far they lie apart.
+    """Positions of the light over a sequence, with steps, path and excursion.
 
     Attributes
     ----------
     position_mm
-        Centroid (x, y) from the probe's axis in each frame, shape (frames, 2); NaN where nothing was seen.
+        Centroid (x, y) from the probe's axis in each frame, shape (frames, 2); NaN without contact.
     step_mm
         Distance from each frame to the next (6.14), shape (frames - 1,); NaN next to a frame without contact.
     path_mm
-        Sum of the steps: it grows with every frame, noise included. None when no step was seen.
+        Sum of the steps, which grows with each frame by noise. None without steps.
     excursion_mm
-        Greatest distance between any two positions: what one looks for. None when no step was seen.
+        Greatest distance between any two positions: the measure of mobility. None without steps.
     noise_mm
         Standard deviation of one coordinate by the pixels' noise alone, the mean over the frames.
     noise_path_mm
-        Path that an object at rest would seem to take by that noise.
+        Apparent path of an object at rest by that noise.
     against
-        What the reference showed.
+        Content of the reference.
     assumptions
-        What the numbers rest on, one sentence each.
+        Assumptions of the numbers, a message each.
     flags
-        Short names of what is wrong.
+        Short names of the defects.
     """
 
     position_mm: NDArray[np.float64]
@@ -102,7 +102,7 @@ class Mobility:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The sentence of each flag."""
+        """The message of each flag."""
         return notes_of(self.flags)
 
 
@@ -124,7 +124,7 @@ def mobility(
     reference, against, calibration, threshold_grey
         As for `relative_size`.
     progress
-        Called with (frames read, frames in all).
+        Called with (frames read, all frames).
 
     Returns
     -------
@@ -152,7 +152,7 @@ def mobility(
     frames = as_images("images", images)
     _check_sequence(frames)
     positions, spread, flags_of = list[tuple[float, float]](), list[float](), list[tuple[str, ...]]()
-    for number, frame in enumerate(frames):  # one at a time: a sequence is long, and its changes are larger than it
+    for number, frame in enumerate(frames):  # frame by frame, to limit memory
         change = change_of_light(frame, reference, against=against, calibration=calibration)
         part = lit_part(change, threshold_grey)
         positions.append(_position_mm(part, frame))
@@ -179,14 +179,14 @@ def mobility(
         path_mm=float(np.nansum(step)) if any_step else None,
         excursion_mm=excursion,
         noise_mm=noise,
-        # The distance of two points, each spread by s along both axes, is s sqrt(pi) in the mean.
+        # The mean distance of two points with a standard deviation s along both axes is s sqrt(pi).
         noise_path_mm=float(np.count_nonzero(np.isfinite(step)) * noise * np.sqrt(np.pi)),
         against=against,
         assumptions=(
             SPHERE_ASSUMPTION,
             COMPARED_WITH[against],
             equal_light_assumption(calibration),
-            "Probe and force stay the same: a probe that slides moves the light as an object does.",
+            "Probe and force are constant: a sliding probe shifts the light as an object does.",
         ),
         flags=tuple(dict.fromkeys([*of_parts, *(flag for flag, is_so in wrong.items() if is_so)])),
     )
@@ -195,7 +195,7 @@ def mobility(
 def _check_sequence(frames: list[TactileImage]) -> None:
     """Refuse fewer than two frames, and frames of different cameras or forces."""
     if len(frames) < 2:
-        raise InputError(f"images must hold at least two frames to see a movement; got {len(frames)}")
+        raise InputError(f"images must hold at least two frames to measure a movement; got {len(frames)}")
     forces = [frame.force_n for frame in frames if frame.force_n is not None]
     if forces and max(forces) > 1.05 * min(forces):
         raise InputError(f"images must be pressed with one force, within 5 %; got {min(forces):g} to {max(forces):g} N")

@@ -1,4 +1,4 @@
-"""The networks of section 6.3.3: three outputs of a press in, diameter, depth and modulus out."""
+"""The networks of section 6.3.3, from three outputs of a press to diameter, depth and modulus."""
 
 from tsis.inclusion.network._network import Layers, Network
 from tsis.inclusion.network._outputs import (

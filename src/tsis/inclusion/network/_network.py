@@ -1,7 +1,7 @@
-"""A layered network: sigmoid units and a last layer of linear ones, with exact derivatives by its weights.
+"""A feed-forward network of sigmoid units with a linear output layer, and exact derivatives by its weights.
 
-The dissertation's has three inputs, ten sigmoid units and three linear ones (section 6.3.3). It names a layer between
-them without its size; ``hidden`` may hold one.
+The dissertation's network has three inputs, ten sigmoid units and three linear units (section 6.3.3). It names a layer
+between them without its size; ``hidden`` may include one.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 MOST_UNITS = 1000  # of a layer
 ROUNDING = 1e-12  # relative variation that sums may have by their order alone
-MOST_WEIGHTS = 10_000_000  # 80 MB, of which training holds some copies
+MOST_WEIGHTS = 10_000_000  # 80 MB, with some copies in training
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layers:
-    """Numbers of inputs, hidden units of each layer, and outputs: what a flat array of weights means.
+    """Numbers of inputs, hidden units of each layer, and outputs: the layout of a flat array of weights.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class Layers:
 
     @property
     def weights(self) -> int:
-        """How many weights and biases there are."""
+        """Number of weights and biases."""
         return sum((below + 1) * above for below, above in pairwise(self.sizes))
 
     def matrices(self, weights: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -67,7 +67,7 @@ class Layers:
         return result
 
     def random_weights(self, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Normal weights that leave a layer's units as spread as those below it, and no bias."""
+        """Normal weights that preserve the variance from layer to layer, and zero biases."""
         parts = []
         for below, above in pairwise(self.sizes):
             matrix = np.zeros((above, below + 1))
@@ -77,7 +77,7 @@ class Layers:
 
 
 def activations(layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """What every layer says, shape (n, units) each: the inputs first, the network's outputs last."""
+    """Values of all layers, shape (n, units) each, from the inputs to the outputs."""
     *hidden, last = layers.matrices(weights)
     results = [inputs]
     for matrix in hidden:
@@ -115,9 +115,9 @@ def jacobian(layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np.fl
 def _backwards(
     layers: Layers, weights: NDArray[np.float64], messages: list[NDArray[np.float64]], at_outputs: NDArray[np.float64]
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """From the last layer to the first: derivatives by the sums that its units take, (n, k, units), and its inputs.
+    """Backpropagate: from the last layer, derivatives by its units' sums, (n, k, units), and its inputs.
 
-    ``at_outputs`` holds k directions in the outputs for each sample, shape (n, k, outputs).
+    ``at_outputs``, shape (n, k, outputs), is k directions in the outputs of each sample.
     """
     change = at_outputs
     for matrix, below in zip(reversed(layers.matrices(weights)), reversed(messages[:-1]), strict=True):
@@ -126,14 +126,14 @@ def _backwards(
 
 
 def check_varies(name: str, values: NDArray[np.float64]) -> None:
-    """Refuse a table of shape (n, columns) with a column that says the same in every row, but for rounding."""
+    """Refuse a table of shape (n, columns) with a column that is constant within rounding."""
     if (np.ptp(values, axis=0) <= ROUNDING * np.abs(values).max(axis=0)).any():
         raise InputError(f"{name} must vary in every column; got one that is the same in all {len(values)} rows")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Span:
-    """Least and greatest value of each column, which become -1 and 1 inside a network; shapes (columns,)."""
+    """Least and greatest value of each column, scaled to -1 and 1 in a network; shapes (columns,)."""
 
     low: NDArray[np.float64]
     high: NDArray[np.float64]
@@ -155,16 +155,16 @@ class Span:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Network:
-    """A trained network from outputs of a press to an inclusion, in physical units on both sides.
+    """A trained network from outputs of a press to an inclusion, both in physical units.
 
     Attributes
     ----------
     layers
-        Its shape.
+        The layers.
     weights
-        Its weights and biases, shape (layers.weights,), for inputs and outputs scaled to [-1, 1].
+        Weights and biases, shape (layers.weights,), for inputs and outputs scaled to [-1, 1].
     input_span, output_span
-        The ranges that were scaled to [-1, 1].
+        Ranges of the scaling to [-1, 1].
     """
 
     layers: Layers

@@ -1,8 +1,8 @@
-"""The three numbers that section 6.3 reads off a press, greatest, total and area, and those of simulated presses.
+"""The three outputs of a press of section 6.3, greatest value, total and area, of frames and of simulated presses.
 
-As printed they are read over the whole face. A flat face pressed with a fixed force then says nearly the same of every
-inclusion: its total is the force, its area is the face, its greatest value sits at the rim. So by default the press of
-plain tissue is subtracted and the rim left out.
+The source evaluates the whole face. With a flat face and a fixed force the outputs are then nearly equal for all
+inclusions: the total is the force, the area is the face, and the greatest value is at the rim. By default the reference
+press is subtracted and the rim is excluded.
 """
 
 from __future__ import annotations
@@ -40,28 +40,28 @@ if TYPE_CHECKING:
 
 OUTPUTS = ("greatest", "total", "area")
 FIELDS = ("face_displacement_mm", "pressure_kpa")
-OUTPUT_RADIUS_MM = 8.0  # of radius; further out the rim of a 12 mm face outshines the inclusion
+OUTPUT_RADIUS_MM = 8.0  # beyond it the rim of a 12 mm face is brighter than the inclusion
 RINGS = 20
 MOST_RINGS = 1000
 CHUNK = 4096  # profiles refined at a time: 26 MB with the usual rings
-BRIGHTEST = 0.999  # of saturation, beyond which light no longer grows with pressure
-FINE = 40  # radii in each ring on which the area's outline is found: to 0.3 % of its radius
-CHANGED_FRACTION = 0.05  # of plain tissue's mean: a change that counts as deformed; errors of force stay below
-PRESSED_FRACTION = 0.5  # of plain tissue's mean: what counts as deformed when nothing is subtracted
+BRIGHTEST = 0.999  # of saturation, the limit of the inverse response
+FINE = 40  # radii per ring that resolve the area's outline to 0.3 % of its radius
+CHANGED_FRACTION = 0.05  # of the reference's mean: a change that counts as deformed, above errors of force
+PRESSED_FRACTION = 0.5  # of the reference's mean: level that counts as deformed without subtraction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OutputReading:
-    """How the three outputs are read off ring profiles; make one with `change_reading` or `printed_reading`.
+    """Definition of the three outputs of ring profiles; created by `change_reading` or `printed_reading`.
 
     Attributes
     ----------
     edges_mm
         Ring boundaries on the face, shape (rings + 1,).
     subtract
-        Whether the press of plain tissue is subtracted.
+        Whether the reference press is subtracted.
     threshold_share
-        Level above which the face counts as deformed, over the mean level of plain tissue, in [1e-6, 10].
+        Level above which the face counts as deformed, over the mean level of the reference, in [1e-6, 10].
     """
 
     edges_mm: NDArray[np.float64]
@@ -79,11 +79,11 @@ class OutputReading:
         require_number("threshold_share", self.threshold_share, 1e-6, 10.0)
 
     def __call__(self, profiles: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
-        """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) beside that of plain tissue (rings,)."""
+        """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) with their reference (rings,)."""
         values, base = require_array("profiles", profiles, ndim=2), require_array("reference", reference, ndim=1)
         rings = len(self.edges_mm) - 1
         if values.shape[1] != rings or base.shape != (rings,):
-            raise InputError(f"profiles and plain must have {rings} rings; got {values.shape} and {base.shape}")
+            raise InputError(f"profiles and reference must have {rings} rings; got {values.shape} and {base.shape}")
         area = np.pi * np.diff(self.edges_mm**2)
         level = self.threshold_share * float(base @ area) / float(area.sum())
         if self.subtract:
@@ -91,7 +91,7 @@ class OutputReading:
         return np.column_stack([values.max(axis=1), values @ area, self._area_above(values, level)])
 
     def _area_above(self, values: NDArray[np.float64], level: float) -> NDArray[np.float64]:
-        """Area where profiles exceed a level, smooth between the radii at which a parabola has its ring means."""
+        """Area where profiles exceed a level, from parabolas through the ring means."""
         middles = np.sqrt((self.edges_mm[1:] ** 2 + self.edges_mm[:-1] ** 2) / 2)
         ends = np.linspace(self.edges_mm[0], self.edges_mm[-1], FINE * len(middles) + 1)
         inside = np.clip((ends[1:] + ends[:-1]) / 2, middles[0], middles[-1])
@@ -103,14 +103,14 @@ class OutputReading:
 def change_reading(
     *, extent_mm: float = OUTPUT_RADIUS_MM, threshold_fraction: float = CHANGED_FRACTION
 ) -> OutputReading:
-    """Read the change against plain tissue, away from the rim.
+    """Outputs of the change against the reference, without the rim.
 
     Parameters
     ----------
     extent_mm
         Radius on the face, mm, in [0.1, 200].
     threshold_fraction
-        Change that counts as deformed, over plain tissue's mean.
+        Change that counts as deformed, over the reference's mean.
 
     Raises
     ------
@@ -124,19 +124,19 @@ def change_reading(
 
 
 def printed_reading(probe: Probe, *, threshold_fraction: float = PRESSED_FRACTION) -> OutputReading:
-    """Read the whole face and subtract nothing, as section 6.3 says.
+    """Outputs of the whole face without subtraction, as in section 6.3.
 
     Parameters
     ----------
     probe
-        Whose face is read, from the axis to the rim.
+        The probe, whose face is evaluated from the axis to the rim.
     threshold_fraction
-        Grey level that counts as deformed, over the mean of plain tissue.
+        Grey level that counts as deformed, over the reference's mean.
 
     Raises
     ------
     InputError
-        When ``probe`` is no `Probe`, or the share lies outside its range.
+        When ``probe`` is no `Probe`, or the fraction is out of range.
     """
     require_type("probe", probe, Probe)
     edges = np.linspace(0.0, probe.radius_mm, RINGS + 1)
@@ -161,9 +161,9 @@ def simulated_outputs(
     inclusions
         Diameter (mm), depth (mm) and modulus (kPa) of each, shape (n, 3), inside the surrogate's box.
     reading
-        How the outputs are read.
+        Definition of the outputs.
     field
-        ``"face_displacement_mm"`` as in the source, or ``"pressure_kpa"``, which is what a camera sees.
+        ``"face_displacement_mm"`` as in the source, or ``"pressure_kpa"``, which a camera measures.
     tissue_young_kpa, thickness_mm
         The slab around the inclusion, inside the surrogate's box.
 
@@ -174,9 +174,9 @@ def simulated_outputs(
     Raises
     ------
     InputError
-        When a value lies outside the surrogate's box or the reading reaches over the face.
+        When a value is outside the surrogate's box or the reading extends beyond the face.
     UnknownNameError
-        When no field has that name.
+        When the field is unknown.
     """
     require_type("surrogate", surrogate, PressSurrogate)
     require_type("reading", reading, OutputReading)
@@ -190,11 +190,11 @@ def simulated_outputs(
     require_number("tissue_young_kpa", tissue_young_kpa, *box.tissue_young_kpa, hint="the surrogate's box")
     require_number("thickness_mm", thickness_mm, *box.thickness_mm, hint="the surrogate's box")
     require_number(
-        "the reading's reach", reading.edges_mm[-1], 0.0, float(surrogate.radius_mm[-1]), hint="the face, mm"
+        "the reading's extent", reading.edges_mm[-1], 0.0, float(surrogate.radius_mm[-1]), hint="the face, mm"
     )
     rings = getattr(surrogate, field).mapped(ring_means(surrogate, reading.edges_mm))
     at = rings.at_tissue(tissue_young_kpa, thickness_mm)
-    return reading(at(*table.T), at.plain)
+    return reading(at(*table.T), at.baseline)
 
 
 def printed_frame_outputs(
@@ -216,7 +216,7 @@ def printed_frame_outputs(
     Raises
     ------
     InputError
-        When there is no frame, or one is dark all over and so has no centroid.
+        When there is no frame, or a frame is dark and has no centroid.
 
     Examples
     --------
@@ -248,18 +248,18 @@ def frame_outputs(
     *,
     calibration: Calibration,
 ) -> NDArray[np.float64]:
-    """The three outputs of frames, in grey levels at even light; section 6.3.2.
+    """The three outputs of frames, in grey levels at uniform light; section 6.3.2.
 
     Parameters
     ----------
     images
         Frames of the pressed probe over inclusions, of known force and scale.
     reference
-        The same press on plain tissue, with the same force.
+        Reference press of the same force.
     reading
-        How the outputs are read.
+        Definition of the outputs.
     calibration
-        Background, and how unevenly the face is lit.
+        Background and light map.
 
     Returns
     -------
@@ -268,9 +268,9 @@ def frame_outputs(
     Raises
     ------
     InputError
-        When a force or scale is unknown, forces differ, or a ring lies outside the picture or is clipped all around.
+        When a force or scale is unknown, forces differ, or a ring is outside the picture or completely clipped.
     ImageMismatchError
-        When the frames do not belong together.
+        When the frames differ in size, scale or axis.
     """
     rings = _rings_of_frames(images, reference, reading, calibration)
     return reading(rings[:-1], rings[-1])
@@ -312,7 +312,7 @@ def _rings_of_frames(
     reading: OutputReading,
     calibration: Calibration,
 ) -> NDArray[np.float64]:
-    """Ring means in grey levels at even light of each frame, the reference last; shape (n + 1, rings)."""
+    """Ring means in grey levels at uniform light of each frame, the reference last; shape (n + 1, rings)."""
     require_type("calibration", calibration, Calibration)
     require_type("reading", reading, OutputReading)
     frames = [*as_images("images", images), *as_images("reference", reference)]
@@ -327,22 +327,22 @@ def _rings_of_frames(
     if unseen:
         raise InputError(
             f"every ring to {reading.edges_mm[-1]:g} mm must have lit pixels in the picture that are not clipped; "
-            f"got {unseen} of {rings.shape[1]} rings without (lower the exposure or the reach)"
+            f"got {unseen} of {rings.shape[1]} rings without (lower the exposure or the extent)"
         )
     return rings
 
 
 def _ring_means(frame: TactileImage, edges_mm: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
-    """Mean grey above the background in rings, at even light; NaN in rings that show nothing.
+    """Mean grey above the background in rings, at uniform light; NaN in rings without usable pixels.
 
-    Where a lamp makes pixels clip, the others of the ring stand for them: the press is round. Their sum over the sum of
-    their light is, with photon noise, their best mean.
+    Clipped pixels are excluded, since the press is round. The sum of grey over the sum of light is, with photon noise,
+    the best mean.
     """
     light: NDArray[np.floating[Any]] = np.ones(frame.grey.shape)
     if calibration.light is not None:
         (rows, columns), (x, y), (wide, high) = frame.grey.shape, frame.axis(), frame.scale()
         light = calibration.light.at((np.arange(columns) - x) * wide, (np.arange(rows) - y) * high)
     clipped = frame.grey >= frame.full_scale
-    lit = replace(frame, grey=np.where(clipped, frame.full_scale, light))  # leaves the same pixels out
+    lit = replace(frame, grey=np.where(clipped, frame.full_scale, light))  # excludes the same pixels
     observed, light_there = (radial_profile(item, edges_mm=edges_mm).mean_grey for item in (frame, lit))
     return np.asarray((observed - calibration.background_grey) / np.where(light_there > 0, light_there, np.nan))

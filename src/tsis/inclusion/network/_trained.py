@@ -1,4 +1,4 @@
-"""Networks trained for one probe at one force, as a value that frames are given to and as a file."""
+"""Networks trained for one probe at one force: training, application and file."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ class TrainedNetworks:
     force_n
         Force of these presses, N.
     reach_mm
-        Radius on the face within which outputs are read, mm.
+        Radius of the outputs on the face, mm.
     prior
-        Fields of the `InclusionPrior` that the inclusions of the training were drawn from.
+        Fields of the `InclusionPrior` of the training's inclusions.
     networks
-        They differ in their first weights and in the samples that stopped their training.
+        The networks, with different initial weights and validation samples.
     """
 
     probe: str
@@ -68,7 +68,7 @@ class TrainedNetworks:
 
     @property
     def reading(self) -> OutputReading:
-        """How outputs are read."""
+        """Definition of the outputs."""
         return change_reading(extent_mm=self.reach_mm)
 
     def outputs(
@@ -95,11 +95,11 @@ class TrainedNetworks:
         return pressure_outputs(images, reference, self.reading, calibration=calibration)
 
     def __call__(self, outputs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What each network makes of outputs of shape (n, 3): shape (networks, n, 3), in mm, mm and kPa."""
+        """Results of each network for outputs of shape (n, 3): shape (networks, n, 3), in mm, mm and kPa."""
         return np.array([network(outputs) for network in self.networks])
 
     def outside(self, outputs: NDArray[np.float64]) -> tuple[str, ...]:
-        """Names of the outputs that lie outside those of the training in any row."""
+        """Names of the outputs outside the range of the training in any row."""
         low = np.min([network.input_span.low for network in self.networks], axis=0)
         high = np.max([network.input_span.high for network in self.networks], axis=0)
         beyond = ((outputs < low) | (outputs > high)).any(axis=0)
@@ -125,22 +125,21 @@ def train_networks(
     Parameters
     ----------
     probe, force_n
-        What presses, and with what force in N, in [1e-3, 50].
+        The probe, and its force in N, in [1e-3, 50].
     rng
-        Draws inclusions, first weights and the samples that stop a training.
+        Draws inclusions, initial weights and validation samples.
     prior
-        Ranges that inclusions are drawn from, and the slab around them; `InclusionPrior` by default.
+        Prior of the inclusions and of the slab; `InclusionPrior` by default.
     samples
         Simulated inclusions, in [20, 100000]; the source has 134.
     networks
-        How many, in [1, 1000]; the source has 100.
+        Number of networks, in [1, 1000]; the source has 100.
     hidden, method
         As for `train_network`.
     extent_mm
-        Radius on the face within which outputs are read, mm.
+        Radius of the outputs on the face, mm.
     solving, progress
-        Called with (slabs solved, slabs) while the press of a new probe is solved, and with (networks trained,
-        networks).
+        Called with (slabs solved, slabs) while a new probe's surrogate is built, and with (networks trained, networks).
 
     Raises
     ------
@@ -184,12 +183,12 @@ def train_networks(
 
 
 def write_networks(trained: TrainedNetworks, path: str | os.PathLike[str]) -> Path:
-    """Write networks as a text file, whole or not at all; one of that name is replaced.
+    """Write networks to a text file atomically; an existing file is replaced.
 
     Raises
     ------
     FileInputError
-        When it cannot be written there.
+        When the file cannot be written.
     """
     require_type("trained", trained, TrainedNetworks)
     position = as_path(path)
@@ -226,7 +225,7 @@ def read_networks(path: str | os.PathLike[str]) -> TrainedNetworks:
     Raises
     ------
     FileInputError
-        When it is no such file, or was changed.
+        When the file is of another kind, or was changed.
     """
     position = as_path(path)
     content = read_object(position, most=LARGEST_BYTES, values=MOST_VALUES)
@@ -235,10 +234,8 @@ def read_networks(path: str | os.PathLike[str]) -> TrainedNetworks:
             f"{printable_path(position)} must be a {FORMAT!r} file of version {VERSION}; got "
             f"{content.get('format')!r:.40} of version {content.get('version')!r:.20}"
         )
-    if set(content) != KEYS or digest_or_none({**content, "sha256": None}) != content["sha256"]:
-        raise FileInputError(
-            f"{printable_path(position)} must be as it was written; its content does not match its hash"
-        )
+    if set(content) != KEYS or digest_of_any({**content, "sha256": None}) != content["sha256"]:
+        raise FileInputError(f"{printable_path(position)} must be unchanged; its content does not match its hash")
     try:
         return _trained(content)
     except (InputError, TypeError, ValueError, KeyError, AttributeError) as error:

@@ -1,4 +1,4 @@
-"""Scaled conjugate gradients: Møller's minimiser, which needs gradients alone and searches along no line.
+"""Training of networks by scaled conjugate gradients (Møller) or Levenberg-Marquardt.
 
 M. F. Møller, A scaled conjugate gradient algorithm for fast supervised learning, Neural Networks 6 (1993) 525-533. The
 numbers in the comments are the steps of his algorithm.
@@ -30,17 +30,17 @@ GREATEST_DAMPING = 1e20  # beyond it no step changes a double any more
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Descent:
-    """Where a minimisation ended.
+    """Result of a minimisation.
 
     Attributes
     ----------
     x, value
         The point, shape (n,), and the value there.
     iterations
-        Steps tried, each of two gradients or one.
+        Number of steps, each of one or two gradients.
     reason
-        ``"gradient"`` when it vanished, ``"stopped"`` by the caller, ``"damping"`` when rounding left no way down,
-        ``"iterations"`` when they ran out.
+        ``"gradient"`` when it vanished, ``"stopped"`` by the caller, ``"damping"`` when rounding prevents a descent,
+        ``"iterations"`` at their limit.
     """
 
     x: NDArray[np.float64]
@@ -57,20 +57,20 @@ def scaled_conjugate_gradient(
     least_gradient: float = 1e-6,
     stop: Callable[[NDArray[np.float64]], bool] | None = None,
 ) -> Descent:
-    """Minimise a smooth function from ``start`` downwards.
+    """Minimise a smooth function from ``start``.
 
     Parameters
     ----------
     value_and_gradient
         The function and its gradient at a point of shape (n,).
     start
-        Where to begin.
+        Initial point.
     iterations
-        Steps at most, successful or not.
+        Most steps, successful or not.
     least_gradient
-        Norm of the gradient at which it is done.
+        Norm of the gradient that ends the descent.
     stop
-        Called with each new point; True ends the descent there.
+        Called with each new point; True ends the descent.
 
     Examples
     --------
@@ -124,16 +124,16 @@ MOST_VALUES = 50_000_000  # of an array: 400 MB
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkTraining:
-    """How a training went.
+    """Record of a training.
 
     Attributes
     ----------
     method
         ``"scg"`` or ``"lm"``.
     steps
-        Steps down that were taken.
+        Number of descent steps.
     error, validation_error
-        Mean square errors of the weights kept, on the scale of [-1, 1]; the second is None without validation samples.
+        Mean square errors of the final weights, on the scale of [-1, 1]; the second is None without validation.
     reason
         ``"validation"`` when the validation error no longer fell, ``"converged"``, or ``"iterations"``.
     """
@@ -146,12 +146,12 @@ class NetworkTraining:
 
 
 class _Enough(Exception):  # noqa: N818 - no error: the way out of a minimiser that has no other
-    """The watch or the number of steps says stop."""
+    """Stop requested by the validation or the number of steps."""
 
 
 @dataclass(slots=True, kw_only=True)
 class _Watch:
-    """Keeps the weights of least error over the validation samples, and says when to stop waiting for better ones."""
+    """Early stopping: the weights of least validation error, and the decision to stop."""
 
     error: Callable[[NDArray[np.float64]], float] | None
     patience: int
@@ -161,7 +161,7 @@ class _Watch:
     steps: int = 0
 
     def __call__(self, weights: NDArray[np.float64]) -> bool:
-        """Take note of the weights after a step; True when there is no more to wait for."""
+        """Record the weights after a step; True to stop."""
         self.steps += 1
         error = np.inf if self.error is None else self.error(weights)
         if self.error is None or error < self.least:
@@ -172,7 +172,7 @@ class _Watch:
 
     @property
     def tired(self) -> bool:
-        """Whether the validation error has not fallen for too long."""
+        """Whether the validation error has not fallen for ``patience`` steps."""
         return self.worse >= self.patience
 
 
@@ -194,30 +194,30 @@ def train_network(
     inputs, targets
         Samples in physical units, shapes (n, inputs) and (n, outputs), n at least 2.
     rng
-        Draws the weights to start from.
+        Draws the initial weights.
     validation
-        Inputs and targets of samples that stop the training and change no weight; None trains to the end.
+        Inputs and targets of the samples of early stopping; None trains to the end.
     hidden
         Sigmoid units of each layer below the linear one, in [1, 1000].
     method
         ``"scg"``: scaled conjugate gradients (Møller 1993). ``"lm"``: Levenberg-Marquardt as in MINPACK, which needs at
         least as many values in ``targets`` as there are weights.
     iterations
-        Steps at most, in [1, 1e6].
+        Most steps, in [1, 1e6].
     patience
         Steps without a smaller validation error after which training stops, in [1, 1e6].
 
     Returns
     -------
     Network, Training
-        The network, and how its training went.
+        The network and the record of its training.
 
     Raises
     ------
     InputError
         When tables are not finite, do not fit together or do not vary, or there are too few samples for the method.
     UnknownNameError
-        When no method has that name.
+        When the method is unknown.
 
     Examples
     --------
@@ -252,7 +252,7 @@ def train_network(
 
 
 def _samples(first: str, given: ArrayLike, second: str, requested: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-    """Two tables with one row a sample each."""
+    """Two tables of equally many rows."""
     tables = require_array(first, given, ndim=2), require_array(second, requested, ndim=2)
     if len(tables[0]) != len(tables[1]):
         raise InputError(f"{first} and {second} must have as many rows; got {len(tables[0])} and {len(tables[1])}")
@@ -260,7 +260,7 @@ def _samples(first: str, given: ArrayLike, second: str, requested: ArrayLike) ->
 
 
 def _check_size(layers: Layers, targets: NDArray[np.float64], method: str) -> None:
-    """Refuse what Levenberg-Marquardt cannot determine, and what would not fit into memory."""
+    """Refuse underdetermined problems and too large Jacobians."""
     if method != "lm":
         return
     if targets.size < layers.weights:
@@ -323,7 +323,7 @@ def _by_levenberg_marquardt(
         return np.asarray((activations(layers, weights, x)[-1] - y).ravel())
 
     def slopes(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-        # MINPACK asks for slopes at the start and after each step that it took, and nowhere else.
+        # MINPACK evaluates the Jacobian at the start and after each accepted step only.
         step = next(taken)
         if step > 0 and (watch(weights) or step >= iterations):
             raise _Enough

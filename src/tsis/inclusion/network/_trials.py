@@ -1,4 +1,4 @@
-"""From what the camera reads to what the simulation calls it: a straight line for each output (section 6.3.2)."""
+"""Linear maps from measured to simulated outputs (section 6.3.2), and repeated trainings."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearMapping:
-    """Straight lines from measured to simulated outputs, one a column.
+    """Straight lines from measured to simulated outputs, one per column.
 
     Attributes
     ----------
     slope, intercept
         Of each output, shape (outputs,).
     r_squared
-        Share of the simulated outputs' variance that the lines explain, shape (outputs,).
+        Fraction of the simulated outputs' variance explained by the lines, shape (outputs,).
     """
 
     slope: NDArray[np.float64]
@@ -35,7 +35,7 @@ class LinearMapping:
     r_squared: NDArray[np.float64]
 
     def __call__(self, measured: ArrayLike) -> NDArray[np.float64]:
-        """Simulated outputs that belong to measured ones, shape (n, outputs)."""
+        """Simulated outputs for measured ones, shape (n, outputs)."""
         return np.asarray(self.intercept + self.slope * require_array("measured", measured, ndim=2))
 
 
@@ -74,12 +74,12 @@ def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
 
 
 def leave_one_out_mapping(measured: ArrayLike, simulated: ArrayLike) -> NDArray[np.float64]:
-    """Each inclusion's measured outputs through lines that were fitted to the others; shape (n, outputs).
+    """Measured outputs mapped by lines fitted to the other inclusions; shape (n, outputs).
 
     Parameters
     ----------
     measured, simulated
-        Outputs of n inclusions by frames and by the model, shape (n, outputs), n from three on, in the same units.
+        Outputs of n >= 3 inclusions by frames and by the model, shape (n, outputs), in the same units.
 
     Raises
     ------
@@ -110,24 +110,24 @@ def estimate_by_networks(
     patience: int = 6,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.float64]:
-    """Estimates by networks that differ in their first weights and in which samples stop their training.
+    """Estimates by networks with different initial weights and validation samples.
 
     Parameters
     ----------
     inputs, targets
-        Simulated outputs and the inclusions behind them, shapes (n, inputs) and (n, outputs).
+        Simulated outputs and their inclusions, shapes (n, inputs) and (n, outputs).
     unknown
         Outputs to estimate from, shape (m, inputs).
     rng
         Draws weights and splits.
     trials
-        How many networks, in [1, 1e5].
+        Number of networks, in [1, 1e5].
     validated
-        Samples of each split that stop the training and change no weight, in [1, n - 2].
+        Validation samples of each split, in [1, n - 2].
     hidden, method, patience
         See `train_network`.
     progress
-        Called with (networks trained, networks in all) as the work goes on.
+        Called with (networks trained, all networks).
 
     Returns
     -------

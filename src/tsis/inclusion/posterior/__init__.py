@@ -3,12 +3,12 @@
 from tsis.inclusion.posterior._exploration import InclusionPosterior, explore_inclusion
 from tsis.inclusion.posterior._forward import THICKNESS, TISSUE, ForwardModel
 from tsis.inclusion.posterior._likelihood import InclusionLikelihood, Profiles, least_sd
-from tsis.inclusion.posterior._off_axis import FARTHEST, MOVES, off_axis_profile
+from tsis.inclusion.posterior._off_axis import FARTHEST, SHIFTED, off_axis_profile
 from tsis.inclusion.posterior._rings import RingShading, ring_correlation, ring_means, ring_responses
 
 __all__ = [
     "FARTHEST",
-    "MOVES",
+    "SHIFTED",
     "THICKNESS",
     "TISSUE",
     "ForwardModel",

@@ -1,8 +1,8 @@
-"""Coordinates in which the posterior of an inclusion is nearly straight.
+"""Explore the posterior of an inclusion on a grid, in coordinates in which it is nearly straight.
 
 Diameter and modulus trade off along a curve of equal signal ``d**3 g(E)``. With ``d g(E)**(1/3)`` in place of the
-diameter that curve becomes nearly a straight line, which a sheared grid can follow. What it is still bent is taken from
-a first look at the posterior: a parabola along the modulus, of the signal's diameter and of the depth.
+diameter that curve becomes nearly a straight line, which a sheared grid can follow. A parabola along the modulus, of
+signal diameter and depth, fitted to a coarse posterior, removes the remaining curvature.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tsis.inclusion.posterior._likelihood import InclusionLikelihood, LikelihoodFit, LinearisedLikelihood
 
 
-ROUNDING = 1e-9  # of a range: ends of a grid that are those of the prior lie inside
+ROUNDING = 1e-9  # of a range: a grid's end at the prior's end counts as inside
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,7 +36,7 @@ class SignalChart:
     prior
         Ranges of the inclusions.
     bend_mm
-        What is taken off signal diameter and depth at either end of the modulus's range, shape (2,).
+        Correction of signal diameter and depth at both ends of the modulus's range, shape (2,).
     """
 
     prior: InclusionPrior
@@ -44,13 +44,13 @@ class SignalChart:
 
     @property
     def low(self) -> NDArray[np.float64]:
-        """Lower corner of a box of points that holds the prior."""
+        """Lower corner of a box of points that contains the prior."""
         bend = np.append(np.maximum(self.bend_mm, 0.0), 0.0)
         return np.asarray(self.prior.low * np.array([self._stretch(self.prior.low[2]), 1.0, 1.0]) - bend)
 
     @property
     def high(self) -> NDArray[np.float64]:
-        """Upper corner of a box of points that holds the prior."""
+        """Upper corner of a box of points that contains the prior."""
         bend = np.append(np.minimum(self.bend_mm, 0.0), 0.0)
         return np.asarray(self.prior.high * np.array([self._stretch(self.prior.high[2]), 1.0, 1.0]) - bend)
 
@@ -67,7 +67,7 @@ class SignalChart:
         return np.column_stack([straight - self._parabola(inclusions[:, 2]) * self.bend_mm, inclusions[:, 2]])
 
     def straightened(self, inclusions: NDArray[np.float64], weight: NDArray[np.float64]) -> SignalChart:
-        """The chart in which weighted inclusions (n, 3) lie as straight along the modulus as a parabola can make it."""
+        """The chart with the best parabola along the modulus for weighted inclusions (n, 3)."""
         unbent = replace(self, bend_mm=np.zeros(2)).points(inclusions)
         turn = self._turn(unbent[:, 2])
         root = np.sqrt(weight)[:, None]
@@ -76,25 +76,25 @@ class SignalChart:
         return replace(self, bend_mm=factors[2])
 
     def allows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Where the prior is not zero, shape (n,)."""
+        """Mask of points inside the prior, shape (n,)."""
         inclusions = self.inclusions(points)
         margin = ROUNDING * (self.prior.high - self.prior.low)
         inside = (inclusions >= self.prior.low - margin) & (inclusions <= self.prior.high + margin)
         return np.asarray(inside.all(axis=1))
 
     def log_volume(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Log of the volume of inclusions per volume of points, which keeps the prior uniform in inclusions."""
+        """Log of the volume of inclusions per volume of points: the prior is uniform in inclusions."""
         return np.asarray(-np.log(self._stretch(self._inside(points[:, 2]))))
 
     def _stretch(self, young_kpa: NDArray[np.float64] | float) -> NDArray[np.float64]:
         return np.asarray(np.cbrt(contrast_factor(np.asarray(young_kpa) / self.prior.tissue_young_kpa)))
 
     def _inside(self, young_kpa: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Moduli no further out than the prior: corners of a grid may lie where nothing can be said."""
+        """Moduli clipped to the prior: corners of a grid may lie outside."""
         return np.clip(young_kpa, self.prior.low[2], self.prior.high[2])
 
     def _turn(self, young_kpa: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Place in the modulus's range, from -1 to 1."""
+        """Position in the modulus's range, from -1 to 1."""
         low, high = self.prior.low[2], self.prior.high[2]
         return np.asarray((2 * young_kpa - low - high) / (high - low))
 
@@ -102,33 +102,32 @@ class SignalChart:
         return np.asarray(self._turn(young_kpa) ** 2)[:, None]
 
 
-LINEARISATIONS = 2  # before that of the answer
-COARSE, CLOSE, CELLS = 12, 10, 16  # along each axis: anywhere, where a look was before, and in the answer
-LEFT = 0.1  # of the log likelihood that a parabola may miss
+LINEARISATIONS = 2  # before that of the result
+COARSE, CLOSE, CELLS = 12, 10, 16  # cells along an axis: first search, search near an earlier grid, result
+LEFT = 0.1  # largest residual of the log likelihood's parabola
 CHUNK = 256  # inclusions whose likelihood is evaluated at a time
-CHECKED = 64  # places at which the fast likelihood is compared
+CHECKED = 64  # points at which the fast likelihood is compared
 SAMPLES = 8192
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InclusionPosterior:
-    """What frames tell about an inclusion.
+    """Posterior of an inclusion.
 
     Attributes
     ----------
     samples
         Equally weighted diameters, depths and moduli, shape (n, 3).
     middle
-        The mean in coordinates in which the posterior is straight, shape (3,); that of the samples may lie beside a
-        bent ridge.
+        The mean in the straight coordinates, shape (3,); the mean of the samples may lie off a curved ridge.
     fit
         The fit at the middle.
     log_bayes_factor
-        Log of how much better inclusions of the prior explain the frames than plain tissue does.
+        Log of the evidence of an inclusion of the prior over that of tissue without inclusion.
     presence
-        Probability that there is an inclusion at all.
+        Probability of an inclusion.
     information
-        Fisher information of the three at the middle, shape (3, 3).
+        Fisher information of the three parameters at the middle, shape (3, 3).
     """
 
     samples: NDArray[np.float64]
@@ -169,7 +168,7 @@ def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) ->
 def _search(
     nearby: LinearisedLikelihood, chart: SignalChart, cells: int, near: SlantedBox | None, *, finest: int = 2
 ) -> Grid:
-    """The grid of a fast likelihood, looked for first where it was ``near``."""
+    """The grid of a fast likelihood, searched first ``near`` an earlier grid."""
 
     def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return nearby(chart.inclusions(points)) + chart.log_volume(points)
@@ -201,13 +200,13 @@ def _corrected(
     factors, *_ = np.linalg.lstsq(parabola(points), missing, rcond=None)
     if np.std(missing - parabola(points) @ factors) > LEFT:
         return _exact(grid, likelihood, chart, nuisance)
-    # Where no sample fell a parabola is a guess: it must not say more than was met.
-    met = np.clip(parabola(grid.cells.points) @ factors, missing.min(), missing.max())
-    return grid.with_density(grid.log_density + met)
+    # Extrapolation beyond the samples is limited to the largest correction among them.
+    correction = np.clip(parabola(grid.cells.points) @ factors, missing.min(), missing.max())
+    return grid.with_density(grid.log_density + correction)
 
 
 def _exact(grid: Grid, likelihood: InclusionLikelihood, chart: SignalChart, nuisance: NDArray[np.float64]) -> Grid:
-    """The grid under the exact likelihood, for posteriors so wide that no parabola fits; a tenth of a second."""
+    """The grid under the exact likelihood, for wide posteriors that no parabola fits; a tenth of a second."""
     points = grid.cells.points
     inclusions = chart.inclusions(points)
     parts = np.array_split(inclusions, max(1, len(inclusions) // CHUNK))
@@ -216,7 +215,7 @@ def _exact(grid: Grid, likelihood: InclusionLikelihood, chart: SignalChart, nuis
 
 
 def _blank_evidence(likelihood: InclusionLikelihood) -> float:
-    """Log evidence of plain tissue."""
+    """Log evidence of tissue without inclusion."""
     fit = likelihood(None, likelihood.start)
     for _ in range(LINEARISATIONS):
         fit = likelihood(None, likelihood.within(fit.nuisance[0]))

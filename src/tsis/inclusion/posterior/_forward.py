@@ -1,8 +1,8 @@
-"""Ring profiles of grey level as a function of inclusion and nuisances, and what is unknown about them.
+"""Ring profiles of grey level as a function of inclusion and nuisances.
 
 Nuisances, all normal with mean 0: log gain (shared), log tissue modulus, log slab thickness, log modulus of the
 reference site over the target's, log modulus of the probe's layers, Poisson's ratio less the prior's, the square of the
-inclusion's distance from the axis less that believed, emphasis of the shading, and for each frame log force and a
+inclusion's distance from the axis less its estimate, emphasis of the shading, and for each frame log force and a
 constant offset.
 """
 
@@ -32,28 +32,27 @@ STEP = 1e-3  # of log moduli and log thickness, for derivatives
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ForwardModel:
-    """Grey profiles, at even light, of a set of frames.
+    """Grey profiles, at uniform light, of a set of frames.
 
     Attributes
     ----------
     rings
         Pressure, displacement and slope of each ring under any force that presses the whole face.
     level
-        Light that each ring sees of the untouched face, shape (rings,): stray light does not pass through the face, so
-        in grey levels over light it is a constant over this.
+        Light of each ring of the undeformed face, shape (rings,): the grey level of stray light over it is a constant.
     shading
-        What displacement and slope do to the light that each ring sees.
+        Effect of displacement and slope on the light of each ring.
     calibration, prior
-        Answer of grey level to pressure; tissue around the inclusion.
+        Response of grey level to pressure; tissue around the inclusion.
     force_n
         Force of each frame, shape (frames,).
     is_reference
-        Whether each frame shows plain tissue, shape (frames,).
+        Whether each frame is a reference press, shape (frames,).
     correlation
-        Correlation of the patterns between rings, shape (rings, rings); None when each ring errs on its own.
+        Correlation of the patterns between rings, shape (rings, rings); None for independent rings.
     depletion_per_n
-        Light falls by ``1 / (1 + depletion_per_n * force)``, because contact takes it: the area in contact grows with
-        the force, wherever that is.
+        Light falls by ``1 / (1 + depletion_per_n * force)``, because the contact area, which extracts light, grows with
+        the force.
     spread_sd
         Standard deviation in mm**2 of the square of the inclusion's distance from the axis.
     """
@@ -70,7 +69,7 @@ class ForwardModel:
     spread_sd: float = 0.0
 
     def nuisance_sd(self, mean_grey: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Prior standard deviations of the nuisances; ``mean_grey`` (frames,), as seen, scales the offsets."""
+        """Prior standard deviations of the nuisances; ``mean_grey`` (frames,) scales the offsets."""
         given = self.calibration
         shared = [
             given.gain_sd,
@@ -88,7 +87,7 @@ class ForwardModel:
     def grey(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
         """Grey profiles, shape (n, frames, rings), of inclusions (n, 3) of diameter, depth and modulus.
 
-        None stands for plain tissue, and gives n = 1.
+        None is tissue without inclusion, n = 1.
         """
         presses = {reference: self._press(inclusions, nuisance, reference=reference) for reference in self._shown()}
         count = 1 if inclusions is None else len(inclusions)
@@ -109,9 +108,9 @@ class ForwardModel:
         Parameters
         ----------
         inclusions
-            Diameter, depth and modulus, shape (n, 3); None for plain tissue, n = 1.
+            Diameter, depth and modulus, shape (n, 3); None for tissue without inclusion, n = 1.
         nuisance
-            Where to linearise, shape (nuisances,).
+            Point of linearisation, shape (nuisances,).
 
         Returns
         -------
@@ -140,7 +139,7 @@ class ForwardModel:
         return grey, slopes
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Ends of each nuisance between which the model can be linearised.
+        """Range of each nuisance in which the model can be linearised.
 
         The surrogate ends somewhere; reference site and probe move the tissue a little beyond, where its polynomials
         still hold. In two nuisances the model is linear, which at 0 saves evaluating them.
@@ -158,14 +157,14 @@ class ForwardModel:
         return low, high
 
     def table(self, nuisance: NDArray[np.float64]) -> TissueSurrogate:
-        """The surrogate's table at these nuisances: inclusions at which to know a profile is to know it everywhere."""
+        """The surrogate's table at these nuisances: the profiles of its inclusions determine all others."""
         return self.rings.response.at_tissue(
             self.prior.tissue_young_kpa * float(np.exp(nuisance[TISSUE])),
             self.prior.thickness_mm * float(np.exp(nuisance[THICKNESS])),
         )
 
     def _remaining(self, force_n: float) -> float:
-        """Share of the light that contact leaves."""
+        """Fraction of the light after extraction by contact."""
         return 1 / (1 + self.depletion_per_n * force_n)
 
     def _shown(self) -> set[bool]:
@@ -196,7 +195,7 @@ class ForwardModel:
         *,
         reference: bool,
     ) -> dict[int, NDArray[np.float64]]:
-        """Derivatives of the rings' answers by the nuisances that change the press."""
+        """Derivatives of the ring responses with respect to the nuisances of the press."""
         shown = None if reference else inclusions
         by_poisson, by_spread = self._linear(inclusions, reference=reference)
         press = press - nuisance[POISSON] * by_poisson - nuisance[SPREAD] * by_spread
@@ -223,7 +222,7 @@ class ForwardModel:
     def _at(
         self, log_tissue: float, log_thickness: float, log_probe: float, inclusions: NDArray[np.float64] | None
     ) -> NDArray[np.float64]:
-        """Answers of the rings; a probe stiffer by a factor presses as the nominal one does tissue softer by it."""
+        """Ring responses; a probe stiffer by a factor is equivalent to tissue softer by it."""
         stiffer = float(np.exp(log_probe))
         tissue = self.prior.tissue_young_kpa * float(np.exp(log_tissue)) / stiffer
         thickness = self.prior.thickness_mm * float(np.exp(log_thickness))
@@ -233,7 +232,7 @@ class ForwardModel:
     def _linear(
         self, inclusions: NDArray[np.float64] | None, *, reference: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Derivatives by Poisson's ratio and by the spread, in which the answers are taken as linear."""
+        """Derivatives with respect to Poisson's ratio and the spread, assumed constant."""
         return self.rings.linear(
             self.prior.tissue_young_kpa, self.prior.thickness_mm, None if reference else inclusions
         )
@@ -241,7 +240,7 @@ class ForwardModel:
     def _light(
         self, press: NDArray[np.float64], emphasis: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by each answer and by the emphasis."""
+        """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by response and emphasis."""
         pressure, displacement, slope = np.split(press, OUTPUTS_PER_RING, axis=-1)
         contact = rough_contact(pressure, self.calibration)
         shade = self.shading(displacement, slope, emphasis)
@@ -251,5 +250,5 @@ class ForwardModel:
 
 
 def _along(by_answer: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of the rings' light along a change of the press: the sum over the three answers."""
+    """Derivative of the rings' light along a change of the press: the sum over the three responses."""
     return np.asarray(sum(np.split(by_answer * direction, OUTPUTS_PER_RING, axis=-1)))

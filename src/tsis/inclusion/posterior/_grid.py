@@ -1,4 +1,4 @@
-"""Cells of a sheared box, and how much of each lies inside the support of a density."""
+"""Adaptive grid of a density on a sheared box with a support."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ INNER_AND_ENDS = _lattice(5, ends=True)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GridCells:
-    """Cells of a sheared box that lie at least in part inside the support.
+    """Cells of a sheared box that are at least partly inside the support.
 
     Attributes
     ----------
     centre
-        Their centres, shape (n, 3).
+        Centres of the cells, shape (n, 3).
     edges
-        One cell's edge vectors as rows, shape (3, 3).
+        Edge vectors of a cell as rows, shape (3, 3).
     points
         Centroids of the parts inside, shape (n, 3).
     fraction
-        Share of each cell that lies inside, shape (n,), in (0, 1].
+        Volume fraction of each cell inside, shape (n,), in (0, 1].
     """
 
     centre: NDArray[np.float64]
@@ -58,7 +58,7 @@ def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: i
     """Cells of the box spanned by the rows of ``axes``, without those outside the support."""
     centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
     edges = axes / per_axis
-    if support(origin + (INNER_AND_ENDS + 0.5) @ axes).all():  # the region bulges little, so that all cells lie inside
+    if support(origin + (INNER_AND_ENDS + 0.5) @ axes).all():  # a nearly convex region contains all cells
         return GridCells(centre=centre, edges=edges, points=centre, fraction=np.ones(len(centre)))
     corners = _corners_inside(origin, axes, per_axis, support)
     centre, corners = centre[corners > 0], corners[corners > 0]
@@ -76,7 +76,7 @@ def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: i
 def _corners_inside(
     origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support
 ) -> NDArray[np.int64]:
-    """How many corners of each cell lie inside the support, shape (cells,); neighbours share theirs."""
+    """Number of corners of each cell inside the support, shape (cells,)."""
     vertices = support(origin + (_lattice(per_axis + 1, ends=True) + 0.5) @ axes)
     cube = vertices.reshape(3 * (per_axis + 1,)).astype(np.int64)
     for axis in range(3):
@@ -99,9 +99,9 @@ ENOUGH_FRACTION = (
 NEGLIGIBLE = np.log(1e-7)  # log weight, relative to the best cell, that the next grid may leave out
 FAINT = np.log(1e-2)  # the same after tempering: the density itself is far smaller there
 STEPS = 40
-FEWEST = 12  # cells along each axis with which a density is found that may lie anywhere
-WIDER = 2.0  # than a box that held nearly the same density
-STUCK = 0.7  # share of the volume: a box that shrinks less cannot be resolved by shrinking
+FEWEST = 12  # least cells along an axis for a density anywhere in the box
+WIDER = 2.0  # factor on the box of a similar density
+STUCK = 0.7  # of the volume: a box that shrinks less gets more cells instead
 TRIES = 16  # draws from a cell at the edge before its centroid is taken
 ELSEWHERE = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # Kronecker sequence that fills a cube evenly
 
@@ -113,11 +113,11 @@ class Grid:
     Attributes
     ----------
     cells
-        Where it is not negligible.
+        The cells in which it is not negligible.
     log_density
         Log density at their points, shape (n,).
     support
-        Where it is not zero.
+        Mask function of its support.
     """
 
     cells: GridCells
@@ -126,7 +126,7 @@ class Grid:
 
     @property
     def weight(self) -> NDArray[np.float64]:
-        """Share of the density that each cell holds, shape (n,); they sum to one."""
+        """Probability of each cell, shape (n,)."""
         weight = self.cells.fraction * np.exp(self.log_density - self.log_density.max())
         return np.asarray(weight / weight.sum())
 
@@ -146,7 +146,7 @@ class Grid:
         return np.asarray(self.weight @ self.cells.points)
 
     def samples(self, count: int) -> NDArray[np.float64]:
-        """``count`` equally weighted samples by a Sobol sequence, shape (count, 3): the same every time."""
+        """``count`` equally weighted samples by a Sobol sequence, shape (count, 3): deterministic."""
         unit = scipy.stats.qmc.Sobol(4, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count] + 0.5 / count
         chosen = np.minimum(np.searchsorted(np.cumsum(self.weight), unit[:, 0] % 1.0), len(self.weight) - 1)
         position, centre = unit[:, 1:], self.cells.centre[chosen]
@@ -177,19 +177,17 @@ def refine(
     log_density
         Log density, up to a constant, of points (n, 3); called once a refinement.
     low, high
-        A box that holds all of the density, shape (3,) each.
+        A box that contains all of the density, shape (3,) each.
     support
-        Whether the density of points (n, 3) is not zero, in a region without
-        dents; the box when None.
+        Mask of points (n, 3) with density, a convex region; the box when None.
     per_axis
-        Cells along each axis of the answer.
+        Cells along each axis of the result.
     finder
-        Cells along each axis of the grids that find where it lies, at most ``per_axis``; `FEWEST` or more where it may
-        lie anywhere.
+        Cells along each axis of the search grids, at most ``per_axis``; at least `FEWEST` without ``near``.
     near
-        Box of a density that is much the same, in which to look first.
+        Box of a similar density, searched first.
     finest
-        Times as many cells along each axis as asked for, at most, for a density so bent that its box stays wide.
+        Largest factor on the cells along each axis, for a curved density in a wide box.
     """
     if support is None:
 
@@ -218,13 +216,13 @@ class _CoarseLook:
 
     @property
     def log_weight(self) -> NDArray[np.float64]:
-        """Log of what each cell holds over what the fullest does."""
+        """Log probability of each cell over the largest."""
         weight = self.log_density + np.log(self.cells.fraction)
         return np.asarray(weight - weight.max())
 
     @property
     def holds(self) -> bool:
-        """Whether the density is faint where the box ends, but for where it ends itself."""
+        """Whether the density is faint at the box's ends, except at the ends of its support."""
         if not len(self.cells.centre):
             return False
         origin, axes = self.box
@@ -234,7 +232,7 @@ class _CoarseLook:
 
 
 def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], edges: NDArray[np.float64]) -> SlantedBox:
-    """A sheared box with room to spare around a density at points (n, 3), each the middle of a cell of such edges."""
+    """A sheared box with a margin around a density at points (n, 3), the centres of cells with the given edges."""
     log_weight = log_density - log_density.max()
     weight = np.exp(log_weight)
     weight /= weight.sum()
@@ -255,14 +253,14 @@ def _find(
     ends: tuple[NDArray[np.float64], NDArray[np.float64]],
     counts: tuple[int, int],
 ) -> tuple[SlantedBox, int]:
-    """The box that holds a density and no more, and cells along its axes; ``counts`` are the wanted and the most."""
+    """The tight box of a density, and cells along its axes; ``counts`` are the requested and the most."""
     (fine, most), per_axis = counts, result.per_axis
     resolved = False
     for _ in range(STEPS):
         log_weight = result.log_weight
         power = _temper(log_weight, min(ENOUGH_FRACTION * per_axis**3, len(log_weight) / 2))
         box = _sheared_box(result.cells, log_weight, power, *ends)
-        # One more grid at temperature one: the last that was tempered is too wide for the density itself.
+        # The last tempered grid is too wide for the density itself: one more at temperature one.
         if resolved and power == 1.0:
             break
         resolved = power == 1.0
@@ -291,7 +289,7 @@ def _sheared_box(
     low: NDArray[np.float64],
     high: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Box that holds all cells of weight, sheared along the tempered points: its origin, and its edges as rows."""
+    """Origin and edges (as rows) of a box around all cells of weight, sheared along the tempered points."""
     weight = np.exp(power * log_weight)
     weight /= weight.sum()
     middle = weight @ cells.points
@@ -308,9 +306,9 @@ def _sheared_box(
 
 
 def _shear(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Triangular root of a covariance in which the last coordinate leads.
+    """Triangular root of a covariance, with the last coordinate first.
 
-    Its range is never tilted, so that a flat posterior keeps the prior's ends exactly.
+    Its range is never tilted, so that a flat posterior has exactly the prior's ends.
     """
     lead = np.ix_([2, 1, 0], [2, 1, 0])
     shear = np.zeros((3, 3))

@@ -1,4 +1,4 @@
-"""The least spread of any unbiased estimate: the Cramér–Rao bound of a Fisher information."""
+"""Likelihood of inclusions given ring profiles, with the nuisances integrated out, and the Cramér–Rao bound."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 
 def least_sd(information: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least standard deviation of each parameter, shape (..., k), of information (..., k, k).
+    """Cramér–Rao bound of each standard deviation, shape (..., k), from information (..., k, k).
 
-    Infinite for all of them where some combination of them is not told at all.
+    Infinite for all parameters where the information is singular.
     """
     values, directions = np.linalg.eigh(information)
-    reported = values[..., :1] > np.finfo(float).eps * values[..., -1:]  # they ascend
-    variance = np.einsum("...ij,...j->...i", directions**2, 1 / np.where(reported, values, 1.0))
-    return np.asarray(np.where(reported, np.sqrt(variance), np.inf))
+    regular = values[..., :1] > np.finfo(float).eps * values[..., -1:]  # eigenvalues ascend
+    variance = np.einsum("...ij,...j->...i", directions**2, 1 / np.where(regular, values, 1.0))
+    return np.asarray(np.where(regular, np.sqrt(variance), np.inf))
 
 
 NEGLIGIBLE_SIZE = 1e-2  # of a residual, in units of its noise, over all inclusions
-BELIEVABLE = 3.0  # standard deviations of a nuisance
+LIMIT_SD = 3.0  # standard deviations of a nuisance
 DERIVATIVE_STEP = 1e-3  # of each parameter
 
 
@@ -39,11 +39,11 @@ class Profiles:
     Attributes
     ----------
     grey
-        Mean grey level above background at even light, shape (frames, rings).
+        Mean grey level above background at uniform light, shape (frames, rings).
     variance
         Variance of each mean by pixel noise and by the error of the press model, shape (frames, rings).
     usable
-        Rings in which nothing clips and pixels exist, shape (frames, rings).
+        Rings with pixels, none of them clipped, shape (frames, rings).
     """
 
     grey: NDArray[np.float64]
@@ -66,7 +66,7 @@ class InclusionLikelihood:
     def __init__(self, model: ForwardModel, data: Profiles) -> None:
         self.model = model
         self._data = data
-        # Rings without a usable pixel would give an offset of NaN; they are not used.
+        # Rings without a usable pixel would give an offset of NaN.
         means = np.array(
             [
                 grey[use].mean() if use.any() else 0.0
@@ -81,7 +81,7 @@ class InclusionLikelihood:
         self.start = np.zeros(len(self._sd))
 
     def __call__(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> LikelihoodFit:
-        """Evaluate inclusions (n, 3), or plain tissue, n = 1; each is linearised on its own at ``nuisance``."""
+        """Evaluate inclusions (n, 3), or tissue without inclusion, n = 1, linearised at ``nuisance``."""
         grey, slopes = self.model.profiles(inclusions, nuisance)
         white = self._whiten(self._data.grey - grey)
         # With eta = nuisance + step, y - m(nuisance) = J step, and the prior pulls eta, not the step, to zero.
@@ -89,7 +89,7 @@ class InclusionLikelihood:
         return _fit(white + rotated @ self._units(nuisance), rotated, self._sd)
 
     def near(self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> LinearisedLikelihood:
-        """The likelihood with the derivatives by the nuisances at one inclusion (3,) taken to hold everywhere."""
+        """The likelihood with constant derivatives by the nuisances, those at one inclusion (3,)."""
         _, slopes = self.model.profiles(inclusion[None], nuisance)
         rotated = self._whiten(slopes)[0] * self._sd
         root = cholesky(rotated @ rotated.T + np.eye(len(rotated)), lower=True)
@@ -113,10 +113,7 @@ class InclusionLikelihood:
     def with_information(
         self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]
     ) -> tuple[LikelihoodFit, NDArray[np.float64]]:
-        """The fit of one inclusion (3,), and the Fisher information of its three parameters there, (3, 3).
-
-        Every nuisance is integrated out of both.
-        """
+        """The fit of an inclusion (3,) and its Fisher information (3, 3), with the nuisances integrated out."""
         grey, slopes = self.model.profiles(inclusion[None], nuisance)
         rotated = self._whiten(slopes) * self._sd
         white = self._whiten(self._data.grey - grey)
@@ -128,13 +125,13 @@ class InclusionLikelihood:
         return _fit(white + rotated @ self._units(nuisance), rotated, self._sd), triangular.T @ triangular
 
     def within(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The nearest nuisances at which to linearise: believable, inside the surrogate's box, and 0 where linear."""
+        """Nuisances clipped to `LIMIT_SD` and the surrogate's box, and 0 where the model is linear."""
         low, high = self.model.bounds()
-        limit = BELIEVABLE * self._sd
+        limit = LIMIT_SD * self._sd
         return np.clip(nuisance, np.maximum(low, -limit), np.minimum(high, limit))
 
     def _units(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Nuisances in units of their standard deviations; one that is known exactly is no special case."""
+        """Nuisances in units of their standard deviations, which may be 0."""
         return np.divide(nuisance, self._sd, out=np.zeros_like(self._sd), where=self._sd > 0)
 
     def _whiten(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -145,12 +142,12 @@ class InclusionLikelihood:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearisedLikelihood:
-    """A likelihood whose derivatives by the nuisances are those at one inclusion: fast, and exact there.
+    """A fast likelihood with the derivatives by the nuisances at one inclusion, where it is exact.
 
     Attributes
     ----------
     residual
-        Surrogate of the residual in those directions that depend on the inclusion, of unit covariance.
+        Surrogate of the residual in the directions that depend on the inclusion, of unit covariance.
     constant
         The rest of the log evidence.
     """
@@ -177,8 +174,8 @@ def _fit(white: NDArray[np.float64], rotated: NDArray[np.float64], sd: NDArray[n
 def noise_covariance(data: Profiles, calibration: Calibration, correlation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance of the ring means, shape (frames * rings, frames * rings).
 
-    All frames share the fixed pattern; each press has its own repeatability. Both correlate between rings by
-    ``correlation``, (rings, rings). Pixel noise and the error of the press model are independent for each ring.
+    The fixed pattern is common to all frames; repeatability is independent between presses. ``correlation``,
+    (rings, rings), is that of both between rings. Pixel noise and surrogate error are independent between rings.
     """
     frames, rings = data.grey.shape
     between = np.full((frames, frames), calibration.pattern_sd**2) + calibration.repeatability_sd**2 * np.eye(frames)

@@ -1,10 +1,10 @@
-"""An inclusion beside the probe's axis: how the change that it makes moves, and what turns around the axis see.
+"""An inclusion off the probe's axis: shift of the change that it causes, and its means around the axis.
 
-Approximation: the change that an inclusion makes in pressure and displacement moves with it, unchanged in shape, and
-grows by ``1 / (1 - (offset / R)**2)``; the press of plain tissue stays. Both parts of a dome's press are moved alike.
-Under a rigid punch of radius R the pressure grows towards the rim as the root of this: once for the stress that the
-inclusion meets and once, by reciprocity, for what the face answers to it. ``benchmarks/off_axis.py`` prints the error
-against the press of a flat probe in three dimensions.
+Approximation: the change in pressure and displacement shifts with the inclusion, with the same shape, and grows by
+``1 / (1 - (offset / R)**2)``; the press without inclusion stays. Both parts of a dome's press shift equally. Under a
+rigid punch of radius R the pressure grows towards the rim as the root of this factor, which applies to the stress at
+the inclusion and, by reciprocity, to the response of the face. ``benchmarks/off_axis.py`` prints the error against a
+flat probe in three dimensions.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-MOVES = 0.85  # of the face's radius; what the change does farther out belongs to the rim and stays with it
-FARTHEST = 0.5  # of the face's radius, for any use; how far the approximation holds is in the benchmark
-TURNS = 48  # directions over half a turn; the other half mirrors them
+SHIFTED = 0.85  # of the face's radius; the change beyond belongs to the rim and does not shift
+FARTHEST = 0.5  # of the face's radius; the benchmark prints the range of the approximation
+DIRECTIONS = 48  # over half a circle; the other half is symmetric
 
 
 def off_axis_profile(radius_mm: NDArray[np.float64], offset_mm: float) -> NDArray[np.float64]:
-    """Matrix from the change by an inclusion on the axis to the mean around the axis when it lies ``offset_mm`` beside.
+    """Matrix from the change by an inclusion on the axis to the mean around the axis at an offset of the inclusion.
 
-    It takes profiles of pressure or displacement alike; differences along the radius of a displacement's result are the
-    means of its slope along the radius. Beyond `MOVES` of the face's radius the profile moves as if it stayed level
-    there, and what it does there stays where it is: the pressure is singular at the rim, which does not move.
+    It applies to profiles of pressure and displacement; the radial differences of a displacement's result are the means
+    of its radial slope. The shifted profile is constant beyond `SHIFTED` of the face's radius, and the rest does not
+    shift: the pressure is singular at the rim.
 
     Parameters
     ----------
@@ -57,9 +57,9 @@ def off_axis_profile(radius_mm: NDArray[np.float64], offset_mm: float) -> NDArra
     """
     edge = float(radius_mm[-1])
     require_number("offset_mm", offset_mm, 0.0, FARTHEST * edge, hint="millimetres, at most half of the face's radius")
-    angle = np.pi * (np.arange(TURNS) + 0.5) / TURNS
+    angle = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     away = np.hypot(radius_mm[:, None] - offset_mm * np.cos(angle), offset_mm * np.sin(angle))
-    moving = hats(radius_mm, np.minimum(radius_mm, MOVES * edge))
-    shifted = hats(radius_mm, np.minimum(away, MOVES * edge).ravel()).reshape(*away.shape, -1).mean(axis=1)
+    moving = hats(radius_mm, np.minimum(radius_mm, SHIFTED * edge))
+    shifted = hats(radius_mm, np.minimum(away, SHIFTED * edge).ravel()).reshape(*away.shape, -1).mean(axis=1)
     growth = 1 / (1 - (offset_mm / edge) ** 2)
     return np.asarray(np.eye(len(radius_mm)) - moving + growth * shifted)

@@ -1,4 +1,4 @@
-"""What a press does to rings around the probe's axis, under any force that presses the whole face."""
+"""Response of rings around the probe's axis to a press, for forces with full contact."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from tsis.mechanics.surrogate import FullContactParts, FullContactSurrogate, Surrogate
 
 
-OUTPUTS_PER_RING = 3  # of a press, a ring: pressure, displacement, slope
+OUTPUTS_PER_RING = 3  # pressure, displacement, slope
 POINTS = 6  # of quadrature over a ring
 
 
 class FaceProfiles(Protocol):
-    """Anything that tells profiles over the face's radius."""
+    """A surrogate of profiles over the face's radius."""
 
     @property
     def radius_mm(self) -> NDArray[np.float64]:
@@ -35,19 +35,18 @@ class FaceProfiles(Protocol):
 class RingResponses:
     """Mean pressure in kPa of each ring, then mean displacement of the face in mm, then its mean slope.
 
-    A press is affine in its force: what one newton does, and under a dome also what its shape does at no force. Answers
-    hold the first, then the second.
+    A press is affine in its force: the response per newton, then for a dome the response to its shape at zero force.
 
     Attributes
     ----------
     response
-        Surrogate of the answers.
+        Surrogate of the responses.
     by_poisson
-        Their derivative by Poisson's ratio of tissue and inclusion.
+        Their derivative with respect to Poisson's ratio of tissue and inclusion.
     by_spread
-        Their derivative by the square of the inclusion's distance from the axis, per mm**2.
+        Their derivative with respect to the square of the inclusion's distance from the axis, per mm**2.
     is_domed
-        Whether there is a second part.
+        Whether there is a response to the shape.
     """
 
     response: Surrogate
@@ -63,27 +62,27 @@ class RingResponses:
     def on(
         self, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
     ) -> NDArray[np.float64]:
-        """Answers (n, answers) on tissue with inclusions (n, 3), or on plain tissue, n = 1."""
+        """Responses (n, responses) for inclusions (n, 3), or for tissue without inclusion, n = 1."""
         return _evaluate(self.response, tissue_young_kpa, thickness_mm, inclusions)
 
     def linear(
         self, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Derivatives of the answers by Poisson's ratio and by the spread."""
+        """Derivatives of the responses with respect to Poisson's ratio and the spread."""
         by_poisson = _evaluate(self.by_poisson, tissue_young_kpa, thickness_mm, inclusions)
         if inclusions is None:
             return by_poisson, np.zeros_like(by_poisson)
         return by_poisson, _evaluate(self.by_spread, tissue_young_kpa, thickness_mm, inclusions)
 
     def stiffened(self, factor: float, responses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Answers of a probe stiffer by ``factor`` on tissue stiffer by it: pressures and force share their unit."""
+        """Responses of probe and tissue stiffer by ``factor``: pressures scale with the force."""
         per_newton = np.repeat([1.0, 1 / factor, 1 / factor], self.count)
         if not self.is_domed:
             return np.asarray(responses * per_newton)
         return np.asarray(responses * np.concatenate([per_newton, np.repeat([factor, 1.0, 1.0], self.count)]))
 
     def per_newton(self, responses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What one more newton does, shape (n, 3 rings)."""
+        """Response per newton, shape (n, 3 rings)."""
         return responses[..., : OUTPUTS_PER_RING * self.count]
 
     def under(self, force_n: float, responses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -107,18 +106,18 @@ def ring_responses(
     *,
     offset_mm: float = 0.0,
 ) -> RingResponses:
-    """Answers of the rings, weighted by the light's level in each.
+    """Responses of the rings, weighted by the light of each ring.
 
     Parameters
     ----------
     surrogate
-        Answers over the face's radius.
+        Responses over the face's radius.
     edges_mm
         Boundaries of the rings.
     level
-        Light that each ring sees.
+        Light of each ring.
     offset_mm
-        How far the inclusion lies from the axis; see `off_axis_profile`.
+        Distance of the inclusion from the axis; see `off_axis_profile`.
     """
     means = ring_means(surrogate, edges_mm, level)
     around = off_axis_profile(surrogate.radius_mm, offset_mm)
@@ -152,7 +151,7 @@ def ring_responses(
 
 
 def _mapped_separately(surrogate: Surrogate, reference: NDArray[np.float64], change: NDArray[np.float64]) -> Surrogate:
-    """Plain tissue by one linear map and the change by an inclusion by another."""
+    """Apply one linear map to the response without inclusion, and another to the change by an inclusion."""
     return replace(surrogate.mapped(change), baseline=surrogate.baseline @ reference.T)
 
 
@@ -161,7 +160,7 @@ def ring_means(
 ) -> NDArray[np.float64]:
     """Matrix from profiles to means over the rings' areas, shape (rings, radii of the profile).
 
-    With the light's ``level`` in each ring the means are weighted by it, as those of grey over light are.
+    The light's ``level`` in each ring weights the means, as for grey over light.
     """
     x, w = np.polynomial.legendre.leggauss(POINTS)
     half = np.diff(edges_mm) / 2
@@ -174,9 +173,9 @@ def ring_means(
 
 
 def ring_correlation(edges_mm: NDArray[np.float64], grain_mm: float) -> NDArray[np.float64]:
-    """How alike rings are in a pattern of variance one whose grains are ``grain_mm`` wide, shape (rings, rings).
+    """Covariance between rings of a pattern of unit variance with grains of ``grain_mm``, shape (rings, rings).
 
-    A pattern that is linear between independent values, wherever these lie, has a cubic B-spline as its covariance.
+    A pattern that interpolates independent values linearly has a cubic B-spline as its covariance.
     """
     x, weight = np.polynomial.legendre.leggauss(POINTS)
     half = np.diff(edges_mm)[:, None] / 2
@@ -189,15 +188,15 @@ def ring_correlation(edges_mm: NDArray[np.float64], grain_mm: float) -> NDArray[
 
 
 TERMS = 3  # of the emphasis along the radius
-DARKEST = 1e-3  # light on a flank that the lamps do not reach, over that on the level face
+DARKEST = 1e-3  # least light on a tilted face over that on the level face
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RingShading:
     """Factor ``(exp(growth u + bend u**2) (1 + flux u'))^(1 + emphasis)`` of each ring's light, for a round press.
 
-    The face is displaced by u. The emphasis is the error in what is known of this factor, 0 when that is exact: a
-    parabola along the radius, because what is wrong in a map of light is not wrong in the same way everywhere.
+    The face is displaced by u. The emphasis is the relative error of the factor's logarithm, a parabola along the
+    radius, because the error of a light map varies over the face.
 
     Attributes
     ----------
@@ -206,7 +205,7 @@ class RingShading:
     bend_per_mm2
         Second order of its logarithm, weighted by the light, shape (rings,).
     flux
-        Power travelling outwards over the power travelling into the face, weighted by the light, shape (rings,).
+        Outward power over the power into the face, weighted by the light, shape (rings,).
     """
 
     growth_per_mm: NDArray[np.float64]
@@ -241,7 +240,7 @@ class RingShading:
     def _logarithm(
         self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Light on the tilted face over that on the level one, and the log of the factor without emphasis."""
+        """Light on the tilted over that on the level face, and the log of the factor without emphasis."""
         tilt = np.maximum(1 + self.flux * slope, DARKEST)
         grows = (self.growth_per_mm + self.bend_per_mm2 * displacement_mm) * displacement_mm
         return tilt, grows + np.log(tilt)

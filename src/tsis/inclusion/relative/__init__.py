@@ -1,4 +1,4 @@
-"""Relative estimates of section 6.2: numbers that are only good for comparing presses with each other."""
+"""Relative estimates of section 6.2: numbers that are valid only for comparing presses."""
 
 from tsis.inclusion.relative._estimates import relative_depth, relative_hardness, relative_size
 from tsis.inclusion.relative._light import LightChange, LitPart, change_of_light, lit_part, matching_references

@@ -28,15 +28,14 @@ def relative_depth(
     calibration: Calibration | None = None,
     threshold_grey: float | None = None,
 ) -> RelativeReading:
-    """Grey level at the centroid of the light, ``I(Xc, Yc)`` (6.9): it FALLS with depth and is no length.
+    """Grey level at the centroid of the light, ``I(Xc, Yc)`` (6.9): it FALLS with depth and is not a length.
 
-    The source multiplies it by the size of a pixel and calls the product millimetres. It is left as what it is; a
-    printed "0.59 mm" is 87 grey levels.
+    The source multiplies it by the size of a pixel and calls the product millimetres; its "0.59 mm" is 87 grey levels.
 
     Parameters
     ----------
     image, reference, against, calibration, threshold_grey
-        As for `relative_size`; the threshold bounds the part whose centroid is taken.
+        As for `relative_size`; the threshold bounds the part of the centroid.
 
     Returns
     -------
@@ -76,7 +75,8 @@ def relative_depth(
             SPHERE_ASSUMPTION,
             COMPARED_WITH[against],
             equal_light_assumption(calibration),
-            "What is compared is equally large and equally stiff: a grey level that falls with depth is no depth.",
+            "The compared inclusions are equally large and equally stiff: a grey level that falls with depth is no "
+            "depth.",
         ),
         parts=parts,
         flags=lit.flags,
@@ -93,21 +93,20 @@ def relative_size(
 ) -> RelativeReading:
     """Diameter in mm of the disc with the area of the lit part, ``2 sqrt(A / pi)`` (6.2).
 
-    It is as wide as the light above the threshold and not as the inclusion: it grows with the force and falls with the
-    depth. Pixels are counted behind a blur of one pixel, in the largest connected part.
+    It is the width of the light above the threshold, not of the inclusion: it grows with the force and falls with the
+    depth. Pixels are counted after a blur of one pixel, in the largest connected part.
 
     Parameters
     ----------
     image
-        The pressed probe as the camera delivered it, with ``mm_per_pixel``.
+        Raw frame of the pressed probe, with ``mm_per_pixel``.
     reference
-        One or more frames (their mean is taken) to compare with.
+        One or more frames, whose mean is subtracted.
     against
-        What the reference shows: ``"untouched probe"``, the source's way, where all light of the press counts, or
-        ``"plain tissue"`` pressed as hard, where only the inclusion's share of it counts.
+        Content of the reference: ``"untouched probe"`` as in the source, where all light of the press counts, or
+        ``"plain tissue"``, a reference press of equal force, where only the inclusion's light counts.
     calibration
-        Where it knows how unevenly the face is lit, that is divided out, and grey levels are those of the best lit
-        place.
+        Its light map corrects non-uniform light; grey levels are then those of the brightest light.
     threshold_grey
         Level k above which a pixel counts as lit, above 0; the source's 5 of 255 levels when None.
 
@@ -119,8 +118,8 @@ def relative_size(
     Raises
     ------
     InputError
-        When a scale is unknown, the frame is mostly clipped or lit to its last pixel, or a reference's force
-        contradicts ``against``.
+        When a scale is unknown, the frame is mostly clipped or has no unlit pixel, or a reference's force contradicts
+        ``against``.
     ImageMismatchError
         When the reference's size, scale, full scale or axis differ from the image's.
 
@@ -146,7 +145,7 @@ def relative_size(
             SPHERE_ASSUMPTION,
             COMPARED_WITH[against],
             equal_light_assumption(calibration),
-            "What is compared lies equally deep and is equally stiff: the lit part is no outline of the inclusion.",
+            "The compared inclusions are equally deep and equally stiff: the lit part is no outline of the inclusion.",
         ),
         parts={"area_mm2": lit.area_mm2},
         flags=lit.flags,
@@ -171,22 +170,22 @@ def relative_hardness(
 ) -> RelativeReading:
     """Force per lit area over ``T = |d1 - d2| / d1`` (6.10), from two presses of one target, the second one harder.
 
-    d1 and d2 are the `relative_size` of each press. The force is the sum of grey levels over the calibration's gain, as
-    the source takes it, and force and area are those of the second press. T is not a strain: where light follows
-    pressure, the lit part widens because more of the same bump exceeds the threshold, stiff or not.
+    d1 and d2 are the `relative_size` of each press. Force, the sum of grey levels over the calibration's gain as in the
+    source, and area are those of the second press. T is not a strain: the lit part widens because more of the same bump
+    exceeds the threshold, for any stiffness.
 
     Parameters
     ----------
     first, second
-        Presses of one target, the second harder, as the camera delivered them.
+        Raw presses of one target, the second harder.
     reference
-        What both are compared with; see `relative_size`.
+        Reference of both; see `relative_size`.
     second_reference
-        What the second is compared with; ``reference`` when None. Against plain tissue each force needs its own.
+        Reference of the second; ``reference`` when None. Reference presses must have the force of their press.
     against
-        What the references show: ``"untouched probe"`` or ``"plain tissue"``.
+        Content of the references: ``"untouched probe"`` or ``"plain tissue"``.
     calibration
-        Its gain turns grey levels into pressure; its light, where it is known, is divided out.
+        Its gain converts grey levels to pressure; its light map, if any, corrects the light.
     threshold_grey
         As for `relative_size`.
 
@@ -200,7 +199,7 @@ def relative_hardness(
     InputError
         As `relative_size`, and when both presses are the same frame or their known forces do not rise.
     NotCalibratedError
-        When there is no calibration.
+        When the calibration is missing.
     ImageMismatchError
         As `relative_size`, and when the presses differ in size, scale or full scale.
 
@@ -216,7 +215,7 @@ def relative_hardness(
     """
     if not isinstance(calibration, Calibration):
         raise NotCalibratedError(
-            f"calibration must be a Calibration, whose gain turns grey levels into pressure; got {calibration!r:.80}"
+            f"calibration must be a Calibration, whose gain converts grey levels to pressure; got {calibration!r:.80}"
         )
     _check_rising(first, second)
     second_reference = reference if second_reference is None else second_reference
@@ -242,9 +241,9 @@ def relative_hardness(
             SPHERE_ASSUMPTION,
             COMPARED_WITH[against],
             equal_light_assumption(calibration),
-            "What is compared is equally large and lies equally deep, and was pressed with the same two forces.",
+            "The compared inclusions are equally large and equally deep, and were pressed with the same two forces.",
             "Grey level is in proportion to pressure.",
-            "The growth of the lit part stands for a strain, which it is not.",
+            "The growth of the lit part replaces a strain, which it is not.",
         ),
         parts=parts,
         flags=flags,

@@ -1,4 +1,4 @@
-"""What a press changed, against the untouched probe or against plain tissue; and whether the frames may be compared."""
+"""Change of light by a press against a reference, and checks that the frames are comparable."""
 
 from __future__ import annotations
 
@@ -30,27 +30,27 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-UNTOUCHED, PLAIN = "untouched probe", "plain tissue"
-SAME_FORCE = 0.05  # relative; the light follows the force, so a greater difference would pass for an inclusion
-MOST_CLIPPED = 0.5  # share of a frame from which nothing is left to compare
+UNTOUCHED, REFERENCE_TISSUE = "untouched probe", "plain tissue"
+SAME_FORCE = 0.05  # relative; the light follows the force, so a larger difference would look like an inclusion
+MOST_CLIPPED = 0.5  # fraction of a frame beyond which it is refused
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LightChange:
-    """What a press changed.
+    """Change of light by a press.
 
     Attributes
     ----------
     image
-        Change of grey level behind a blur of one pixel.
+        Change of grey level after a blur of one pixel.
     raised
-        What each pixel was multiplied with to show it as the best lit place would, shape (rows, columns).
+        Factor of each pixel to the brightest light, shape (rows, columns).
     clipped
         True where the camera clipped in the press or in a reference, shape (rows, columns).
     noise_grey
         Standard deviation of the blurred change's pixel noise.
     against
-        What the reference shows: ``"untouched probe"`` or ``"plain tissue"``.
+        Content of the reference: ``"untouched probe"`` or ``"plain tissue"``.
     """
 
     image: TactileImage
@@ -60,12 +60,12 @@ class LightChange:
     against: str
 
     def is_drowned(self, threshold_grey: float) -> bool:
-        """Whether noise alone reaches a threshold somewhere in the frame."""
+        """Whether noise alone exceeds a threshold somewhere in the frame."""
         return NOISE_FACTOR * self.noise_grey > threshold_grey
 
 
 def brightest(calibration: Calibration | None) -> float:
-    """Light of the best lit place of the face, over that for which the calibration's gain holds."""
+    """Brightest light of the face, over that of the calibration's gain."""
     return 1.0 if calibration is None or calibration.light is None else float(calibration.light.relative.max())
 
 
@@ -76,9 +76,9 @@ def change_of_light(
     against: str,
     calibration: Calibration | None = None,
 ) -> LightChange:
-    """Subtract a reference, or the mean of several, and blur by one pixel: the source takes its frames as noiseless.
+    """Subtract a reference, or the mean of several, and blur by one pixel, since the source assumes no noise.
 
-    Where a calibration knows how unevenly the face is lit, grey levels become those that the best lit place shows.
+    With a calibration's light map, grey levels become those of the brightest light.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def change_of_light(
     UnknownNameError
         When ``against`` is neither of its two values.
     """
-    require_one_of("kind of reference", against, (UNTOUCHED, PLAIN))
+    require_one_of("kind of reference", against, (UNTOUCHED, REFERENCE_TISSUE))
     require_image("image", image)
     image.scale()
     if calibration is not None:
@@ -110,7 +110,7 @@ def change_of_light(
     raised = _raised(image, calibration)
     change = subtract_background(image, mean)
     change = replace(change, grey=change.grey * raised)
-    # White noise behind a Gaussian of standard deviation s keeps the share 1 / (2 s sqrt(pi)).
+    # A Gaussian of standard deviation s reduces white noise by the factor 1 / (2 s sqrt(pi)).
     noise = pixel_noise(change.grey) / (2.0 * SMOOTH_PX * np.sqrt(np.pi))
     return LightChange(
         image=replace(change, grey=smoothed(change.grey)),
@@ -122,7 +122,7 @@ def change_of_light(
 
 
 def _raised(image: TactileImage, calibration: Calibration | None) -> NDArray[np.float64]:
-    """What brings each pixel to the light of the best lit place; ones where no light is known."""
+    """Factor of each pixel to the brightest light; ones without a light map."""
     if calibration is None or calibration.light is None:
         return np.ones(image.grey.shape)
     lit = replace(image, grey=np.full(image.grey.shape, calibration.background_grey + 1.0))
@@ -130,27 +130,30 @@ def _raised(image: TactileImage, calibration: Calibration | None) -> NDArray[np.
 
 
 def _check_axis(image: TactileImage, reference: TactileImage) -> None:
-    """Refuse a reference whose axis lies elsewhere in the picture."""
+    """Refuse a reference with another axis."""
     if image.axis() != reference.axis():
         raise ImageMismatchError(
-            f"reference must have the image's axis_px {image.axis()}; got {reference.axis()} "
-            "(leave the camera where it is)"
+            f"reference must have the image's axis_px {image.axis()}; got {reference.axis()} (do not move the camera)"
         )
 
 
 def _check_force(image: TactileImage, reference: TactileImage, against: str) -> None:
-    """Refuse a reference whose force, where it is known, says that it shows something else."""
+    """Refuse a reference whose force contradicts ``against``."""
     force = reference.force_n
     if force is None:
         return
     if against == UNTOUCHED and force > 0:
         raise InputError(
             f"reference must be untouched, force_n 0, against the {UNTOUCHED}; got one pressed with {force:g} N "
-            f'(a press on tissue beside the target is against="{PLAIN}")'
+            f'(for a reference press set against="{REFERENCE_TISSUE}")'
         )
-    if against == PLAIN and force == 0:
-        raise InputError(f'reference must be a press on {PLAIN}; got force_n 0 (say against="{UNTOUCHED}")')
-    if against == PLAIN and image.force_n is not None and abs(force - image.force_n) > SAME_FORCE * image.force_n:
+    if against == REFERENCE_TISSUE and force == 0:
+        raise InputError(f'reference must be a reference press; got force_n 0 (set against="{UNTOUCHED}")')
+    if (
+        against == REFERENCE_TISSUE
+        and image.force_n is not None
+        and abs(force - image.force_n) > SAME_FORCE * image.force_n
+    ):
         raise InputError(
             f"reference must be pressed as hard as the image, {image.force_n:g} N within {100 * SAME_FORCE:g} %; "
             f"got {force:g} N"
@@ -160,9 +163,9 @@ def _check_force(image: TactileImage, reference: TactileImage, against: str) -> 
 def matching_references(
     image: TactileImage, references: Sequence[TactileImage], *, against: str
 ) -> tuple[TactileImage, ...]:
-    """The references with which an image may be compared: all of the untouched probe, else those pressed as hard.
+    """References for an image: all of the untouched probe, else the reference presses of equal force.
 
-    A press on plain tissue fits where its force lies within 5 % of the image's, or where one of the two is unknown.
+    Forces are equal within 5 %, or where one of the two is unknown.
 
     Raises
     ------
@@ -171,7 +174,7 @@ def matching_references(
     UnknownNameError
         When ``against`` is neither of its two values.
     """
-    require_one_of("kind of reference", against, (UNTOUCHED, PLAIN))
+    require_one_of("kind of reference", against, (UNTOUCHED, REFERENCE_TISSUE))
     force = image.force_n
     fitting = tuple(
         frame
@@ -184,7 +187,7 @@ def matching_references(
     if not fitting:
         forces = " and ".join(f"{frame.force_n:g} N" for frame in references) or "none"
         raise InputError(
-            f"{image.name or 'an image'} must be compared with the untouched probe, or with a press on plain tissue at "
+            f"{image.name or 'an image'} must be compared with the untouched probe, or with a reference press at "
             f"its force {'' if force is None else f'{force:g} N '}within {100 * SAME_FORCE:g} %; got {forces}"
         )
     return fitting
@@ -196,7 +199,7 @@ LEAST_WIDTH_PX = 5.0  # the blur makes a disc of about half this width of one no
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LitPart:
-    """The largest connected part of a change above a threshold; there is one inclusion, and the rest is noise.
+    """The largest connected part of a change above a threshold; other parts are noise.
 
     Attributes
     ----------
@@ -209,9 +212,9 @@ class LitPart:
     total_grey
         Sum of its grey levels.
     threshold_grey
-        The level above which pixels were counted.
+        The threshold.
     flags
-        What is wrong with it.
+        Its defects.
     """
 
     mask: NDArray[np.bool]

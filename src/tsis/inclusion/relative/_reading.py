@@ -1,4 +1,4 @@
-"""A relative estimate: one number, what it rests on, and what is wrong with it."""
+"""A relative estimate: its value, assumptions and flags."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import InputError
-from tsis.inclusion.relative._light import PLAIN, UNTOUCHED
+from tsis.inclusion.relative._light import REFERENCE_TISSUE, UNTOUCHED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -21,27 +21,27 @@ if TYPE_CHECKING:
 
 
 NOTES = {
-    "no_contact": "Nothing exceeds the threshold: there is nothing to read.",
-    "cropped": "The lit part touches the border of the picture: it may go on outside, so it is not measured whole.",
+    "no_contact": "No pixel exceeds the threshold: there is nothing to measure.",
+    "cropped": "The lit part touches the border of the picture: it may continue outside and be measured incompletely.",
     "saturated": "The camera clipped inside the lit part: grey levels there are too low.",
-    "noisy": "Noise alone reaches the threshold somewhere: single lit pixels mean nothing.",
+    "noisy": "Noise alone exceeds the threshold somewhere: single lit pixels mean nothing.",
     "no_growth": "The lit part does not grow from the first press to the second: there is no strain to divide by.",
-    "corners_lit": "The picture's corners are lit: the threshold's first guess takes them for background.",
-    "repeated_frames": "A frame is the same as the one before it, as of a camera that hangs: it adds no movement.",
-    "contact_lost": "Some frames show nothing: steps to and from them are missing, and the path is too short.",
-    "no_movement": "The positions differ by no more than noise: no movement was seen.",
+    "corners_lit": "The picture's corners are lit: the initial threshold assumes that they are background.",
+    "repeated_frames": "A frame equals the frame before it, as from a frozen camera: it adds no movement.",
+    "contact_lost": "Some frames have no contact: steps to and from them are missing, and the path is too short.",
+    "no_movement": "The positions differ by no more than noise: no movement was measured.",
 }
 COMPARED_WITH = {
-    UNTOUCHED: "Plain tissue lights nothing above the threshold; a face that touches all over is itself measured.",
-    PLAIN: "The reference was pressed as hard, on tissue of the same stiffness and thickness.",
+    UNTOUCHED: "Tissue without inclusion stays below the threshold; in full contact the face itself is measured.",
+    REFERENCE_TISSUE: "The reference press had the same force, on tissue of the same stiffness and thickness.",
 }
 SPHERE_ASSUMPTION = "There is one inclusion, and it is a sphere."
-EVEN_LIGHT = "The face is lit evenly, and what is compared was lit and pressed alike."
-LIGHT_ASSUMPTION = "The face is lit as the calibration says, and what is compared was pressed alike."
+EVEN_LIGHT = "The light is uniform over the face, and the compared presses had equal light and force."
+LIGHT_ASSUMPTION = "The light is that of the calibration, and the compared presses had equal force."
 
 
 def equal_light_assumption(calibration: Calibration | None) -> str:
-    """What must hold for the light."""
+    """Assumption on the light."""
     return EVEN_LIGHT if calibration is None or calibration.light is None else LIGHT_ASSUMPTION
 
 
@@ -52,24 +52,24 @@ def notes_of(flags: tuple[str, ...]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RelativeReading:
-    """A number that is only good for comparing presses with each other; ``print`` shows it with all that it rests on.
+    """A number that is valid only for comparing presses; ``print`` shows it with its assumptions and flags.
 
     Attributes
     ----------
     quantity
-        What was read, e.g. ``"relative size"``.
+        Name of the quantity, e.g. ``"relative size"``.
     value
-        The number; None when there is nothing to read.
+        The number; None without contact.
     unit
         Its unit.
     against
-        What the reference showed: ``"untouched probe"`` or ``"plain tissue"``.
+        Content of the reference: ``"untouched probe"`` or ``"plain tissue"``.
     assumptions
-        What must hold for two such numbers to be compared, one sentence each.
+        Assumptions of a comparison of two such numbers, a message each.
     parts
-        What the number was made of, by name with unit.
+        Intermediate results, by name with unit.
     flags
-        Short names of what is wrong with this press.
+        Short names of the defects of this press.
 
     Examples
     --------
@@ -77,7 +77,7 @@ class RelativeReading:
     ...                       assumptions=("There is one inclusion.",), flags=("cropped",)))
     relative size: 6.25 mm (against plain tissue)
       assumed: There is one inclusion.
-      cropped: The lit part touches the border of the picture: it may go on outside, so it is not measured whole.
+      cropped: The lit part touches the border of the picture: it may continue outside and be measured incompletely.
     Research use only. Not reviewed or approved by any regulator. Not for patient care.
     """
 
@@ -98,7 +98,7 @@ class RelativeReading:
         return notes_of(self.flags)
 
     def __str__(self) -> str:
-        value = "nothing to read" if self.value is None else f"{self.value:.4g} {self.unit}"
+        value = "no value" if self.value is None else f"{self.value:.4g} {self.unit}"
         lines = [f"{self.quantity}: {value} (against {self.against})"]
         lines += [f"  assumed: {assumption}" for assumption in self.assumptions]
         lines += [f"  {flag}: {note}" for flag, note in zip(self.flags, self.notes, strict=True)]
@@ -112,14 +112,14 @@ class Repeats:
     Parameters
     ----------
     label
-        What the target is called.
+        Name of the target.
     readings
         At least one, all of one quantity against one kind of reference.
 
     Raises
     ------
     InputError
-        When there is no reading, or readings of different kinds are mixed.
+        When there is no reading, or readings are of different kinds.
 
     Examples
     --------
@@ -148,17 +148,17 @@ class Repeats:
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """The values that were read, shape (readings with a value,)."""
+        """The values, shape (readings with a value,)."""
         return np.array([reading.value for reading in self.readings if reading.value is not None])
 
     @property
     def observed(self) -> int:
-        """Number of presses that showed anything."""
+        """Number of readings with a value."""
         return sum("no_contact" not in reading.flags for reading in self.readings)
 
     @property
     def mean(self) -> float:
-        """Mean value; NaN when no press could be read."""
+        """Mean value; NaN without values."""
         return float(self.values.mean()) if self.values.size else float("nan")
 
     @property
@@ -168,7 +168,7 @@ class Repeats:
 
 
 def ratios(targets: Sequence[Repeats]) -> tuple[float, ...]:
-    """Mean of each target over that of the first; NaN where there is none, or the first is zero.
+    """Mean of each target over that of the first; NaN without values, or where the first is zero.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Shape of the touched object: ellipse, roundness and outline of what is brighter than the two-means threshold."""
+"""Shape of the pressed object: ellipse, roundness and outline of the part above the two-means threshold."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 
 ASSUMPTIONS = (
-    "There is one object, brighter than its surroundings, and the picture's corners show none of it.",
-    "The outline is that of the light: it lies near half the height of a rounded bump, and that of a deep object is "
-    "wider and rounder than the object.",
+    "There is one object, brighter than its surroundings, and the picture's corners are background.",
+    "The outline is that of the light, near half the height of a rounded bump; for a deep object it is wider and "
+    "rounder than the object.",
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ObjectShape:
-    """Shape of the lit part; None throughout when nothing stands out.
+    """Shape of the lit part; all fields are None when no part exceeds the noise.
 
     Attributes
     ----------
@@ -41,10 +41,10 @@ class ObjectShape:
     area_mm2
         Area of the part.
     centre_mm
-        Its middle (x, y) from the probe's axis, every pixel counted alike.
+        Its centroid (x, y) from the probe's axis, with equal weight of the pixels.
     semi_axes_mm, angle_deg
         Semi-axes (long, short) of the ellipse with its second moments, and the direction of the long one in [0, 180),
-        from x towards y, that is clockwise in the picture.
+        from x towards y: clockwise in the picture.
     eccentricity
         ``sqrt(1 - (short / long)²)``: 0 for a circle.
     circularity
@@ -52,11 +52,11 @@ class ObjectShape:
     contour_mm
         Closed outline, (n, 2) points (x, y) from the probe's axis; shape (0, 2) when there is none.
     against
-        What the reference showed.
+        Content of the reference.
     assumptions
-        What the shape rests on, one sentence each.
+        Assumptions of the shape, a message each.
     flags
-        Short names of what is wrong.
+        Short names of the defects.
     """
 
     levels: TwoMeans
@@ -76,7 +76,7 @@ class ObjectShape:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The sentence of each flag."""
+        """The message of each flag."""
         return notes_of(self.flags)
 
 
@@ -87,9 +87,9 @@ def object_shape(
     against: str,
     calibration: Calibration | None = None,
 ) -> ObjectShape:
-    """Area, ellipse, circularity and outline of what a press lights.
+    """Area, ellipse, circularity and outline of the lit part of a press.
 
-    The change of light is parted by `two_means` into a binary image (6.11), whose largest part is measured.
+    `two_means` divides the change of light into a binary image (6.11), whose largest part is measured.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def _flags(change: LightChange, levels: TwoMeans, features: Features) -> tuple[s
 
 
 def _nothing(levels: TwoMeans, against: str, assumptions: tuple[str, ...]) -> ObjectShape:
-    """Nothing stands out."""
+    """The result without contact."""
     return ObjectShape(
         levels=levels,
         area_mm2=None,

@@ -1,4 +1,4 @@
-"""The threshold between background and object by two means that start from the picture's corners, (6.12) and (6.13)."""
+"""Threshold between background and object by two means, initialised by the picture's corners, (6.12) and (6.13)."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class TwoMeans:
     background_grey, object_grey
         Mean of the levels below the threshold, and of the others.
     threshold_grey
-        Halfway between them, so that each level belongs to the class whose mean is nearer.
+        Midpoint of both means.
     corners_grey
-        Mean of the four corner pixels, the first guess of the background.
+        Mean of the four corner pixels, the initial background.
     """
 
     background_grey: float
@@ -34,11 +34,11 @@ class TwoMeans:
 
 
 def two_means(grey: ArrayLike) -> TwoMeans:
-    """Part grey levels into background and object.
+    """Divide grey levels into background and object.
 
-    The corners are the first guess of the background, everything else of the object; the threshold lies halfway between
-    the means of both sides, and moves until no pixel changes sides. The source also calls for "reducing the threshold"
-    in each round, which its conditions (6.12) and (6.13) do not hold for; it goes where the means put it.
+    Initially the corners are background and the rest object; the threshold is the midpoint of both means, iterated
+    until no pixel changes class. The source also demands "reducing the threshold" in each round, which contradicts its
+    conditions (6.12) and (6.13) and is omitted.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def two_means(grey: ArrayLike) -> TwoMeans:
     Returns
     -------
     TwoMeans
-        Both means equal the level when all pixels are alike.
+        Both means equal the level when all pixels are equal.
 
     Raises
     ------

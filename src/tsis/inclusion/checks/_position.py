@@ -1,4 +1,4 @@
-"""Where an inclusion lies beside the probe's axis, from a press on it and one on plain tissue."""
+"""Position of an inclusion relative to the probe's axis, from a press on it and a reference press."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
 
 CELL_MM = 0.25  # pixels are averaged over cells of this size; changes are much wider
 DEGREE = 8  # of the round change, in the squared distance from its centre
-REFERENCE_SD = 0.05  # share of the plain press that the two frames may differ by: force, tissue, travel of the glass
+REFERENCE_SD = 0.05  # relative difference of the two presses without inclusion: force, tissue, travel of the glass
 STEPS = 12
-SEEN, SEEN_SD = 0.93, 0.1  # share of its true offset at which a change is seen: the stiff rim holds on to deep ones
+# Apparent over true offset: the stiff rim attenuates that of deep inclusions.
+APPARENT_FRACTION, APPARENT_SD = 0.93, 0.1
 CLOSE = 0.1  # of the sd; a shift this small ends the search
 FEWEST_CELLS = 200
-DISTINCT = 3.0  # a change is there when its slopes exceed this many times those that noise makes
+DISTINCT = 3.0  # least ratio of the change's slopes to those of noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InclusionPosition:
-    """Where an inclusion lies.
+    """Position of an inclusion.
 
     Attributes
     ----------
     x_mm, y_mm
-        From the probe's axis, y along the rows of the image; 0 where nothing can be placed.
+        From the probe's axis, y along the rows of the image; 0 where there is no change.
     sd_mm
-        Standard deviation of either coordinate; infinite where no change stands out of the noise.
+        Standard deviation of either coordinate; infinite where no change exceeds the noise.
     noise_mm
-        The part of ``sd_mm`` that noise makes; the rest is how well it is known at which share of its offset an
-        inclusion is seen.
+        The part of ``sd_mm`` by noise; the rest is the uncertainty of the apparent fraction of the offset.
     """
 
     x_mm: float
@@ -59,21 +59,21 @@ class InclusionPosition:
 def inclusion_position(
     target: TactileImage, reference: TactileImage, calibration: Calibration, *, radius_mm: float
 ) -> InclusionPosition:
-    """Find the place of an inclusion from the point around which the change that it makes is round.
+    """Locate an inclusion by the centre of symmetry of the change that it causes.
 
-    At even light the change is fitted by a round function of the distance from a centre, a share of the reference that
-    stays about the axis, and the slope of that function times its shift, over the inner 0.8 of the face; the centre
-    moves by the shift until that is zero. Lit evenly, it is seen at 0.88 to 0.98 of its true offset, the deeper the
-    nearer to the axis (``benchmarks/off_axis.py``): `SEEN` puts that right on average, and `SEEN_SD` says how badly.
-    Lamps that shine along the face move it further, because dents tilt the face; that is not put right.
+    At uniform light the change over the inner 0.8 of the face is fitted by a round function about a centre, a multiple
+    of the reference about the axis, and a shift of the centre; Gauss-Newton steps reduce the shift to zero. The
+    apparent offset is 0.88 to 0.98 of the true one, less for deeper inclusions (``benchmarks/off_axis.py``);
+    `APPARENT_FRACTION` corrects the average, `APPARENT_SD` is the remaining error. The additional shift by lamps that
+    shine along the tilted face is not corrected.
 
-    Pixels weigh by their noise and by the calibration's pattern and repeatability, which are taken to be as strong in
-    the first harmonic around a ring as in its mean.
+    Weights follow from pixel noise, pattern and repeatability, assumed as large in the first harmonic around a ring as
+    in its mean.
 
     Parameters
     ----------
     target, reference
-        Frames as the camera delivered them, of one force, scale and axis.
+        Raw frames of one force, scale and axis.
     calibration
         Light, background and noise.
     radius_mm
@@ -81,22 +81,22 @@ def inclusion_position(
 
     Returns
     -------
-    Place
-        The centre, at most `FARTHEST` of the face's radius from the axis. Its sd is widened where the change is not
+    InclusionPosition
+        The centre, at most `FARTHEST` of the face's radius from the axis. Its sd is larger where the change is not
         round.
 
     Raises
     ------
     InputError
-        When the scale is unknown or too little of the face is seen without clipping.
+        When the scale is unknown or too little of the face is visible without clipping.
     ImageMismatchError
-        When the frames do not belong together.
+        When the frames differ in size, scale or axis.
     """
     require_number("radius_mm", radius_mm, 0.5, 500.0, hint="millimetres")
     require_type("calibration", calibration, Calibration)
     require_same_frame(target, reference, "reference")
     cells = _cells(target, reference, calibration, radius_mm)
-    centre, limit = np.zeros(2), SEEN * FARTHEST * radius_mm
+    centre, limit = np.zeros(2), APPARENT_FRACTION * FARTHEST * radius_mm
     for _ in range(STEPS):
         shift, sd = _step(cells, centre)
         if not np.isfinite(sd):
@@ -105,14 +105,16 @@ def inclusion_position(
         centre *= limit / max(limit, float(np.hypot(*centre)))
         if np.hypot(*shift) < CLOSE * sd:
             break
-    x, y = centre / SEEN
-    both = np.hypot(sd, SEEN_SD * np.hypot(*centre))
-    return InclusionPosition(x_mm=float(x), y_mm=float(y), sd_mm=float(both / SEEN), noise_mm=sd / SEEN)
+    x, y = centre / APPARENT_FRACTION
+    total_sd = float(np.hypot(sd, APPARENT_SD * np.hypot(*centre)))
+    return InclusionPosition(
+        x_mm=float(x), y_mm=float(y), sd_mm=total_sd / APPARENT_FRACTION, noise_mm=sd / APPARENT_FRACTION
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Cells:
-    """Means over cells of the picture, each of shape (n,): place, change, plain press and variance of the change."""
+    """Means over cells of the picture, shape (n,): position, change, reference press and variance of the change."""
 
     x_mm: NDArray[np.float64]
     y_mm: NDArray[np.float64]
@@ -122,7 +124,7 @@ class _Cells:
 
 
 def _cells(target: TactileImage, reference: TactileImage, calibration: Calibration, radius_mm: float) -> _Cells:
-    """The cells inside the rings of the estimate in which no pixel is clipped."""
+    """The cells inside the rings of the estimate without clipped pixels."""
     (sx, sy), (ax, ay) = target.scale(), target.axis()
     size = max(1, round(CELL_MM / sy)), max(1, round(CELL_MM / sx))
     rows, columns = target.grey.shape
@@ -130,30 +132,30 @@ def _cells(target: TactileImage, reference: TactileImage, calibration: Calibrati
         raise _too_little(0)
     x = (_means(np.arange(columns)[None, :], (1, size[1]))[0] - ax) * sx
     y = (_means(np.arange(rows)[:, None], (size[0], 1))[:, 0] - ay) * sy
-    pressed, plain = (_means(frame.grey, size) - calibration.background_grey for frame in (target, reference))
+    pressed, baseline = (_means(frame.grey, size) - calibration.background_grey for frame in (target, reference))
     brightest = _brightest(target, reference, size)
-    light = np.ones_like(plain) if calibration.light is None else calibration.light.at(x, y)
+    light = np.ones_like(baseline) if calibration.light is None else calibration.light.at(x, y)
     inside = (np.hypot(x, y[:, None]) < OUTER_FRACTION * radius_mm) & (brightest < target.full_scale)
     inside &= light > DARKEST * light.max()
     if inside.sum() < FEWEST_CELLS:
         raise _too_little(int(inside.sum()))
     span, down = (grid[inside] for grid in np.meshgrid(x, y))
-    pressed, plain, light = pressed[inside], plain[inside], light[inside]
-    pixel = 2 * calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(pressed + plain, 0.0) + 2 / 12
-    ring = (
-        calibration.repeatability_sd**2 * (pressed**2 + plain**2) + calibration.pattern_sd**2 * (pressed - plain) ** 2
-    )
-    # What a ring's mean errs by is what its cells err by together, over the root of their number.
+    pressed, baseline, light = pressed[inside], baseline[inside], light[inside]
+    photons = np.maximum(pressed + baseline, 0.0)
+    pixel = 2 * calibration.read_noise_grey**2 + calibration.shot_noise_grey * photons + 2 / 12
+    ring = calibration.repeatability_sd**2 * (pressed**2 + baseline**2)
+    ring += calibration.pattern_sd**2 * (pressed - baseline) ** 2
+    # The error of a ring's mean is that of a cell over the root of their number.
     width, area = OUTER_FRACTION * radius_mm / RINGS, size[0] * sy * size[1] * sx
     cells_a_ring = np.maximum(2 * np.pi * np.hypot(span, down) * width / area, 1.0)
     variance = (pixel / (size[0] * size[1]) + cells_a_ring * ring) / light**2
-    # Its own noise, which is also in the change, would make a share of the plain press out of nothing.
+    # The smooth reference avoids a correlation of its noise with that of the change.
     basis = chebyshev.chebvander(_unit(span**2 + down**2), DEGREE) / np.sqrt(variance)[:, None]
-    smooth = np.linalg.lstsq(basis, plain / light / np.sqrt(variance), rcond=None)[0]
+    smooth = np.linalg.lstsq(basis, baseline / light / np.sqrt(variance), rcond=None)[0]
     return _Cells(
         x_mm=span,
         y_mm=down,
-        change=(pressed - plain) / light,
+        change=(pressed - baseline) / light,
         reference=basis @ smooth * np.sqrt(variance),
         variance=variance,
     )
@@ -167,7 +169,7 @@ def _too_little(cells: int) -> InputError:
 
 
 def _brightest(target: TactileImage, reference: TactileImage, size: tuple[int, int]) -> NDArray[np.float64]:
-    """Largest grey level of either frame in each cell; looked for cell by cell only where something clips."""
+    """Largest grey level of either frame in each cell; computed per cell only if a pixel clips."""
     most = max(float(target.grey.max()), float(reference.grey.max()))
     if most < target.full_scale:
         return np.full([length // of for length, of in zip(target.grey.shape, size, strict=True)], most)
@@ -180,7 +182,7 @@ def _unit(squared: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _means(values: NDArray[Any], size: tuple[int, int], over: np.ufunc = np.add) -> NDArray[np.float64]:
-    """Means, or what else is taken, over whole cells of ``size`` (rows, columns)."""
+    """Means, or another reduction, over whole cells of ``size`` (rows, columns)."""
     rows, columns = (length // of * of for length, of in zip(values.shape, size, strict=True))
     for axis, (length, of) in enumerate(zip((rows, columns), size, strict=True)):
         # One axis after the other: both at once is several times slower.
@@ -189,30 +191,30 @@ def _means(values: NDArray[Any], size: tuple[int, int], over: np.ufunc = np.add)
 
 
 def _step(cells: _Cells, centre: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Shift of the centre (2,) that the change asks for, and the standard deviation of either coordinate."""
+    """Gauss-Newton shift of the centre (2,), and the standard deviation of either coordinate."""
     x, y = cells.x_mm - centre[0], cells.y_mm - centre[1]
     squared = x * x + y * y
     unit, by_unit = _unit(squared), 2 / squared.max()
     basis = chebyshev.chebvander(unit, DEGREE)
     coarse = np.column_stack([basis, cells.reference])
     weight = 1 / cells.variance
-    given = np.zeros(coarse.shape[1])
-    given[-1] = REFERENCE_SD**-2
-    spread = np.linalg.inv(coarse.T @ (weight[:, None] * coarse) + np.diag(given))
+    precision = np.zeros(coarse.shape[1])
+    precision[-1] = REFERENCE_SD**-2
+    spread = np.linalg.inv(coarse.T @ (weight[:, None] * coarse) + np.diag(precision))
     fitted = spread @ (coarse.T @ (weight * cells.change))
-    # Derivative by the squared distance; that by x is 2 x times it.
+    # Derivative with respect to the squared distance; that with respect to x is 2 x times it.
     steep = chebyshev.chebvander(unit, DEGREE - 1) @ chebyshev.chebder(np.eye(DEGREE + 1)) * by_unit
     by_squared = steep @ fitted[:-1]
     shifted = np.column_stack([-2 * x * by_squared, -2 * y * by_squared])
     residual = cells.change - coarse @ fitted
-    # What the round part can follow of a shift tells nothing about it.
+    # The part of a shift that the round function can fit has no information.
     free = shifted - coarse @ (spread @ (coarse.T @ (weight[:, None] * shifted)))
-    reported = free.T @ (weight[:, None] * free)
+    fisher = free.T @ (weight[:, None] * free)
     noise = 2 * np.einsum("n,nk,kl,nl->", weight * squared, steep, spread[:-1, :-1], steep, optimize=True)
-    information = np.trace(reported) / 2 - noise
+    information = np.trace(fisher) / 2 - noise
     if information < DISTINCT * noise:
         return np.zeros(2), np.inf
-    shift = np.linalg.solve(reported, free.T @ (weight * residual))
+    shift = np.linalg.solve(fisher, free.T @ (weight * residual))
     left = residual - free @ shift
     misfit = float(weight @ left**2) / (len(left) - DEGREE - 4)
     return shift, float(np.sqrt(max(misfit, 1.0) / information))
