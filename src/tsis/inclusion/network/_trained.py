@@ -234,7 +234,7 @@ def read_networks(path: str | os.PathLike[str]) -> TrainedNetworks:
             f"{printable_path(position)} must be a {FORMAT!r} file of version {VERSION}; got "
             f"{content.get('format')!r:.40} of version {content.get('version')!r:.20}"
         )
-    if set(content) != KEYS or digest_of_any({**content, "sha256": None}) != content["sha256"]:
+    if set(content) != KEYS or digest_or_none({**content, "sha256": None}) != content["sha256"]:
         raise FileInputError(f"{printable_path(position)} must be unchanged; its content does not match its hash")
     try:
         return _trained(content)
