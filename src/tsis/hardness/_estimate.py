@@ -183,7 +183,7 @@ def estimate(
     presses = [
         ContactPress(
             force_n=frame.force_n or 0.0,
-            observed=read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm),
+            seen=read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm),
             ball_radius_mm=ball_mm if index >= len(frames) else None,
             ball_radius_sd=ball_sd,
         )

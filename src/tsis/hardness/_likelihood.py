@@ -31,14 +31,14 @@ class ContactPress:
     ----------
     force_n
         Force by the gauge, N.
-    observed
+    seen
         Contact read from the frame.
     ball_radius_mm, ball_radius_sd
         Radius of the pressed rigid ball, and its relative standard deviation; None for the object.
     """
 
     force_n: float
-    observed: ContactReading
+    seen: ContactReading
     ball_radius_mm: float | None = None
     ball_radius_sd: float = 0.0
 
@@ -56,7 +56,7 @@ class HardnessLikelihood:
     ) -> None:
         self.presses, self.table = tuple(presses), table
         self._calibration, self._drift_sd = calibration, drift_sd
-        observed = [press.observed for press in presses]
+        observed = [press.seen for press in presses]
         self.log_radius = np.log([item.radius_mm for item in observed])
         self.log_light = np.log(
             [item.light_force_n / press.force_n for item, press in zip(observed, presses, strict=True)]
@@ -112,7 +112,7 @@ class HardnessLikelihood:
         count, calibration = len(self.presses), self._calibration
         ball = np.array([press.ball_radius_mm is not None for press in self.presses])
         same = ball[:, None] == ball  # presses of one body have the ball's radius and the table's error in common
-        image = np.array([press.observed.radius_sd**2 for press in self.presses])
+        image = np.array([press.seen.radius_sd**2 for press in self.presses])
         shared = (1 - OWN_FRACTION) * same + OWN_FRACTION * np.eye(count)
         radius = np.diag(image) + shared * error[..., :, None] * error[..., None, :]
         radius = radius + calibration.probe_young_sd**2 * by_probe[..., :, None] * by_probe[..., None, :]

@@ -57,7 +57,7 @@ def identifiability(posterior: HardnessPosterior, prior: HardnessPrior) -> str:
 
 def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
     findings = []
-    clipped = max(press.observed.clipped_fraction for press in presses)
+    clipped = max(press.seen.clipped_fraction for press in presses)
     if clipped > CLIPPED:
         findings.append(
             (
@@ -65,7 +65,7 @@ def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
                 f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is unknown: expose shorter.",
             )
         )
-    oval = max(press.observed.axis_ratio for press in presses)
+    oval = max(press.seen.axis_ratio for press in presses)
     if oval > NOT_ROUND:
         findings.append(
             (
