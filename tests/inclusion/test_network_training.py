@@ -77,7 +77,7 @@ def test_levenberg_marquardt_goes_further_down_than_conjugate_gradients(
 def test_validation_keeps_the_weights_that_it_liked_best(samples: tuple[np.ndarray, np.ndarray], method: str) -> None:
     x, y = samples
     seen, held = (x[:30], y[:30]), (x[30:], y[30:])
-    network, training = train_network(*seen, rng=np.random.default_rng(4), validation=held, method=method, timeouts=60)
+    network, training = train_network(*seen, rng=np.random.default_rng(4), validation=held, method=method, patience=60)
     low, high = seen[1].min(axis=0), seen[1].max(axis=0)
     error = np.mean((2 * (network(held[0]) - held[1]) / (high - low)) ** 2)
     assert training.reason == "validation"
@@ -95,7 +95,7 @@ def test_patience_and_iterations_bound_the_steps(samples: tuple[np.ndarray, np.n
     one = train_network(x, y, rng=np.random.default_rng(0), method=method, iterations=1)[1]
     assert (one.steps, one.reason) == (1, "iterations")
     steps = [
-        train_network(x[9:], y[9:], rng=np.random.default_rng(0), validation=(x[:9], y[:9]), method=m, timeouts=p)[1]
+        train_network(x[9:], y[9:], rng=np.random.default_rng(0), validation=(x[:9], y[:9]), method=m, patience=p)[1]
         for m, p in ((method, 1), (method, 30))
     ]
     assert steps[0].steps < steps[1].steps
@@ -118,7 +118,7 @@ def test_samples_that_cannot_train_are_refused(samples: tuple[np.ndarray, np.nda
     x, y = samples
     rng = np.random.default_rng(0)
     with pytest.raises(InputError, match="patience must lie in"):
-        train_network(x, y, rng=rng, timeouts=1_000_001)
+        train_network(x, y, rng=rng, patience=1_000_001)
     with pytest.raises(InputError, match="as many rows"):
         train_network(x, y[:-1], rng=rng)
     with pytest.raises(InputError, match="73 values"):

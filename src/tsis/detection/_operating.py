@@ -105,7 +105,7 @@ def at_sensitivity(curve: Roc, requested: float) -> OperatingPoint:
     >>> at_sensitivity(roc([1, 2, 3, 4, 5], [False, False, True, False, True]), 0.5).threshold
     4.5
     """
-    require_number("wanted", requested, 0, 1, hint="a sensitivity")
+    require_number("requested", requested, 0, 1, hint="a sensitivity")
     enough = curve.true_positives >= requested * curve.targets - ROUNDING
     return _point(curve, int(np.argmax(enough)), f"sensitivity of at least {requested:g}")
 
@@ -131,7 +131,7 @@ def at_specificity(curve: Roc, requested: float) -> OperatingPoint:
     >>> at_specificity(roc([1, 2, 3, 4, 5], [False, False, True, False, True]), 0.6).threshold
     2.5
     """
-    require_number("wanted", requested, 0, 1, hint="a specificity")
+    require_number("requested", requested, 0, 1, hint="a specificity")
     allowed = curve.blanks - curve.false_positives >= requested * curve.blanks - ROUNDING
     return _point(
         curve, int(np.argmax(np.where(allowed, curve.true_positives, -1))), f"specificity of at least {requested:g}"

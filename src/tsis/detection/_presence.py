@@ -63,7 +63,7 @@ class PresenceProbability:
         object.__setattr__(self, "probability", require_number("probability", self.probability, 0, 1))
         prior = require_number("prior", self.prior, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
         object.__setattr__(self, "prior", prior)
-        require_type("doubts", self.caveats, tuple)
+        require_type("caveats", self.caveats, tuple)
         if self.evidence is not None:
             require_number("evidence", self.evidence, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
 

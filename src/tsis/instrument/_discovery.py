@@ -111,7 +111,7 @@ def find_cameras(
     UnknownNameError
         When a source has another name.
     """
-    require_number("patience_s", timeout_s, 0.01, 600.0, hint="seconds")
+    require_number("timeout_s", timeout_s, 0.01, 600.0, hint="seconds")
     names = [require_one_of("camera source", name, LIVE_SOURCES) for name in sources]
     camera_infos: list[CameraInfo] = []
     missing: dict[str, str] = {}

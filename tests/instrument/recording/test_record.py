@@ -93,7 +93,7 @@ def test_sixteen_bits_fit_a_folder_and_no_video(tmp_path: Path) -> None:
 
 def test_a_full_disk_keeps_what_there_is_and_says_so(tmp_path: Path) -> None:
     class Full(FrameFolder):
-        def keep(self, frame: Frame, number: int) -> str:
+        def save(self, frame: Frame, number: int) -> str:
             if number == 2:
                 raise OSError(28, "No space left on device")
             return super().save(frame, number)
@@ -118,7 +118,7 @@ def test_a_disk_too_slow_for_the_ring_is_counted(tmp_path: Path) -> None:
     class Slow(FrameFolder):
         """While it keeps the first frame, nine more come into a ring of four."""
 
-        def keep(self, frame: Frame, number: int) -> str:
+        def save(self, frame: Frame, number: int) -> str:
             if number == 0:
                 for sequence in range(1, 10):
                     camera.script.put(_noise(sequence))
@@ -192,7 +192,7 @@ def test_counts_add_up_when_the_camera_is_lost_while_the_disk_is_behind(tmp_path
     class Slow(FrameFolder):
         """While it keeps the first frame, nine more come and the camera is lost; the next one begins at 5."""
 
-        def keep(self, frame: Frame, number: int) -> str:
+        def save(self, frame: Frame, number: int) -> str:
             if number == 0:
                 for sequence in range(1, 10):
                     cameras[0].script.put(_noise(sequence))

@@ -112,8 +112,8 @@ def fit_response(
         raise InputError("the reference's mm_per_pixel must be known for the gain; calibrate the scale first")
     if len(loadings) < 2:
         raise CalibrationError(f"the answer to pressure needs at least 2 loadings; got {len(loadings)}")
-    require_number("gauge_share", gauge_fraction, 0.0, 0.5, hint="a share of one")
-    require_number("area_share", area_fraction, 0.0, 0.5, hint="a share of one")
+    require_number("gauge_fraction", gauge_fraction, 0.0, 0.5, hint="a share of one")
+    require_number("area_fraction", area_fraction, 0.0, 0.5, hint="a share of one")
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     saturation = _saturation(loadings, pixel)
     bend = saturation.bend_per_kpa2

@@ -49,7 +49,7 @@ class Spots:
     bright: bool
 
     def __post_init__(self) -> None:
-        freeze_arrays(self, "places_px", "strength", dtype=float)
+        freeze_arrays(self, "positions_px", "strength", dtype=float)
 
 
 def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
@@ -72,7 +72,7 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
     >>> y, x = np.mgrid[:100, :120]
     >>> grey = sum(50 * np.exp(-((x - 20.3 - 40 * i) ** 2 + (y - 50.6) ** 2) / 32) for i in range(3))
     >>> spots = find_spots(grey, least=3)
-    >>> spots.bright, np.sort(spots.places_px[:, 0]).round(1).tolist()
+    >>> spots.bright, np.sort(spots.positions_px[:, 0]).round(1).tolist()
     (True, [20.3, 60.3, 100.3])
     """
     least = require_integer("least", least, 1, 10**6)

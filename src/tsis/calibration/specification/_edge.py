@@ -63,7 +63,7 @@ def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float
     """
     require_image("image", image)
     require_one_of("edge", shape, SHAPES)
-    require_number("reach_mm", extent_mm, 0.05, 20.0, hint="millimetres")
+    require_number("extent_mm", extent_mm, 0.05, 20.0, hint="millimetres")
     positions, light = _lit(image)
     distance, along = (_from_line if shape == "straight" else _from_circle)(positions, _crossing(image))
     flat = image.grey.ravel()

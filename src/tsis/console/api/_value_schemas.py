@@ -44,7 +44,7 @@ class Fields:
 
 CameraInfoItem = Annotated[CameraInfo, Fields(also=("spec",))]
 PressItem = Annotated[StoredPress, Fields(without=("target",))]
-ShiftItem = Annotated[Shift, Fields(without=("low_moved", "high_moved"))]
+ShiftItem = Annotated[Shift, Fields(without=("low_shift", "high_shift"))]
 TargetItem = Annotated[Target, Fields()]
 UNBOUNDED = {  # numbers that may be infinite, which JSON writes as null
     CameraState: ("frames_per_s",),

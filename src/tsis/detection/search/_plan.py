@@ -208,7 +208,7 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_m
     (18, 15, 2.99)
     """
     _check_area(width_mm, height_mm, radius_mm)
-    widest = 2 * require_number("reach_mm", extent_mm, 0.05, FARTHEST_MM, hint="millimetres")
+    widest = 2 * require_number("extent_mm", extent_mm, 0.05, FARTHEST_MM, hint="millimetres")
     fewest_along = _cells(height_mm, widest)
     best: tuple[int, float, int, int] | None = None
     strips = max(1, math.ceil(width_mm / widest * (1 - ROUNDING)))
@@ -248,7 +248,7 @@ def widest_spacing_mm(extent_mm: float) -> float:
 
     Both are in mm, the reach in [0, 500]; else `InputError` is raised.
     """
-    return math.sqrt(2) * require_number("reach_mm", extent_mm, 0.0, FARTHEST_MM, hint="millimetres")
+    return math.sqrt(2) * require_number("extent_mm", extent_mm, 0.0, FARTHEST_MM, hint="millimetres")
 
 
 def smallest_found_mm(

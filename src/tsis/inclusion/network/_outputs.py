@@ -80,7 +80,7 @@ class OutputReading:
 
     def __call__(self, profiles: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
         """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) beside that of plain tissue (rings,)."""
-        values, base = require_array("profiles", profiles, ndim=2), require_array("plain", reference, ndim=1)
+        values, base = require_array("profiles", profiles, ndim=2), require_array("reference", reference, ndim=1)
         rings = len(self.edges_mm) - 1
         if values.shape[1] != rings or base.shape != (rings,):
             raise InputError(f"profiles and plain must have {rings} rings; got {values.shape} and {base.shape}")
@@ -117,7 +117,7 @@ def change_reading(
     InputError
         When a number lies outside its range.
     """
-    extent = require_number("reach_mm", extent_mm, 0.1, 200.0, hint="millimetres")
+    extent = require_number("extent_mm", extent_mm, 0.1, 200.0, hint="millimetres")
     return OutputReading(
         edges_mm=np.linspace(0.0, extent, RINGS + 1), subtract=True, threshold_share=threshold_fraction
     )

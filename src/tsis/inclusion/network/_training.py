@@ -154,7 +154,7 @@ class _Watch:
     """Keeps the weights of least error over the validation samples, and says when to stop waiting for better ones."""
 
     error: Callable[[NDArray[np.float64]], float] | None
-    epochs_without_gain: int
+    patience: int
     best: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     least: float = np.inf
     worse: int = 0
@@ -173,7 +173,7 @@ class _Watch:
     @property
     def tired(self) -> bool:
         """Whether the validation error has not fallen for too long."""
-        return self.worse >= self.epochs_without_gain
+        return self.worse >= self.patience
 
 
 def train_network(
@@ -185,7 +185,7 @@ def train_network(
     hidden: Sequence[int] = (10,),
     method: str = "scg",
     iterations: int = 1000,
-    timeouts: int = 6,
+    patience: int = 6,
 ) -> tuple[Network, NetworkTraining]:
     """Train a network on samples; section 6.3.3.
 
@@ -204,7 +204,7 @@ def train_network(
         least as many values in ``targets`` as there are weights.
     iterations
         Steps at most, in [1, 1e6].
-    timeouts
+    patience
         Steps without a smaller validation error after which training stops, in [1, 1e6].
 
     Returns
@@ -229,7 +229,7 @@ def train_network(
     require_type("rng", rng, np.random.Generator)
     require_one_of("training method", method, MINIMISERS)
     iterations = int(require_number("iterations", iterations, 1, 1_000_000))
-    timeouts = int(require_number("patience", timeouts, 1, 1_000_000))
+    patience = int(require_number("patience", patience, 1, 1_000_000))
     given, requested = _samples("inputs", inputs, "targets", targets)
     if not isinstance(hidden, Sequence):
         raise InputError(f"hidden must be a sequence of layer sizes, like (10,); got {hidden!r}")
@@ -237,7 +237,7 @@ def train_network(
     _check_size(layers, requested, method)
     input_span, output_span = Span.of("inputs", given), Span.of("targets", requested)
     x, y = input_span.inwards(given), output_span.inwards(requested)
-    watch = _Watch(error=_validation_error(layers, validation, input_span, output_span), epochs_without_gain=timeouts)
+    watch = _Watch(error=_validation_error(layers, validation, input_span, output_span), patience=patience)
     start = layers.random_weights(rng)
     watch(start)
     ran_out = MINIMISERS[method](layers, x, y, start, iterations, watch)

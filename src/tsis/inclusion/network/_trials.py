@@ -107,7 +107,7 @@ def estimate_by_networks(
     validated: int = VALIDATED,
     hidden: Sequence[int] = (10,),
     method: str = "scg",
-    timeouts: int = 6,
+    patience: int = 6,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.float64]:
     """Estimates by networks that differ in their first weights and in which samples stop their training.
@@ -160,7 +160,7 @@ def estimate_by_networks(
             validation=(given[stored], requested[stored]),
             hidden=hidden,
             method=method,
-            timeouts=timeouts,
+            patience=patience,
         )
         results.append(network(rows))
         if progress is not None:

@@ -77,7 +77,7 @@ def matching_error(trial: Trial, transformed: ArrayLike) -> float:
     >>> matching_error(trial, points + [3.0, 0.0])
     3.0
     """
-    transformed = require_array("moved", transformed, ndim=2)
+    transformed = require_array("transformed", transformed, ndim=2)
     if transformed.shape != trial.source.shape:
         raise InputError(f"moved must have the source's shape {trial.source.shape}; got {transformed.shape}")
     true = trial.truth != UNMATCHED

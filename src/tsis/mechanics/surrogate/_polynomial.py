@@ -84,7 +84,7 @@ class Degrees:
     baseline: int = 6
 
     def __post_init__(self) -> None:
-        for name in ("diameter", "depth", "contrast", "tissue", "thickness", "plain"):
+        for name in ("diameter", "depth", "contrast", "tissue", "thickness", "baseline"):
             require_number(name, getattr(self, name), 1, 100, hint="Chebyshev points")
 
 
