@@ -112,7 +112,7 @@ class MovingProbe(VirtualProbe):
         around = plain.on_grid(self._grid.axis, self._grid.axis)
         found = self._solid_press(phantom, force) if self._solid else self._moved_press(phantom, soft, plain, around)
         below, beside, still = (
-            render(each, self.sensor, self.calibration, contact_model=self._contact_model, light=self._falling(each))
+            render(each, self.sensor, self.calibration, contact_model=self._contact_model, light=self._light_on(each))
             for each in (replace(one, pressure_kpa=stiffer * one.pressure_kpa) for one in (plain, found, around))
         )
         # The grid blurs the rim, of which the round press knows all; so only a change is taken.
@@ -131,7 +131,7 @@ class MovingProbe(VirtualProbe):
             more_inclusions=tuple(every[1:]),
         )
         return press_solid(
-            self.probe, tissue, force_n=force_n, resolution=SOLID, plain_resolution=FINE_RESOLUTION, threads=1,
+            self.probe, tissue, force_n=force_n, resolution=SOLID, reference_resolution=FINE_RESOLUTION, threads=1,
             spacing_mm=SPACING_MM,
         )  # fmt: skip
 

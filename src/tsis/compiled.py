@@ -1,4 +1,4 @@
-"""Inner functions as machine code, with their types kept for the type checker, and linear algebra on one thread."""
+"""Compiled inner functions with their static types, and linear algebra on one thread."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ if TYPE_CHECKING:
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _EXACT: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
-# Products may be fused and divisions shared; infinities and NaN stay what they are.
+# Multiplications and additions may be fused and reciprocals reused; infinities and NaN remain exact.
 _FUSED: dict[str, Any] = {**_EXACT, "fastmath": {"contract", "arcp", "nsz"}}
 
 
 def compiled(function: Function) -> Function:
-    """Compile to machine code that runs beside other Python threads and is kept on disk; rounds as Python does."""
+    """Compile to machine code without the interpreter lock, cached on disk; it rounds as Python does."""
     return cast("Function", _stamped(numba.njit(**_EXACT)(function), function))
 
 
 def fused(function: Function) -> Function:
-    """The same, rounding less often and faster: for loops whose own error is far larger than rounding."""
+    """Compile with fused, faster arithmetic, for loops whose error is far larger than rounding."""
     return cast("Function", _stamped(numba.njit(**_FUSED)(function), function))
 
 
 def inlined(function: Function) -> Function:
-    """`fused` into every caller: else each call would copy all fields of the scene, which takes half of the time."""
+    """Compile `fused` and inline into callers: a call would copy all fields of the scene, half of the time."""
     return cast("Function", _stamped(numba.njit(forceinline=True, **_FUSED)(function), function))
 
 
 def _stamped(dispatcher: Any, function: Callable[..., Any]) -> Any:
-    # numba keeps machine code until the function's own file changes; what it calls lies in the other files.
-    cache = getattr(dispatcher, "_cache", None)  # none where NUMBA_DISABLE_JIT leaves functions as they are
+    # numba caches machine code until the function's own file changes; its callees lie in other files.
+    cache = getattr(dispatcher, "_cache", None)  # None under NUMBA_DISABLE_JIT
     if cache is not None:
         cache._cache_file._source_stamp = _stamp(_package(Path(function.__code__.co_filename).parent))
     return dispatcher
 
 
 def _package(folder: Path) -> Path:
-    """Find the package of the project, as ``tsis/optics``, that the folder belongs to; else the folder itself."""
+    """Find the folder's package below ``tsis``, as ``tsis/optics``; else the folder itself."""
     while (folder.parent / "__init__.py").exists() and (folder.parent.parent / "__init__.py").exists():
         folder = folder.parent
     return folder
@@ -54,19 +54,19 @@ def _package(folder: Path) -> Path:
 
 @lru_cache
 def _stamp(package: Path) -> str:
-    """Hash of all sources that a function in this package is made of, these options among them."""
+    """Hash of all sources of a package and of this file."""
     sources = sorted({Path(__file__), *package.rglob("*.py")})
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
-    """Limit BLAS to one thread for the length of a ``with``."""
+    """Limit BLAS to one thread in a ``with`` block."""
     return cast("AbstractContextManager[object]", _controller().limit(limits=1, user_api="blas"))
 
 
 @cache
 def _controller() -> ThreadpoolController:
-    """Find the libraries once: looking through all that the process has loaded takes 15 ms."""
-    import scipy.linalg  # noqa: F401 (brings a BLAS of its own, which must be loaded to be found)
+    """Find the BLAS libraries once: the search takes 15 ms."""
+    import scipy.linalg  # noqa: F401 (loads its own BLAS before the search)
 
     return ThreadpoolController()

@@ -19,7 +19,7 @@ SENSOR = Sensor(columns=400, rows=300, mm_per_pixel=(0.02, 0.03))
 
 
 def share_of(model: Any, *, pressure: float = 1.0, slope: float = 0.0) -> float:
-    return float(model.share(np.array([pressure]), slope=np.array([slope]), saturation_kpa=20.0)[0])
+    return float(model.light_fraction(np.array([pressure]), slope=np.array([slope]), saturation_kpa=20.0)[0])
 
 
 def round_field(pressure: Any, radius_mm: float = 3.0) -> PressField:

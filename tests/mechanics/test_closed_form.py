@@ -167,8 +167,8 @@ def test_the_sphere_may_have_its_own_poisson_ratio() -> None:
 @pytest.mark.parametrize(
     ("call", "given", "phrase"),
     [
-        (effective_modulus_kpa, {"layers": ()}, "layers must hold at least one Layer; got ()"),
-        (confined_modulus_kpa, {"layers": [5.0]}, "layers must hold at least one Layer; got [5.0]"),
+        (effective_modulus_kpa, {"layers": ()}, "layers must contain at least one Layer; got ()"),
+        (confined_modulus_kpa, {"layers": [5.0]}, "layers must contain at least one Layer; got [5.0]"),
         (oedometric_modulus_kpa, {"young_kpa": -1.0, "poisson": 0.3}, "young_kpa must lie in"),
         (oedometric_modulus_kpa, {"young_kpa": 5.0, "poisson": 0.5}, "poisson must lie in [0, 0.4999]"),
         (

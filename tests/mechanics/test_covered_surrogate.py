@@ -93,7 +93,7 @@ def test_a_flat_unit_is_the_surrogate_at_one_newton() -> None:
     unit = covered(FLAT).unit
     for name in ("pressure_kpa", "face_displacement_mm", "approach_mm"):
         here, there = getattr(unit, name), getattr(at_one, name)
-        np.testing.assert_allclose(here.plain, there.plain, rtol=1e-9)
+        np.testing.assert_allclose(here.baseline, there.baseline, rtol=1e-9)
         np.testing.assert_allclose(here.change, there.change, rtol=1e-7, atol=1e-9 * np.abs(there.change).max())
     assert covered(FLAT).shape is None
     assert covered(FLAT).covering_force_n is None
@@ -156,7 +156,7 @@ def test_the_derivative_is_the_central_difference() -> None:
 
     low, middle, high = (at_ratio(poisson) for poisson in (0.35, 0.4, 0.45))
     for name in ("pressure_kpa", "face_displacement_mm", "approach_mm"):
-        for part in ("plain", "change"):
+        for part in ("baseline", "change"):
             before, after = (getattr(getattr(end.unit, name), part) for end in (low, high))
             found = getattr(getattr(middle.by_poisson.unit, name), part)
             np.testing.assert_allclose(found, (after - before) / step, atol=1e-9 * np.abs(found).max())
@@ -201,7 +201,7 @@ def test_only_the_ratios_of_moduli_and_force_matter(factor: float, domed: bool) 
 
 
 def scaled(first: Surrogate, second: Surrogate, factor: float) -> None:
-    for name in ("plain", "change"):
+    for name in ("baseline", "change"):
         here, there = getattr(first, name), getattr(second, name)
         np.testing.assert_allclose(there, factor * here, rtol=1e-6, atol=1e-7 * factor * np.abs(here).max())
 

@@ -52,7 +52,7 @@ def test_confined_compression_of_the_stack() -> None:
     dofs[[0, -1], :, 0] = FIXED  # the axis, and walls that hold the side
     young, poisson = (np.array([getattr(layer, name) for layer in layers]) for name in ("young_kpa", "poisson"))
     top = np.array([0])
-    stiffness = condense_layers(body, dofs, save=top, young_kpa=young, poisson=poisson).restrict(top).stiffness[0, 0]
+    stiffness = condense_layers(body, dofs, retain=top, young_kpa=young, poisson=poisson).restrict(top).stiffness[0, 0]
     modulus = stiffness * 10.0 / (np.pi * RADIUS**2)
     assert modulus == pytest.approx(860.7, rel=1e-4)
     assert modulus == pytest.approx(confined_modulus_kpa(layers), rel=1e-9)
@@ -150,14 +150,14 @@ def pulled_cylinder(contrast: float, poisson: float) -> Ball:
     around = condense_layers(
         outer,
         dofs,
-        save=top_dof,
+        retain=top_dof,
         young_kpa=material(1.0, outer.layers),
         poisson=material(poisson, outer.layers),
     )
     ball = condense_layers(
         inner,
         core,
-        save=np.zeros(0, dtype=np.int64),
+        retain=np.zeros(0, dtype=np.int64),
         young_kpa=material(contrast, inner.layers),
         poisson=material(poisson, inner.layers),
     )

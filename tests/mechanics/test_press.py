@@ -202,7 +202,7 @@ def test_profiles_run_over_the_face() -> None:
         (PLAIN, {"force_n": -1.0}, r"force_n must lie in \[0, 50\]; got -1 \(newtons\)"),
         (PLAIN, {"force_n": float("nan")}, r"force_n must lie in \[0, 50\]; got nan"),
         (PLAIN, {"force_n": 1.0, "strain": "large"}, "strain must be 'small' or 'finite'; got 'large'"),
-        (PLAIN, {"strain": "finite", "resolution": COARSE}, "resolution must be that of strain 'finite'; got a Res"),
+        (PLAIN, {"strain": "finite", "resolution": COARSE}, "resolution must suit strain 'finite'; got a Res"),
         (lump(5.0, 5.0, 50.0, offset_mm=(1.0, 0.0)), {"force_n": 1.0}, "on the probe's axis .*; press_solid takes any"),
         (
             lump(5.0, 5.0, 50.0, semi_axes_mm=(2.0, 2.5, 3.0)),

@@ -45,9 +45,9 @@ def test_no_force_moves_nothing_at_either_strain() -> None:
     [
         (
             lambda: press(FLAT, SOFT, force_n=1e-6, strain="finite"),
-            "force_n must be at least .*: small strain describes",
+            "force_n must be at least .*: use strain=.small",
         ),
-        (lambda: press(DOMED, SOFT, force_n=1e-9), "force_n must be large enough for a contact that the mesh sees"),
+        (lambda: press(DOMED, SOFT, force_n=1e-9), "force_n must be large enough for the mesh to resolve the contact"),
         (lambda: indent(HARD, sphere_radius_mm=1000.0, force_n=0.1), "choose a larger force"),
         (lambda: indent(THIN, sphere_radius_mm=20.0, force_n=20.0), "would sink .* into 0.5 mm of probe"),
         (lambda: squeeze_sphere(FLAT, sphere_radius_mm=3.0, young_kpa=20.0, force_n=1e-6), "force_n must be at least"),

@@ -58,7 +58,7 @@ def test_a_contact_that_would_open_is_refused() -> None:
     with pytest.raises(MechanicsError, match=r"contact would open: tissue would pull with 0\.5 kPa"):
         _check_model(PROBE, PLAIN, found, pressure != 0)
     with pytest.raises(
-        MechanicsError, match=r"a strain of 0\.\d+; small strain holds to 0.3: choose a smaller force_n"
+        MechanicsError, match=r"a strain of 0\.\d+; small strain is valid to 0.3: choose a smaller force_n"
     ):
         _check_model(PROBE, PLAIN, replace(found, approach_mm=15.0), pressure != 0)
 

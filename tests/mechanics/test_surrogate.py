@@ -192,7 +192,7 @@ def same(first: PressSurrogate, second: PressSurrogate) -> bool:
     return first.key == second.key and all(
         np.array_equal(getattr(getattr(first, name), part), getattr(getattr(second, name), part))
         for name in names
-        for part in ("plain", "change")
+        for part in ("baseline", "change")
     )
 
 
@@ -310,7 +310,7 @@ def test_finite_strain_has_a_surrogate_too() -> None:
     ("given", "phrase"),
     [
         ({"strain": "large"}, "strain must be 'small' or 'finite'; got 'large'"),
-        ({"strain": "finite"}, "resolution must be that of strain 'finite'; got a Resolution"),
+        ({"strain": "finite"}, "resolution must suit strain 'finite'; got a Resolution"),
         ({"force_n": 0.0}, "force_n must lie in"),
     ],
 )

@@ -55,7 +55,7 @@ def test_a_dent_that_is_none_is_refused(change: dict[str, Any], sentence: str) -
 
 
 def test_a_dent_into_the_plate_is_refused() -> None:
-    with pytest.raises(InputError, match=r"depth_um must be at most 8.55, for the layers that yield are 9 um thick"):
+    with pytest.raises(InputError, match=r"depth_um must be at most 8.55, because the soft layers are 9 um thick"):
         interfaces_um(GUIDE, Dent(depth_um=9.5), [0.0])
 
 

@@ -185,7 +185,7 @@ def test_refining_the_grid_changes_less_and_less() -> None:
         ({"method": "fdfd", "step_um": 0.02}, "must fit in 2 GiB; it needs about .*choose a larger step_um"),
         ({"length_um": 1e4, "step_um": 0.02}, "must fit in 2 GiB"),
         ({"step_um": 0.005}, "at most 2000 nodes"),
-        ({"dent": Dent(depth_um=9.0)}, "for the layers that yield are 9 um thick"),
+        ({"dent": Dent(depth_um=9.0)}, "because the soft layers are 9 um thick"),
         ({"dent": 3.0}, "dent must be a Dent"),
         ({"guide": ThinGuide(index=np.array([1.2, 1.2]), thickness_um=np.ones(2), index_outside=1.3)}, "guided mode"),
     ],

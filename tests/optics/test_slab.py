@@ -228,7 +228,7 @@ def test_below_cut_off_nothing_is_guided() -> None:
     phase = np.arctan(np.sqrt((1.4**2 - 1) / (1.5**2 - 1.4**2)))
     exact = phase / (2 * np.pi / 0.55 * np.sqrt(1.5**2 - 1.4**2)) / 0.02
     assert thickness_factor(thin.layers) == pytest.approx(exact, rel=2e-6)
-    with pytest.raises(InputError, match="nothing is guided"):
+    with pytest.raises(InputError, match="the stack guides none"):
         thin.profile(0, 0.0)
 
 

@@ -147,7 +147,7 @@ class FlatRig:
             self.waits.set()
             assert self.gate.wait(HANGS_S)
         if force_n > 3.0:
-            raise MechanicsError("force_n must be at most 3 here; got more (ask for at most that)")
+            raise MechanicsError("force_n must be at most 3 here; got more (choose at most that)")
         self.pressed.append((lies, force_n))
         return np.full((8, 10), LEVEL_PER_N * force_n)
 

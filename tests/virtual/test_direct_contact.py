@@ -39,7 +39,7 @@ def rig_of(seed: int = 1, **options: Any) -> DirectContactRig:
 
 def test_a_calibration_that_contradicts_the_sensor_is_refused() -> None:
     loud = replace(EXACT, read_noise_grey=4.0)
-    with pytest.raises(InputError, match=r"read_noise_grey of the calibration must be that of the sensor, 0.5; got 4"):
+    with pytest.raises(InputError, match=r"read_noise_grey of the calibration must equal the sensor.s, 0.5; got 4"):
         rig_of(calibration=loud)
     rig = DirectContactRig(PROBE, rng=np.random.default_rng(1), calibration=loud, solve=by_table)
     assert (rig.sensor.read_noise_grey, rig.calibration) == (4.0, loud)
@@ -164,7 +164,7 @@ def test_wrong_presses_are_refused(sphere: Any, forces: list[float], error: type
 def test_a_force_that_flattens_the_sphere_is_refused() -> None:
     coarse = SphereResolution(order=3, cells=4, rings=2, face_cells=4)
     rig = DirectContactRig(PROBE, rng=np.random.default_rng(1), resolution=coarse)
-    with pytest.raises(MechanicsError, match="ask for at most that"):
+    with pytest.raises(MechanicsError, match="choose at most that"):
         rig.press(SoftSphere(radius_mm=2.0, young_kpa=10.0), force_n=3.0)
 
 

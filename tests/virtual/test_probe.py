@@ -96,7 +96,7 @@ def test_the_noise_of_frames_is_that_of_the_calibration(read_noise_grey: float) 
 )
 def test_a_calibration_that_contradicts_the_sensor_is_refused(name: str, value: float) -> None:
     other: dict[str, Any] = {name: value}
-    with pytest.raises(InputError, match=rf"{name} of the calibration must be that of the sensor, .*; got {value:g}"):
+    with pytest.raises(InputError, match=rf"{name} of the calibration must equal the sensor.s, .*; got {value:g}"):
         virtual(1, replace(IDEAL, **other))
     assert virtual(1, replace(IDEAL, **other), replace(SMALL, **other)).no_contact().grey.shape == (64, 96)
 
@@ -274,7 +274,7 @@ def test_what_a_probe_cannot_be_made_of_is_refused(given: dict[str, Any], senten
 
 def test_light_of_another_probe_is_refused() -> None:
     light = replace(irradiance(PROBE), radius_mm=5.0)
-    with pytest.raises(InputError, match=r"light must be that of a face of radius_mm = 12; got one of 5 \(trace it"):
+    with pytest.raises(InputError, match=r"light must be for a face of radius_mm = 12; got 5 \(trace it"):
         VirtualProbe(PROBE, rng=np.random.default_rng(1), light=light)
 
 

@@ -1,8 +1,4 @@
-"""From frames of the camera to numbers: corrections, the contact's patch and circle, features, profiles, colour.
-
-``features``, ``segment`` and ``height_surface`` are functions. No module has these names: importing such a module would
-replace the function.
-"""
+"""From frames of the camera to numbers: corrections, the contact's patch and circle, features, profiles, colour."""
 
 from tsis.imaging._colour import COLOUR_MAPS, change_magnitude, colour_map
 from tsis.imaging._contact import Contact, find_colour_contact, find_contact

@@ -1,9 +1,8 @@
-"""The circle across which a signal falls steepest.
+"""The circle across which a signal falls steepest, and the centre of symmetry of a patch.
 
-Where the signal codes the SLOPE of the face (coloured lamps) a contact is a ring, brighter towards the brighter lamp. A
-patch above a threshold is pulled to that side; the edge is not, for it lies at one radius however bright the ring. The
-circle sought is the one across which the mean signal falls steepest (Daugman's integro-differential operator, IEEE
-Trans. PAMI 15, 1148, 1993).
+Where the signal codes the SLOPE of the face (coloured lamps) a contact is a ring, brighter towards the brighter lamp.
+This shifts a patch above a threshold to that side, but not the ring's edge. The edge is the circle across which the
+mean signal falls steepest (Daugman's integro-differential operator, IEEE Trans. PAMI 15, 1148, 1993).
 """
 
 from __future__ import annotations
@@ -20,14 +19,17 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 
-DIRECTIONS = 96  # on the circle; a multiple of 4 keeps both axes alike
-CENTRE_RANGE = 0.4  # how far the centre may lie from the patch's, in patch radii
+DIRECTIONS = 96  # on the circle; a multiple of 4 treats both axes equally
+CENTRE_RANGE = 0.4  # largest offset of the centre from the patch's, in patch radii
 RADIUS_RANGE = (0.5, 1.5)  # least and greatest radius, in patch radii
 COARSE_STEPS = 9  # a side of the first grid of centres
 RADII = 36  # of the first grid
-FINE_RADII = 401  # about a known centre
-LEAST_VISIBLE = 0.5  # share of the circle that must lie inside the image
+FINE_RADII = 401  # about a given centre
+LEAST_VISIBLE = 0.5  # fraction of the circle inside the image
 TOLERANCE = 1e-3  # of the patch's radius: some hundredths of a pixel
+WINDOW = 1.2  # radius of the comparison for symmetry, in patch radii: the hill with its foot
+SAMPLES = 24  # across the window's radius; the blur removes finer detail
+LEAST_COMPARED = 0.5  # fraction of the window inside the image together with its rotated copy
 
 
 class SlopeField:
@@ -46,7 +48,7 @@ class SlopeField:
         self.cos, self.sin = np.cos(angle), np.sin(angle)
 
     def fall(self, x: float, y: float, radii: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean fall of the signal across circles about (x, y); 0 where too much of a circle is outside the image."""
+        """Mean fall of the signal across circles about (x, y); 0 where less than half of a circle is visible."""
         columns = (x + np.outer(radii, self.cos) / self.pixel[0]).astype(np.float32)
         rows = (y + np.outer(radii, self.sin) / self.pixel[1]).astype(np.float32)
         slope = (
@@ -55,9 +57,9 @@ class SlopeField:
         )
         height, width = self.slope_x.shape
         inside = (columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1)
-        observed = inside.sum(axis=1)
-        mean: NDArray[np.float64] = -np.where(inside, slope, 0.0).sum(axis=1) / np.maximum(observed, 1)
-        return np.where(observed >= LEAST_VISIBLE * DIRECTIONS, mean, 0.0)
+        visible = inside.sum(axis=1)
+        mean: NDArray[np.float64] = -np.where(inside, slope, 0.0).sum(axis=1) / np.maximum(visible, 1)
+        return np.where(visible >= LEAST_VISIBLE * DIRECTIONS, mean, 0.0)
 
 
 def pixel_shape(image: TactileImage) -> tuple[float, float]:
@@ -68,7 +70,7 @@ def pixel_shape(image: TactileImage) -> tuple[float, float]:
 
 
 def blurred(grey: NDArray[np.float64], blur: float, pixel: tuple[float, float]) -> NDArray[np.float64]:
-    """The signal behind a Gaussian blur that is round on the face."""
+    """The signal after a Gaussian blur that is round on the face."""
     smooth = cv2.GaussianBlur(grey, (0, 0), blur / pixel[0], sigmaY=blur / pixel[1], borderType=cv2.BORDER_REPLICATE)
     return np.asarray(smooth, dtype=np.float64)
 
@@ -105,7 +107,7 @@ def steepest_circle(field: SlopeField, centre: tuple[float, float], extent: floa
 
 
 def steepest_radius(field: SlopeField, centre: tuple[float, float], extent: float) -> float | None:
-    """Radius of the steepest circle about a known centre; None when the signal falls across none."""
+    """Radius of the steepest circle about a given centre; None when the signal falls across none."""
     radii = np.linspace(RADIUS_RANGE[0] * extent, RADIUS_RANGE[1] * extent, FINE_RADII)
     falls = field.fall(*centre, radii)
     best = int(np.argmax(falls))
@@ -126,25 +128,20 @@ def _coarse(field: SlopeField, centre: tuple[float, float], extent: float) -> tu
     return where
 
 
-WINDOW = 1.2  # radius of what is compared, in patch radii: the hill with its foot
-SAMPLES = 24  # across the window's radius; the blur leaves nothing finer
-LEAST_COMPARED = 0.5  # share of the window that must lie inside the image, with its turned twin
-
-
 def symmetry_centre(
     image: TactileImage, centre: tuple[float, float], extent: float, blur: float
 ) -> tuple[float, float] | None:
     """Centre of symmetry (x, y) near a patch, in pixels; None when too little of it lies inside the image.
 
-    Minimised is ``sum (s - turned s)² / sum (s + turned s)²`` over a disc on the face, for s the part of the signal
-    above zero: halos that are darker than the untouched probe belong to no contact.
+    It minimises ``sum (s - s')² / sum (s + s')²`` over a disc on the face, where s is the positive part of the signal
+    and s' is s rotated by half a turn: halos darker than the untouched probe belong to no contact.
     """
     pixel = pixel_shape(image)
     hill = blurred(np.maximum(image.grey, 0.0), blur, pixel).astype(np.float32)
     offsets = _disc(WINDOW * extent, pixel)
     height, width = hill.shape
 
-    def unlikeness(point: NDArray[np.float64]) -> float:
+    def asymmetry(point: NDArray[np.float64]) -> float:
         columns, rows = ((point[axis] + offsets[axis]).astype(np.float32)[None] for axis in (0, 1))
         values = cv2.remap(hill, columns, rows, cv2.INTER_LINEAR)[0].astype(np.float64)
         inside = ((columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1))[0]
@@ -152,17 +149,17 @@ def symmetry_centre(
         if np.count_nonzero(pair) < LEAST_COMPARED * pair.size:
             return 1.0
         rotated = values[::-1]
-        correlation = float(np.square(values + rotated)[pair].sum())
-        return float(np.square(values - rotated)[pair].sum()) / correlation if correlation > 0.0 else 1.0
+        total = float(np.square(values + rotated)[pair].sum())
+        return float(np.square(values - rotated)[pair].sum()) / total if total > 0.0 else 1.0
 
     shifts = np.linspace(-CENTRE_RANGE * extent, CENTRE_RANGE * extent, COARSE_STEPS)
     starts = [np.array([centre[0] + x, centre[1] + y]) for x in shifts for y in shifts]
-    start = min(starts, key=unlikeness)
-    if unlikeness(start) >= 1.0:
+    start = min(starts, key=asymmetry)
+    if asymmetry(start) >= 1.0:
         return None
     simplex = start + float(shifts[1] - shifts[0]) * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     result = minimize(
-        unlikeness,
+        asymmetry,
         start,
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": TOLERANCE * extent, "fatol": 1e-12, "maxiter": 400},
@@ -171,7 +168,7 @@ def symmetry_centre(
 
 
 def _disc(radius: float, pixel: tuple[float, float]) -> NDArray[np.float64]:
-    """Offsets (x and y rows, in pixels) of a grid over a disc; read backwards it is the same disc after half a turn."""
+    """Offsets (x and y rows, in pixels) of a grid over a disc; its reverse is the disc rotated by half a turn."""
     step = np.arange(-SAMPLES, SAMPLES + 1) * (radius / SAMPLES)
     x, y = (axis.ravel() for axis in np.meshgrid(step, step))
     inside = np.hypot(x, y) <= radius

@@ -1,4 +1,4 @@
-"""Colour in and colour out: how much a colour frame changed, and grey levels as colours for the eye."""
+"""Change of a colour frame as one number a pixel, and grey levels as colours."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COLOUR_MAPS = {  # perceptually uniform and readable without red-green vision
 def change_magnitude(
     frame_rgb: NDArray[Any], reference_rgb: NDArray[Any], *, equalise_lamps: bool = False
 ) -> NDArray[np.float64]:
-    """How much the colour changed: the root of the sum over channels of the squared change.
+    """Magnitude of the change of colour: the root of the sum over channels of the squared change.
 
     A coloured lamp on each side codes the slope of a soft face as colour (GelSight): a grey level may not change where
     the colour does.
@@ -36,8 +36,8 @@ def change_magnitude(
     frame_rgb, reference_rgb
         The pressed and the untouched probe, shape (rows, columns, channels), any number type.
     equalise_lamps
-        Divide each channel by the standard deviation of its change inside the patch first, so that a brighter lamp does
-        not pull the contact to its side; the mean inside the patch stays as it was.
+        First divide each channel by the standard deviation of its change inside the patch, so that a brighter lamp does
+        not shift the contact to its side; the mean inside the patch does not change.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def change_magnitude(
 
 
 def _equalised(change: NDArray[np.float64], magnitude: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The magnitude with channels of equal spread inside the patch; as it was where there is no patch."""
+    """The magnitude with channels of equal spread inside the patch; unchanged without a patch."""
     mask = segment(TactileImage(grey=magnitude)).mask
     if not mask.any():
         return magnitude
@@ -84,7 +84,7 @@ def _equalised(change: NDArray[np.float64], magnitude: NDArray[np.float64]) -> N
 def colour_map(
     image: TactileImage, *, name: str = "viridis", low: float = 0.0, high: float | None = None
 ) -> NDArray[np.uint8]:
-    """Colours of grey levels for the eye, as red, green, blue.
+    """Colours of grey levels, as red, green, blue.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def colour_map(
     name
         ``"cividis"``, ``"inferno"`` or ``"viridis"``.
     low, high
-        Grey levels of the map's two ends; levels beyond them get the end's colour; ``high`` None is the full scale.
+        Grey levels at the ends of the map; levels beyond them get the end's colour; ``high`` None is the full scale.
 
     Returns
     -------

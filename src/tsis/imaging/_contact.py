@@ -1,4 +1,4 @@
-"""Centre and radius of a round contact, far closer than a threshold's centroid where the light is uneven."""
+"""Centre and radius of a round contact; more accurate than a threshold's centroid under uneven light."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 CONTACT_METHODS = ("symmetry", "edge")
-BLUR = 0.1  # of the patch's radius, for the centre: all noise goes, and what is symmetric stays so
-EDGE_BLUR_PX = 1.5  # for the radius: a wider blur draws the foot of a rounded hill inwards by 1.5 times its width
-LEAST_RADIUS_PX = 2.0  # below it a patch is a few pixels, whose edge has no radius
+BLUR = 0.1  # of the patch's radius, for the centre: it removes noise and preserves symmetry
+EDGE_BLUR_PX = 1.5  # for the radius: a wider blur shifts the foot of a rounded hill inwards by 1.5 times its width
+LEAST_RADIUS_PX = 2.0  # smaller patches have too few pixels for a radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,8 +33,8 @@ class Contact:
     centre_px
         Centre (x, y) in pixels.
     radius_px
-        Radius at which the signal falls steepest, in pixels: of the square pixel of the same area where pixels are not
-        square. A face that a ball dents still slopes outside the contact: there it is some per cent too great.
+        Radius at which the signal falls steepest, in pixels, or square pixels of the same area where pixels are not
+        square. Around a ball the face slopes outside the contact, so the radius is some per cent too great.
     radius_mm
         The same in mm; None when the scale is unknown.
     """
@@ -52,16 +52,15 @@ def find_contact(image: TactileImage, *, patch: Patch | None = None, method: str
     image
         The change of grey level (see `signal`), positive where the probe is pressed.
     patch
-        Where to look; found by `segment` when None.
+        The patch of the contact; that of `segment` when None.
     method
-        ``"symmetry"``: the centre about which the signal looks the same after half a turn, for signals that grow with
-        pressure or depth; ``"edge"``: the circle across which the signal falls steepest, for signals that grow with the
-        slope of the face.
+        ``"symmetry"``: the centre of symmetry under half a turn, for signals that grow with pressure or depth;
+        ``"edge"``: the circle across which the signal falls steepest, for signals that grow with the slope of the face.
 
     Returns
     -------
     Contact or None
-        None when there is no contact, or only one too small or too cropped to find its centre.
+        None when there is no contact, or it is too small or too cropped to find its centre.
 
     Raises
     ------

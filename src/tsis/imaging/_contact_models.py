@@ -1,7 +1,7 @@
-"""Which share of the light on the face leaves it where it is pressed: three models, so that the choice can be tested.
+"""Fraction of the light that leaves a pressed face: three models, so that the choice can be tested.
 
-``RoughContact`` is the one that measurements bear out: light leaves where asperities touch, so it follows the pressure.
-``SmoothContact`` and ``CurvatureLoss`` are its rivals.
+Measurements support ``RoughContact``: light leaves where asperities touch, so it follows the pressure.
+``SmoothContact`` and ``CurvatureLoss`` are the alternatives.
 """
 
 from __future__ import annotations
@@ -25,50 +25,52 @@ if TYPE_CHECKING:
 class RoughContact:
     """Light leaves through the real contact of asperities, which grows with the pressure: ``erf(0.886 p / p_sat)``.
 
-    It is what this software puts in the place of the source's unnamed function in (5.2).
+    This software uses it for the dissertation's unspecified function in (5.2).
 
     Examples
     --------
-    >>> RoughContact().share(np.array([0.0, 1.0, 100.0]), slope=np.zeros(3), saturation_kpa=20.0).round(3).tolist()
+    >>> fraction = RoughContact().light_fraction(np.array([0.0, 1.0, 100.0]), slope=np.zeros(3), saturation_kpa=20.0)
+    >>> fraction.round(3).tolist()
     [0.0, 0.05, 1.0]
     """
 
     def light_fraction(
         self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
     ) -> NDArray[np.float64]:
-        """Share of the light that leaves, in [0, 1], of the shape of the pressure; ``slope`` does not matter."""
+        """Fraction of the light that leaves, in [0, 1], in the shape of the pressure; ``slope`` has no effect."""
         del slope
         return real_contact(pressure_kpa, saturation_kpa)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmoothContact:
-    """Light leaves wherever smooth surfaces touch, whatever the pressure: it follows the area of the contact."""
+    """Light leaves where smooth surfaces touch, at any pressure: it follows the area of the contact."""
 
     def light_fraction(
         self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
     ) -> NDArray[np.float64]:
-        """1 where there is pressure, else 0; slope and saturation do not matter."""
+        """1 where there is pressure, else 0; slope and saturation have no effect."""
         del slope, saturation_kpa
         return np.asarray(pressure_kpa > 0, dtype=float)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurvatureLoss:
-    """Light leaves without contact, where the dent tilts the face so far that it no longer reflects totally.
+    """Light leaves without contact, where the dent tilts the face beyond total reflection.
 
     Guided light of even radiance fills all directions beyond the critical angle from the undented face's normal. The
-    share of its power that meets the tilted face within the critical angle leaves; partial reflection is neglected.
+    fraction of its power that meets the tilted face within the critical angle leaves; partial reflection is neglected.
     For small slopes that is ``2 / pi * tan(critical) * slope``.
 
     Parameters
     ----------
     refractive_index
-        That of the layer at the face, against air, in [1.01, 4].
+        Index of the layer at the face, against air, in [1.01, 4].
 
     Examples
     --------
-    >>> CurvatureLoss().share(np.ones(3), slope=np.array([0.0, 0.01, 0.5]), saturation_kpa=20.0).round(3).tolist()
+    >>> slope = np.array([0.0, 0.01, 0.5])
+    >>> CurvatureLoss().light_fraction(np.ones(3), slope=slope, saturation_kpa=20.0).round(3).tolist()
     [0.0, 0.006, 0.337]
     """
 
@@ -80,17 +82,17 @@ class CurvatureLoss:
     def light_fraction(
         self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
     ) -> NDArray[np.float64]:
-        """Share of the light that leaves, in [0, 1], of the shape of the slope (either sign); pressure is no matter."""
+        """Fraction of the light that leaves, in [0, 1], in the shape of the slope (either sign), at any pressure."""
         del pressure_kpa, saturation_kpa
         sine = 1 / self.refractive_index
         cosine = np.sqrt(1 - sine**2)
         tilt = np.arctan(np.abs(slope))
-        # Seen along the tilted normal, the directions that leave fill a disc and those never guided an ellipse over it;
-        # what the ellipse leaves of the disc is integrated along its chords, which beyond `turn` are whole.
-        cosine_of_turn = np.minimum(cosine / sine * np.tan(tilt / 2), 1.0)
-        turn, sine_of_turn = np.arccos(cosine_of_turn), np.sqrt(1 - cosine_of_turn**2)
-        half_chords = turn + sine_of_turn * cosine_of_turn
-        cut = sine**2 * (1 - np.cos(tilt)) * half_chords + 2 * sine * cosine * np.sin(tilt) * sine_of_turn
+        # Projected along the tilted normal, the directions that leave fill a disc; an ellipse over it has never been
+        # guided. The rest of the disc is integrated along its chords, which are whole beyond `limit`.
+        cosine_of_limit = np.minimum(cosine / sine * np.tan(tilt / 2), 1.0)
+        limit, sine_of_limit = np.arccos(cosine_of_limit), np.sqrt(1 - cosine_of_limit**2)
+        half_chords = limit + sine_of_limit * cosine_of_limit
+        cut = sine**2 * (1 - np.cos(tilt)) * half_chords + 2 * sine * cosine * np.sin(tilt) * sine_of_limit
         whole = sine**2 * (np.pi - 2 * half_chords)
         return np.asarray(np.minimum((cut + whole) / (np.pi * cosine**2), 1.0))
 
@@ -118,8 +120,8 @@ def rough_contact(pressure_kpa: NDArray[np.float64], calibration: Calibration) -
     Examples
     --------
     >>> from tsis.model import Calibration
-    >>> answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
-    >>> [round(float(grey), 1) for grey in rough_contact(np.array([-1.0, 0.1, 1000.0]), answer)]
+    >>> calibration = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
+    >>> [round(float(grey), 1) for grey in rough_contact(np.array([-1.0, 0.1, 1000.0]), calibration)]
     [0.0, 5.0, 1000.0]
     """
     level = calibration.gain_grey_per_kpa * calibration.saturation_kpa

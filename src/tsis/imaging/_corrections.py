@@ -1,41 +1,35 @@
 """Corrections of a frame: dark level, uneven light, the untouched reference, drift of the lamps.
 
-Each call takes frames and returns a new frame; nothing is clipped, for a noise that is cut at zero no longer averages
-to zero.
+Each call returns a new frame. Nothing is clipped, because noise clipped at zero does not average to zero.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.model import TactileImage
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-
-SMALLEST_LIGHT = 1e-3  # share of a frame's median below which a pixel carries no light to divide by
-SCALE_TOLERANCE = 1e-6  # relative; a scale that went through a file keeps its digits
+SMALLEST_LIGHT = 1e-3  # fraction of a frame's median; darker pixels carry no light to divide by
+SCALE_TOLERANCE = 1e-6  # relative; far above the rounding of a scale in a file
 
 
 def subtract_dark(image: TactileImage, dark: TactileImage) -> TactileImage:
-    """Take away what the camera reads without light.
+    """Subtract the camera's dark level.
 
     Parameters
     ----------
     image
         Any frame, grey levels.
     dark
-        A frame with the lamps off, of the same camera settings; best a mean of many.
+        A frame with the lamps off, at the same camera settings; best a mean of many.
 
     Returns
     -------
     TactileImage
-        ``image - dark``; negative where noise says so.
+        ``image - dark``; noise can make it negative.
 
     Raises
     ------
@@ -47,14 +41,14 @@ def subtract_dark(image: TactileImage, dark: TactileImage) -> TactileImage:
 
 
 def flatten(image: TactileImage, flat: TactileImage) -> TactileImage:
-    """Divide by the light's own pattern, keeping the mean brightness.
+    """Divide by the light's pattern and preserve the mean brightness.
 
     Parameters
     ----------
     image
-        A frame whose dark level was taken away.
+        A frame without dark level.
     flat
-        A frame of something uniform under the same light, its dark level taken away too.
+        A frame of a uniform object under the same light, without dark level.
 
     Returns
     -------
@@ -66,7 +60,7 @@ def flatten(image: TactileImage, flat: TactileImage) -> TactileImage:
     ImageMismatchError
         When size, scale or full scale differ.
     InputError
-        When the flat field has dark pixels, which nothing can be divided by.
+        When the flat field has dark pixels.
     """
     require_same_frame(image, flat, "flat")
     floor = SMALLEST_LIGHT * float(np.median(flat.grey))
@@ -79,7 +73,7 @@ def flatten(image: TactileImage, flat: TactileImage) -> TactileImage:
 
 
 def subtract_background(image: TactileImage, reference: TactileImage) -> TactileImage:
-    """Take away the frame of the untouched probe: the change of grey level that the touch made.
+    """Subtract the frame of the untouched probe: the change of grey level by the contact.
 
     Raises
     ------
@@ -91,10 +85,10 @@ def subtract_background(image: TactileImage, reference: TactileImage) -> Tactile
 
 
 def match_light(reference: TactileImage, image: TactileImage) -> TactileImage:
-    """Bring the reference to the brightness that the lamps have in ``image``.
+    """Scale the reference to the brightness of the lamps in ``image``.
 
-    Lamps drift by some per cent while they warm up. The ratio is the median of ``image / reference``, so it is the
-    lamps' as long as less than half of the field is touched; do not use it on frames that are lit all over.
+    Lamps drift by some per cent while they warm up. The ratio is the median of ``image / reference``, so it is valid
+    while less than half of the field is touched. Do not use it on frames with contact over the whole field.
 
     Parameters
     ----------
@@ -131,14 +125,14 @@ def match_light(reference: TactileImage, image: TactileImage) -> TactileImage:
 
 
 def signal(image: TactileImage, reference: TactileImage | None = None, *, invert: bool = False) -> TactileImage:
-    """The change of grey level that the touch made, positive where the probe is pressed.
+    """The change of grey level by the contact, positive where the probe is pressed.
 
     Parameters
     ----------
     image
         The pressed probe.
     reference
-        The untouched probe; None when ``image`` holds the change already.
+        The untouched probe; None when ``image`` is the change already.
     invert
         True for probes whose light FALLS where they are pressed: ``reference - image``.
 
@@ -152,7 +146,7 @@ def signal(image: TactileImage, reference: TactileImage | None = None, *, invert
     ImageMismatchError
         When size, scale or full scale differ.
     InputError
-        When ``invert`` is asked for without a reference: the level that the light falls from is not known.
+        When ``invert`` has no reference: the level that the light falls from is unknown.
 
     Examples
     --------
@@ -167,22 +161,17 @@ def signal(image: TactileImage, reference: TactileImage | None = None, *, invert
             raise InputError("invert needs a reference, the level that the light falls from; got None")
         return image
     change = subtract_background(image, reference)
-    return replace(change, grey=_negative(change.grey)) if invert else change
-
-
-def _negative(grey: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``0 - grey``, which unlike ``-grey`` holds no negative zeros to print."""
-    return 0.0 - grey
+    return replace(change, grey=0.0 - change.grey) if invert else change  # without negative zeros
 
 
 def require_image(name: str, image: object) -> None:
-    """Refuse anything that is not a TactileImage, an array for instance."""
+    """Refuse a value that is no TactileImage."""
     if not isinstance(image, TactileImage):
         raise InputError(f"{name} must be a TactileImage; got {type(image).__name__} (wrap it: TactileImage(grey=...))")
 
 
 def require_same_frame(image: TactileImage, other: TactileImage, name: str) -> None:
-    """Refuse a companion frame whose size, scale or full scale is not that of ``image``."""
+    """Refuse a companion frame with another size, scale or full scale than ``image``."""
     require_image("image", image)
     require_image(name, other)
     if image.grey.shape != other.grey.shape:
@@ -194,8 +183,8 @@ def require_same_frame(image: TactileImage, other: TactileImage, name: str) -> N
             f"{name} must have the image's full_scale {image.full_scale:g}; got {other.full_scale:g} "
             "(record both with one bit depth)"
         )
-    ours, theirs = image.mm_per_pixel, other.mm_per_pixel
-    if ours is not None and theirs is not None and not np.allclose(ours, theirs, rtol=SCALE_TOLERANCE, atol=0.0):
+    scale, scale_2 = image.mm_per_pixel, other.mm_per_pixel
+    if scale is not None and scale_2 is not None and not np.allclose(scale, scale_2, rtol=SCALE_TOLERANCE, atol=0.0):
         raise ImageMismatchError(
-            f"{name} must have the image's mm_per_pixel {ours}; got {theirs} (calibrate the scale once for both)"
+            f"{name} must have the image's mm_per_pixel {scale}; got {scale_2} (calibrate the scale once for both)"
         )

@@ -1,4 +1,4 @@
-"""The numbers that are read off one tactile image."""
+"""Position, strength, size and shape of the contact in one tactile image."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ OUTLINE_BLUR = 0.05  # of the patch's radius
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Features:
-    """What one image says about the contact; zeros and None when there is none.
+    """Features of the contact in one image; zeros and None without contact.
 
     Lengths in mm are None when the scale is unknown. Positions in mm are relative to the image's ``axis_px``, x to the
-    right and y down the image. Shape (angle, eccentricity, circularity) is that on the face, where pixels may be wider
-    than high; without a scale pixels are taken as square.
+    right and y down the image. Angle, eccentricity and circularity describe the shape on the face, where pixels may be
+    wider than high; without a scale pixels are assumed square.
 
     Attributes
     ----------
     contact
-        False when nothing stands out of the noise.
+        False when no signal exceeds the noise.
     centroid_px, centroid_mm
         Mean position (x, y) weighted by grey level, (6.7) and (6.8).
     peak
-        Greatest grey level of the signal in the patch behind a blur of one pixel.
+        Greatest grey level of the signal in the patch after a blur of one pixel.
     total
         Sum of the signal's grey levels in the patch.
     area_px, area_mm2
@@ -45,21 +45,21 @@ class Features:
     equivalent_diameter_px, equivalent_diameter_mm
         Diameter of the disc of the same area.
     semi_axes_px, semi_axes_mm
-        Semi-axes (long, short) of the ellipse with the patch's second moments. In mm they are those on the face.
+        Semi-axes (long, short) of the ellipse with the patch's second moments; in mm on the face.
     angle_deg
         Direction of the long axis in [0, 180), from x towards y.
     eccentricity
         ``sqrt(1 - (short / long)²)``: 0 for a circle.
     circularity
-        ``4 pi area / perimeter²`` of the outline: 1 for a circle, less for anything else.
+        ``4 pi area / perimeter²`` of the outline: 1 for a circle, less for other shapes.
     saturated_fraction
-        Share of the patch's pixels at which the camera clipped.
+        Fraction of the patch's pixels at which the camera clipped.
     cropped
         True when the patch touches the border of the image.
     profile
         Mean signal in rings about the centroid; None without scale or contact.
     patch
-        The pixels, levels and outline behind all this.
+        Pixels, levels and outline of the patch.
     """
 
     contact: bool
@@ -90,23 +90,23 @@ def features(
     method: str = "otsu",
     least_grey: float = 0.0,
 ) -> Features:
-    """Read position, strength, size and shape of the contact off an image.
+    """Compute position, strength, size and shape of the contact in an image.
 
     Parameters
     ----------
     image
-        The pressed probe, as the camera delivered it: only there can clipped pixels be told.
+        The pressed probe, as the camera delivered it: a corrected frame does not show clipped pixels.
     reference
-        The untouched probe; without it grey levels are taken as the signal.
+        The untouched probe; without it the grey levels are the signal.
     invert
         True for probes whose light falls where they are pressed.
     method, least_grey
-        How the patch is found; see `segment`.
+        Arguments of `segment`.
 
     Returns
     -------
     Features
-        Zeros and None, and ``contact`` False, when nothing stands out of the noise.
+        Zeros and None, and ``contact`` False, when no signal exceeds the noise.
 
     Raises
     ------
@@ -120,8 +120,8 @@ def features(
     >>> from tsis.model import TactileImage
     >>> y, x = np.mgrid[:60, :80]
     >>> disc = np.where((x - 30) ** 2 + (y - 25) ** 2 < 100, 80.0, 0.0)
-    >>> found = features(TactileImage(grey=disc, mm_per_pixel=(0.1, 0.1)))
-    >>> found.centroid_px, round(found.equivalent_diameter_mm, 1)
+    >>> result = features(TactileImage(grey=disc, mm_per_pixel=(0.1, 0.1)))
+    >>> result.centroid_px, round(result.equivalent_diameter_mm, 1)
     ((30.0, 25.0), 2.0)
     """
     change = signal(image, reference, invert=invert)
@@ -159,7 +159,7 @@ def features(
 
 
 def _no_contact(patch: Patch, image: TactileImage) -> Features:
-    """Nothing was touched: sizes are zero, positions unknown."""
+    """Features without contact: sizes are zero, positions unknown."""
     zero_mm = None if image.mm_per_pixel is None else 0.0
     return Features(
         contact=False,
@@ -186,7 +186,7 @@ def _no_contact(patch: Patch, image: TactileImage) -> Features:
 def _weighted_centre(
     rows: NDArray[np.intp], columns: NDArray[np.intp], grey: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Centroid (x, y) in pixels with grey levels as weights; darker than background counts as nothing."""
+    """Centroid (x, y) in pixels with grey levels as weights; negative levels have no weight."""
     weight = np.maximum(grey, 0.0)
     return float(np.average(columns, weights=weight)), float(np.average(rows, weights=weight))
 
@@ -215,7 +215,7 @@ def _disc_diameter(area: float) -> float:
 
 
 def _circularity(points: NDArray[np.float64]) -> float:
-    """Area against perimeter of one closed polygon, smoothed so that noise along it does not count as length."""
+    """Circularity of one closed polygon, smoothed so that noise does not add to its length."""
     radius = np.sqrt(_enclosed(points) / np.pi)
     step = np.hypot(*np.diff(points, axis=0).T).mean()
     smooth = ndimage.gaussian_filter1d(points[:-1], OUTLINE_BLUR * radius / step, axis=0, mode="wrap")

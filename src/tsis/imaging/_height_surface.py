@@ -1,4 +1,4 @@
-"""A signal as a surface in space, thinned out to what a screen can turn."""
+"""A signal as a surface in space, reduced to the points that a screen can show."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ class HeightSurface:
 
 
 def height_surface(image: TactileImage, *, max_points: int = 128, height_per_grey: float = 1.0) -> HeightSurface:
-    """Lift a signal to a surface of at most ``max_points`` along either side.
+    """Convert a signal to a surface of at most ``max_points`` along either side.
 
     Parameters
     ----------
     image
-        A signal whose ``mm_per_pixel`` is known.
+        A signal with ``mm_per_pixel``.
     max_points
         Greatest number of rows and of columns, in [2, 4096].
     height_per_grey
-        Height of one grey level; what it means is the calibration's to say.
+        Height of one grey level, in the unit of the calibration.
 
     Returns
     -------
-    Surface
-        Each height the mean over the block of pixels that it stands for.
+    HeightSurface
+        Each height is the mean over a block of pixels.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a frame does not show: light and force beyond the field of view, and light above full scale."""
+"""Losses of a frame: light and force beyond the field of view, and light above full scale."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ SURVEY = 1024  # pixels across a survey of the whole face
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LostLight:
-    """Shares, each in [0, 1], of a press that its frame does not hold.
+    """Fractions, each in [0, 1], of a press that its frame does not show.
 
     Attributes
     ----------
     force_outside
-        Of the force, carried beyond the field of view.
+        Fraction of the force beyond the field of view.
     light_outside
-        Of the light, leaving the face beyond the field of view; 0 where no light leaves.
+        Fraction of the light that leaves the face beyond the field of view; 0 without light.
     pixels_clipped
-        Of the frame's pixels, expected above full scale.
+        Fraction of the frame's pixels that are expected above full scale.
     light_clipped
-        Of the light that falls on the frame, above full scale.
+        Fraction of the light on the frame that is above full scale.
     """
 
     force_outside: float
@@ -52,14 +52,14 @@ def find_lost_light(
     contact_model: ContactModel | str = "rough",
     light: LightMap | None = None,
 ) -> LostLight:
-    """Which part of a press is cropped by the field of view, and which is clipped at full scale.
+    """Compute the parts of a press that the field of view crops and full scale clips.
 
     The arguments are those of `tsis.imaging.render`.
 
     Raises
     ------
     InputError
-        When the blur lies outside its range or the contact model is not known.
+        When the blur lies outside its range or the contact model is unknown.
 
     Examples
     --------
@@ -72,8 +72,8 @@ def find_lost_light(
     ...     approach_mm=1.0,
     ...     force_n=0.9,
     ... )
-    >>> answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
-    >>> lost = find_lost_light(press, Sensor(rows=246), answer)  # the middle 9.6 mm of a face of 24 mm
+    >>> calibration = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
+    >>> lost = find_lost_light(press, Sensor(rows=246), calibration)  # the middle 9.6 mm of a face of 24 mm
     >>> round(lost.light_outside, 2), lost.pixels_clipped
     (0.5, 0.0)
     """
@@ -83,7 +83,7 @@ def find_lost_light(
     survey = _survey(field, sensor)
     inside = _overlap(survey, sensor)
     everywhere = render(field, survey, calibration, blur_mm=0.0, contact_model=contact_model, light=light)
-    even = replace(calibration, gain_grey_per_kpa=1.0, saturation_kpa=1e6)  # light that is the pressure
+    even = replace(calibration, gain_grey_per_kpa=1.0, saturation_kpa=1e6)  # light equal to the pressure
     return LostLight(
         force_outside=_outside(render(field, survey, even, blur_mm=0.0), inside),
         light_outside=_outside(everywhere, inside),
@@ -93,7 +93,7 @@ def find_lost_light(
 
 
 def _survey(field: PressField | PressMap, sensor: Sensor) -> Sensor:
-    """A sensor without lens that sees the whole face and the whole field of view."""
+    """A sensor without lens that covers the whole face and the whole field of view."""
     frame = (sensor.columns * sensor.mm_per_pixel[0], sensor.rows * sensor.mm_per_pixel[1])
     extent = np.abs([field.x_mm, field.y_mm]).max() if isinstance(field, PressMap) else field.radius_mm[-1]
     x, y = (float(max(size, 2.02 * extent)) / SURVEY for size in frame)
@@ -101,7 +101,7 @@ def _survey(field: PressField | PressMap, sensor: Sensor) -> Sensor:
 
 
 def _overlap(survey: Sensor, sensor: Sensor) -> NDArray[np.float64]:
-    """Share of each of the survey's pixels that lies in the field of view."""
+    """Fraction of each of the survey's pixels in the field of view."""
     sizes = zip((sensor.columns, sensor.rows), sensor.mm_per_pixel, survey.mm_per_pixel, strict=True)
     half = [(count * size / 2, pixel) for count, size, pixel in sizes]
     x, y = (

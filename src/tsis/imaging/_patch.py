@@ -1,4 +1,4 @@
-"""The bright patch of a contact: which pixels belong to it, or that there is none."""
+"""The bright patch of a contact: its pixels, threshold and outline."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 
 SEGMENTATION_METHODS = ("otsu", "half", "noise")
-SMOOTH_PX = 1.0  # standard deviation of the blur before thresholds: steadies them, moves edges by less than a pixel
+SMOOTH_PX = 1.0  # standard deviation of the blur before thresholds; it shifts edges by less than a pixel
 NOISE_FACTOR = 6.0  # the blurred noise of a million pixels peaks near 5 standard deviations
 GAUSSIAN_MAD = 1.4826  # standard deviation over median absolute deviation of Gaussian noise
-CLEAR_CHANGE = 0.1  # share of full scale that no drift of the lamps reaches
+CLEAR_CHANGE = 0.1  # fraction of full scale; larger than any drift of the lamps
 QUANTISATION = 12.0**-0.5  # standard deviation of rounding to whole grey levels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Patch:
-    """The pixels that a contact lights, and the levels that told them.
+    """The pixels of a contact, and the levels that separate them from the background.
 
     Attributes
     ----------
@@ -59,34 +59,33 @@ class Patch:
 
     @property
     def cropped(self) -> bool:
-        """True when the patch touches the image's border, so that a part of it may lie outside."""
+        """True when the patch touches the image's border, so that a part may lie outside."""
         border = (self.mask[0], self.mask[-1], self.mask[:, 0], self.mask[:, -1])
         return any(bool(edge.any()) for edge in border)
 
 
 def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.0) -> Patch:
-    """Find the patch that stands out of a signal.
+    """Find the bright patch of a contact in a signal.
 
-    The signal is blurred by one pixel and cut at a threshold; of the connected parts the one with the greatest sum of
-    grey levels is kept and its holes are filled. There is no contact when the patch does not stand out: its peak must
-    exceed the dark side by six standard deviations of the pixel noise, and by six of the dark side's own spread (lamps
-    that drift are smooth, and no noise) unless it exceeds a tenth of full scale, where a frame lit all over has no
-    dark side to measure.
+    The signal is blurred by one pixel and cut at a threshold. The patch is the connected part with the greatest sum of
+    grey levels, with its holes filled. The peak of a contact exceeds the dark side by six standard deviations of the
+    pixel noise. It also exceeds the dark side by six of the dark side's own spread, because drift of the lamps is
+    smooth, or by a tenth of full scale, because a frame lit all over has no dark side to measure.
 
     Parameters
     ----------
     image
         The change of grey level (see `signal`), positive where the probe is pressed.
     method
-        ``"otsu"``: the threshold that parts the levels best into two classes; ``"half"``: halfway from the dark side
-        to the peak; ``"noise"``: six standard deviations above the dark side, at the foot of the signal.
+        ``"otsu"``: the best threshold between two classes of levels; ``"half"``: halfway from the dark side to the
+        peak; ``"noise"``: six standard deviations above the dark side, at the foot of the signal.
     least_grey
-        A contact's least peak above the dark side, grey levels; 0 leaves it to the noise.
+        Least peak of a contact above the dark side, grey levels, besides the limits by noise.
 
     Returns
     -------
     Patch
-        The patch; ``found`` is False when nothing stands out.
+        The patch; ``is_contact`` is False when there is none.
 
     Raises
     ------
@@ -99,9 +98,9 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
     >>> grey = np.zeros((40, 40))
     >>> grey[10:20, 15:25] = 50.0
     >>> patch = segment(TactileImage(grey=grey))
-    >>> patch.found, int(patch.mask.sum()), patch.cropped
+    >>> patch.is_contact, int(patch.mask.sum()), patch.cropped
     (True, 100, False)
-    >>> segment(TactileImage(grey=np.zeros((40, 40)))).found
+    >>> segment(TactileImage(grey=np.zeros((40, 40)))).is_contact
     False
     """
     require_image("image", image)
@@ -121,15 +120,15 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
 
 
 def smoothed(grey: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The frame behind a Gaussian blur of one pixel."""
+    """The frame after a Gaussian blur of one pixel."""
     return np.asarray(cv2.GaussianBlur(grey, (0, 0), SMOOTH_PX, borderType=cv2.BORDER_REFLECT), dtype=np.float64)
 
 
 def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool], cut: float) -> NDArray[np.float64]:
     """The longest closed boundary of a patch, (n, 2) points (x, y) in pixels.
 
-    It is the level line of the blurred signal at the cut and not the mask's stairs, which are some per cent longer.
-    Outside the image the signal is taken as dark, so that the boundary of a cropped patch closes along the border.
+    It is the level line of the blurred signal at the cut; the mask's pixel edges are some per cent longer. The signal
+    is dark outside the image, so that the boundary of a cropped patch closes along the border.
     """
     if not mask.any():
         return np.empty((0, 2))
@@ -144,8 +143,8 @@ def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool], cut: float) -> 
 def pixel_noise(grey: NDArray[np.float64]) -> float:
     """Standard deviation of one pixel's noise, grey levels.
 
-    From second differences along both axes, whose weights (1 -2 1) x (1 -2 1) have the norm 6: blind to slopes and to
-    smooth patches, so it needs no untouched area.
+    It comes from second differences along both axes, with weights (1 -2 1) x (1 -2 1) of norm 6. Slopes and smooth
+    patches do not contribute, so it needs no untouched area.
     """
     if min(grey.shape) < 3:
         return 0.0
@@ -155,9 +154,9 @@ def pixel_noise(grey: NDArray[np.float64]) -> float:
 
 
 def _otsu(smooth: NDArray[np.float64]) -> float:
-    """Halfway between the means of Otsu's two classes; what is darker than untouched is no class of its own.
+    """Level halfway between the means of Otsu's two classes; negative levels count as zero.
 
-    Halfway, because between two well parted classes all levels part them equally well and a histogram picks the lowest.
+    Between well separated classes all levels are equally good thresholds and a histogram picks the lowest.
     """
     lit = np.maximum(smooth, 0.0)
     if lit.min() == lit.max():
@@ -174,7 +173,7 @@ def _dark_side(grey: NDArray[np.float64], smooth: NDArray[np.float64], cut: floa
     spread = GAUSSIAN_MAD * float(np.median(np.abs(dark - level)))
     whole_levels = np.array_equal(grey, np.rint(grey)) and grey.any()
     noise = max(pixel_noise(grey), QUANTISATION if whole_levels else 0.0)
-    # White noise behind a Gaussian of standard deviation s keeps the share 1 / (2 s sqrt(pi)).
+    # A Gaussian blur of standard deviation s reduces white noise by the factor 1 / (2 s sqrt(pi)).
     return level, spread, noise / (2.0 * SMOOTH_PX * np.sqrt(np.pi))
 
 

@@ -1,4 +1,4 @@
-"""Loops over the pixels of a frame, compiled: what would take NumPy a dozen passes over memory takes one here."""
+"""Compiled loops over the pixels of a frame: one pass over memory where NumPy needs a dozen."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def paint(
     y: NDArray[np.float64],
     radius: NDArray[np.float64],
     glow: NDArray[np.float64],
-    shifted: NDArray[np.float64],
+    displacement: NDArray[np.float64],
     slope: NDArray[np.float64],
     map_x: NDArray[np.float64],
     map_y: NDArray[np.float64],
@@ -30,10 +30,8 @@ def paint(
 ) -> NDArray[np.float64]:
     """Picture of a round press under a map of light, dark outside.
 
-    ``glow(r) E0 exp((growth + bend moved(r)) moved(r)) (1 + slope(r) (Fx x + Fy y) / r)``, with E0, growth, bend, Fx
-    and Fy of the place.
-
-    Every profile is linear between its radii and every map between its nodes, beyond which it stays as at its edge.
+    ``glow(r) E0 exp((growth + bend u(r)) u(r)) (1 + slope(r) (Fx x + Fy y) / r)`` with the displacement u and with E0,
+    growth, bend, Fx and Fy at (x, y). Profiles are linear between radii, maps between nodes and constant beyond them.
     """
     picture = np.zeros((len(y), len(x)))
     column, right = _interval_positions(x, map_x)
@@ -42,7 +40,7 @@ def paint(
     g, b = np.empty(len(map_x)), np.empty(len(map_x))
     grows = np.any(growth != 0) or np.any(bend != 0)
     last = len(radius) - 1
-    near = last - 1  # the radii change little from pixel to pixel, so the place among them is found by a few steps
+    near = last - 1  # the radius changes little from pixel to pixel, so few steps find its interval
     for i in range(len(y)):
         top = line[i]
         for k in range(len(map_x)):
@@ -63,15 +61,15 @@ def paint(
             shine = glow[near] + part * (glow[near + 1] - glow[near])
             k, w = column[j], right[j]
             if grows:
-                dent = shifted[near] + part * (shifted[near + 1] - shifted[near])
+                dent = displacement[near] + part * (displacement[near + 1] - displacement[near])
                 rate = g[k] + w * (g[k + 1] - g[k]) + dent * (b[k] + w * (b[k + 1] - b[k]))
                 shine *= np.exp(dent * rate)
-            caught = 1.0
+            tilt = 1.0
             if r > 0:
                 rise = (slope[near] + part * (slope[near + 1] - slope[near])) / r
-                caught += rise * x[j] * (fx[k] + w * (fx[k + 1] - fx[k]))
-                caught += rise * y[i] * (fy[k] + w * (fy[k + 1] - fy[k]))
-            picture[i, j] = shine * (e[k] + w * (e[k + 1] - e[k])) * max(caught, 0.0)
+                tilt += rise * x[j] * (fx[k] + w * (fx[k + 1] - fx[k]))
+                tilt += rise * y[i] * (fy[k] + w * (fy[k + 1] - fy[k]))
+            picture[i, j] = shine * (e[k] + w * (e[k + 1] - e[k])) * max(tilt, 0.0)
     return picture
 
 
@@ -79,7 +77,7 @@ def paint(
 def _interval_positions(
     at: NDArray[np.float64], knots: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Between which knots each coordinate lies and how far on, from 0 to 1; those outside lie on the edge."""
+    """Interval of knots of each coordinate and position in it, from 0 to 1; coordinates outside lie on the edge."""
     index, part = np.empty(len(at), np.int64), np.empty(len(at))
     for i in range(len(at)):
         k = min(max(np.searchsorted(knots, at[i]) - 1, 0), len(knots) - 2)
@@ -92,10 +90,7 @@ def _interval_positions(
 def develop(
     frame: NDArray[np.float64], light: NDArray[np.float64], background: float, read: float, shot: float, top: float
 ) -> None:
-    """Turn standard normal numbers into the frame of ``light``: background, noise, rounding, clipping at 0 and ``top``.
-
-    They are overwritten, because a second array as large takes as long to get as to fill.
-    """
+    """Convert standard normal numbers to the frame of ``light``, in place: background, noise, rounding, clipping."""
     for i in range(light.shape[0]):
         for j in range(light.shape[1]):
             deviation = np.sqrt(read * read + shot * max(light[i, j], 0.0))
@@ -106,9 +101,9 @@ def develop(
 def ring_sums(
     grey: NDArray[np.float64], clipped: NDArray[np.bool_], rings: NDArray[np.intp], count: int, level: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Pixels, clipped pixels, and sums and squares of ``grey - level`` over those that do not clip, by ring.
+    """Pixels, clipped pixels, and sums and squares of ``grey - level`` over the other pixels, by ring.
 
-    Pixels of a ring ``count`` or beyond are outside all of them.
+    Pixels with a ring index of ``count`` or more lie outside all rings.
     """
     pixels, lost = np.zeros(count, np.int64), np.zeros(count, np.int64)
     total, square = np.zeros(count), np.zeros(count)
@@ -119,8 +114,8 @@ def ring_sums(
         if clipped[i]:
             lost[ring] += 1
             continue
-        away = grey[i] - level
+        deviation = grey[i] - level
         pixels[ring] += 1
-        total[ring] += away
-        square[ring] += away * away
+        total[ring] += deviation
+        square[ring] += deviation * deviation
     return pixels, lost, total, square

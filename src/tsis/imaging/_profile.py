@@ -26,16 +26,16 @@ class RadialProfile:
     Attributes
     ----------
     edges_mm
-        Ring boundaries, shape (n + 1,); a pixel belongs to the ring that holds its centre, ``[low, high)``.
+        Ring boundaries, shape (n + 1,); a pixel belongs to the ring ``[low, high)`` of its centre.
     mean_grey
-        Mean grey level of the pixels counted, shape (n,); NaN in a ring that counts none.
+        Mean grey level of the unclipped pixels, shape (n,); NaN in a ring without them.
     standard_error_grey
         Standard deviation of the ring's pixels over the square root of their number, shape (n,); NaN below two pixels.
-        It holds the slope inside the ring as well as the noise.
+        It includes the slope inside the ring and the noise.
     count
-        Pixels counted, shape (n,).
+        Number of unclipped pixels, shape (n,).
     clipped_count
-        Pixels left out because the camera clipped there, shape (n,).
+        Number of clipped pixels, which are left out, shape (n,).
     """
 
     edges_mm: NDArray[np.float64]
@@ -64,31 +64,26 @@ def radial_profile(
 ) -> RadialProfile:
     """Mean grey level in rings, with pixels of unequal width and height measured in mm.
 
-    Give the frame as the camera delivered it, and the reference beside it: only there can clipped pixels be told, and
-    they are left out and counted.
+    Pass the frame and the reference as the camera delivered them: a corrected frame does not show clipped pixels, which
+    are left out and counted.
 
     Parameters
     ----------
     image
-        A frame whose ``mm_per_pixel`` is known.
+        A frame with ``mm_per_pixel``.
     edges_mm
         Ring boundaries in mm, ascending, the first >= 0, at least two.
     centre_px
         Centre (x, y) of the rings in pixels; the image's ``axis_px`` when None.
     reference
-        The untouched probe, subtracted pixel by pixel; None when there is nothing to subtract.
-
-    Returns
-    -------
-    RadialProfile
-        Mean, standard error and counts ring by ring.
+        The untouched probe, subtracted pixel by pixel.
 
     Raises
     ------
     InputError
         When the scale is unknown or the edges do not ascend.
     ImageMismatchError
-        When the reference does not belong to the image.
+        When the reference's size, scale or full scale differ from the image's.
 
     Examples
     --------
@@ -105,17 +100,10 @@ def radial_profile(
     if reference is not None:
         require_same_frame(image, reference, "reference")
         grey, clipped = grey - reference.grey, clipped | (reference.grey >= reference.full_scale)
-    return _gather(grey.ravel(), clipped.ravel(), rings, edges)
-
-
-def _gather(
-    grey: NDArray[np.float64], clipped: NDArray[np.bool], rings: NDArray[np.intp], edges: NDArray[np.float64]
-) -> RadialProfile:
-    """Mean and spread over the rings."""
     n = edges.size - 1
-    # Deviations from a level near the data keep the squares from cancelling.
+    # Deviations from a level near the data avoid cancellation in the squares.
     level = float(grey.mean())
-    count, clipped_count, total, square = ring_sums(grey, clipped, rings, n, level)
+    count, clipped_count, total, square = ring_sums(grey.ravel(), clipped.ravel(), rings, n, level)
     mean = np.divide(total, count, out=np.full(n, np.nan), where=count > 0)
     spread = np.maximum(square - total * np.nan_to_num(mean), 0.0)
     variance = np.divide(spread, count - 1.0, out=np.full(n, np.nan), where=count > 1)
@@ -132,7 +120,7 @@ def _gather(
 def _ring_of_pixel(
     shape: tuple[int, int], scale: tuple[float, float], centre: tuple[float, float], edges: bytes
 ) -> NDArray[np.intp]:
-    """Ring number of each pixel, flat; kept because the frames of one camera share it."""
+    """Ring index of each pixel, flat; cached for the frames of one camera."""
     limits = np.frombuffer(edges)
     x_mm = (np.arange(shape[1]) - centre[0]) * scale[0]
     y_mm = (np.arange(shape[0]) - centre[1]) * scale[1]
@@ -144,7 +132,6 @@ def _ring_of_pixel(
 
 
 def _checked_edges(edges_mm: ArrayLike) -> NDArray[np.float64]:
-    """Ring boundaries as a checked array."""
     edges: NDArray[np.float64] = require_array("edges_mm", edges_mm, ndim=1)
     if edges.size < 2 or edges[0] < 0 or np.any(np.diff(edges) <= 0):
         raise InputError(f"edges_mm must be at least two ascending radii, the first >= 0; got {edges.tolist()}")

@@ -1,4 +1,4 @@
-"""Where a round contact begins and ends, and how much of each pixel it covers."""
+"""Expected light of a press on the sensor."""
 
 from __future__ import annotations
 
@@ -20,13 +20,16 @@ if TYPE_CHECKING:
     from tsis.model import Calibration, PressField
 
 
+WIDEST_BLUR_MM = 10.0
+
+
 def contact_edges(field: PressField) -> list[tuple[float, int]]:
     """Radius in mm of every edge of the contact, each with 1 where the contact lies inside it and -1 outside."""
     radius, pressure = field.radius_mm, field.pressure_kpa
     touched = np.concatenate([pressure > 0, [False]])
     edges = []
     for last in np.flatnonzero(touched[1:] != touched[:-1]).tolist():
-        if last == len(radius) - 1:  # the contact reaches the rim
+        if last == len(radius) - 1:  # contact up to the rim
             edges.append((float(radius[-1]), 1))
         elif touched[last]:
             edges.append((_end(radius, pressure, last, 1), 1))
@@ -36,7 +39,7 @@ def contact_edges(field: PressField) -> list[tuple[float, int]]:
 
 
 def coverage(field: PressField, sensor: Sensor) -> NDArray[np.float64]:
-    """Share of each pixel that is in contact, shape (rows, columns); an edge is taken as straight inside a pixel."""
+    """Fraction of each pixel in contact, shape (rows, columns); edges are straight inside a pixel."""
     x, y = sensor.axes_mm()
     radius = sensor.radius_mm()
     extent = np.maximum(np.abs(x)[None, :] * sensor.mm_per_pixel[0], np.abs(y)[:, None] * sensor.mm_per_pixel[1])
@@ -49,16 +52,13 @@ def coverage(field: PressField, sensor: Sensor) -> NDArray[np.float64]:
 
 
 def _end(radius: NDArray[np.float64], pressure: NDArray[np.float64], last: int, step: int) -> float:
-    """Where the pressure ends beyond the touched node ``last``: it falls with the root of the distance, as Hertz's."""
+    """Radius at which the pressure vanishes beyond the closed node ``last``: it falls with the root of the distance."""
     inner = last - step
     if not 0 <= inner < len(radius) or not pressure[inner] > pressure[last]:
         return float((radius[last] + radius[last + step]) / 2)
     falling = (pressure[inner] ** 2 - pressure[last] ** 2) / (radius[last] - radius[inner])
     end = radius[last] + pressure[last] ** 2 / falling
     return float(min(end, radius[last + step]) if step > 0 else max(end, radius[last + step]))
-
-
-WIDEST_BLUR_MM = 10.0
 
 
 def render(
@@ -77,16 +77,16 @@ def render(
     field
         The press, around the axis or over a grid; dark outside its face.
     sensor
-        The camera that sees it, its axis on the probe's axis.
+        The camera, with its axis on the probe's axis.
     calibration
-        Answer of grey level to pressure under light of 1; a full contact gives ``gain * saturation``.
+        Response of grey level to pressure under light of 1; a full contact gives ``gain * saturation``.
     blur_mm
         Standard deviation of the point spread on the face, mm, in [0, 10].
     contact_model
         Contact model: ``"rough"``, ``"smooth"``, ``"curvature"``, or a value of `tsis.imaging._contact_models`.
     light
-        Light that reaches the face from inside; even light when None. A map for one press, in which displacement and
-        slope are done already, has neither flux nor growth.
+        Light on the face from inside; even light when None. A map for one press, which includes displacement and slope,
+        has neither flux nor growth.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def render(
     Raises
     ------
     InputError
-        When the blur lies outside its range, the contact model is not known or the light is no `LightMap`.
+        When the blur lies outside its range, the contact model is unknown or the light is no `LightMap`.
 
     Examples
     --------
@@ -106,18 +106,19 @@ def render(
     >>> press = PressField(
     ...     radius_mm=radius, face_displacement_mm=flat, pressure_kpa=even, approach_mm=1.0, force_n=0.9
     ... )
-    >>> answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
-    >>> [round(float(render(press, Sensor(), answer, contact_model=model)[246, 384])) for model in ("rough", "smooth")]
-    [100, 1000]
+    >>> calibration = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
+    >>> rough, smooth = (render(press, Sensor(), calibration, contact_model=model) for model in ("rough", "smooth"))
+    >>> round(float(rough[246, 384])), round(float(smooth[246, 384]))
+    (100, 1000)
     """
     require_number("blur_mm", blur_mm, 0.0, WIDEST_BLUR_MM)
     model, light = as_contact_model(contact_model), light or LightMap.uniform()
     require_type("light", light, LightMap)
     if isinstance(field, PressMap):
-        observed = _of_map(field, sensor, calibration, model, light)
+        picture = _of_map(field, sensor, calibration, model, light)
     else:
-        observed = _of_profile(field, sensor, calibration, model, light)
-    picture = _blurred(observed, sensor, blur_mm)
+        picture = _of_profile(field, sensor, calibration, model, light)
+    picture = _blurred(picture, sensor, blur_mm)
     if sensor.field_angle_deg > 0:
         picture *= sensor.vignetting()
     return picture
@@ -126,11 +127,11 @@ def render(
 def _of_profile(
     field: PressField, sensor: Sensor, calibration: Calibration, model: ContactModel, light: LightMap
 ) -> NDArray[np.float64]:
-    """A round press: profiles of what shines and of the slope, turned around the axis."""
+    """A round press: profiles of light and slope, rotated around the axis."""
     radius, slope = field.radius_mm, np.gradient(field.face_displacement_mm, field.radius_mm)
-    slope[0] = 0.0  # on the axis, where the difference above would be one-sided
+    slope[0] = 0.0  # the difference on the axis is one-sided
     fraction = model.light_fraction(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
-    if isinstance(model, SmoothContact):  # whose edge is sharper than the profile's radii: the pixels know it
+    if isinstance(model, SmoothContact):  # its edge is sharper than the profile; `coverage` resolves it
         fraction = np.ones_like(fraction)
     profiles = (_full_contact(calibration) * fraction, field.face_displacement_mm, slope)
     x, y = sensor.axes_mm()
@@ -144,24 +145,22 @@ def _of_profile(
 def _of_map(
     field: PressMap, sensor: Sensor, calibration: Calibration, model: ContactModel, light: LightMap
 ) -> NDArray[np.float64]:
-    """A press over a grid, each quantity linear between its nodes; edges of a smooth contact are those of the grid."""
-    # Outside the face the displacement is given as zero; that step at the rim is no slope of the face.
+    """A press over a grid, each quantity linear between its nodes; a smooth contact has the edges of the grid."""
+    # The displacement is zero outside the face; this step at the rim is no slope of the face.
     inside = binary_erosion(field.face_displacement_mm != 0, border_value=1)
     slope_y, slope_x = inside * np.gradient(field.face_displacement_mm, field.y_mm, field.x_mm)
     steepness = np.hypot(slope_x, slope_y)
     fraction = model.light_fraction(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
     x, y = sensor.axes_mm()
-    rows, columns = (
-        interpolation_matrix(field.y_mm, y, outside="zero"),
-        interpolation_matrix(field.x_mm, x, outside="zero").T,
-    )
+    rows = interpolation_matrix(field.y_mm, y, outside="zero")
+    columns = interpolation_matrix(field.x_mm, x, outside="zero").T
     fields = (_full_contact(calibration) * fraction, field.face_displacement_mm, slope_x, slope_y)
-    glow, shifted, slope_x, slope_y = (rows @ values @ columns for values in fields)
-    return np.asarray(glow * light.at(x, y, displacement_mm=shifted, slope_x=slope_x, slope_y=slope_y))
+    glow, displacement, slope_x, slope_y = (rows @ values @ columns for values in fields)
+    return np.asarray(glow * light.at(x, y, displacement_mm=displacement, slope_x=slope_x, slope_y=slope_y))
 
 
 def _full_contact(calibration: Calibration) -> float:
-    """Grey level where all light leaves."""
+    """Grey level of full contact."""
     return calibration.gain_grey_per_kpa * calibration.saturation_kpa
 
 
@@ -182,10 +181,7 @@ def render_reference(
     contact_model: ContactModel | str = "rough",
     light: LightMap | None = None,
 ) -> NDArray[np.float64]:
-    """What `tsis.imaging.render` computes for a round press, with pressure and slope looked up at each pixel.
-
-    Arguments and result are the same; they are not checked here.
-    """
+    """Readable reference of `tsis.imaging.render` for a round press; arguments are not checked."""
     x, y = sensor.axes_mm()
     radius = sensor.radius_mm()
     outwards = np.gradient(field.face_displacement_mm, field.radius_mm)
@@ -208,7 +204,7 @@ def render_reference(
     )
     if isinstance(model, SmoothContact):
         fraction = coverage(field, sensor) * (radius <= field.radius_mm[-1])
-    observed = calibration.gain_grey_per_kpa * calibration.saturation_kpa * arriving * fraction
+    picture = _full_contact(calibration) * arriving * fraction
     size_x, size_y = sensor.mm_per_pixel
-    blurred = gaussian_filter(observed, (blur_mm / size_y, blur_mm / size_x), mode="reflect") if blur_mm else observed
+    blurred = gaussian_filter(picture, (blur_mm / size_y, blur_mm / size_x), mode="reflect") if blur_mm else picture
     return np.asarray(blurred * sensor.vignetting())

@@ -1,4 +1,4 @@
-"""The camera's sensor: a field of view, and what lens, noise, clipping and quantisation make of light."""
+"""The camera's sensor: field of view, lens, noise, clipping and quantisation."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-COARSEST_ELECTRON = 0.1  # largest skewness of a pixel's noise that is taken as normal
+COARSEST_ELECTRON = 0.1  # largest skewness of a pixel's noise with a normal model
+SECONDS_PER_HOUR = 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """A grey camera that looks at the probe's face.
+    """A grey camera behind the probe's face.
 
     The defaults are the dissertation's camera (768 x 492 pixels of 8.4 x 9.8 um, 8 bits) behind a lens that demagnifies
-    four times, so that the picture holds the whole width of a 24 mm face and 19 mm of its height.
+    four times, so that the picture shows the whole width of a 24 mm face and 19 mm of its height.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ class Sensor:
         Grey level without contact.
     field_angle_deg
         Angle from the lens's axis to the frame's corner, in [0, 80]; the light falls with the fourth power of its
-        cosine. 0 is a lens that sees every pixel straight on.
+        cosine. 0 is a telecentric lens.
     """
 
     columns: int = 768
@@ -76,7 +77,7 @@ class Sensor:
         return np.asarray(np.hypot(x[None, :], y[:, None]))
 
     def vignetting(self) -> NDArray[np.float64]:
-        """Share of the light that the lens brings to each pixel, 1 on the axis, shape (rows, columns); read-only.
+        """Transmission of the lens at each pixel, 1 on the axis, shape (rows, columns); read-only.
 
         Examples
         --------
@@ -88,7 +89,7 @@ class Sensor:
 
     @property
     def counts_electrons(self) -> bool:
-        """Whether one electron is so many grey levels that the noise of few is not hidden by the read noise.
+        """Whether photon noise must be drawn as whole electrons, because read noise does not hide its skewness.
 
         Photon noise of N electrons of g grey levels has the variance ``g**2 N`` and the third moment ``g**3 N``; with
         read noise and rounding of variance s**2 the skewness is at most ``0.385 g / s``, at ``g**2 N = 2 s**2``.
@@ -97,7 +98,7 @@ class Sensor:
         return bool(2 * self.shot_noise_grey / (np.sqrt(27.0) * quiet) > COARSEST_ELECTRON)
 
 
-@lru_cache(maxsize=1)  # it takes as long as half of a frame, and cameras hardly change between frames
+@lru_cache(maxsize=1)  # it costs half of a frame
 def _vignetting(sensor: Sensor) -> NDArray[np.float64]:
     x, y = sensor.axes_mm()
     extent = np.tan(np.radians(sensor.field_angle_deg)) / np.hypot(x[-1], y[-1])
@@ -115,7 +116,7 @@ def expose(light: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator)
     light
         Expected grey levels above the background, shape (rows, columns), >= 0.
     sensor
-        The camera. Its photon noise is normal where no electron stands out of the read noise, else it is drawn as whole
+        The camera. Its photon noise is normal where read noise hides single electrons, else it is drawn as whole
         electrons (`Sensor.counts_electrons`), which takes longer.
     rng
         Source of the noise.
@@ -129,7 +130,7 @@ def expose(light: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator)
 
 
 def interlace(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Light on an interlaced sensor: even lines (0, 2, ...) from the ``first`` field's time, odd lines from the second.
+    """Light on an interlaced sensor: even lines (0, 2, ...) from the ``first`` field, odd lines from the second.
 
     Examples
     --------
@@ -138,25 +139,22 @@ def interlace(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArra
     """
     if first.shape != second.shape:
         raise InputError(f"both fields must be of one shape; got {first.shape} and {second.shape}")
-    woven = first.copy()
-    woven[1::2] = second[1::2]
-    return woven
-
-
-SECONDS_PER_HOUR = 3600.0
+    frame = first.copy()
+    frame[1::2] = second[1::2]
+    return frame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LedDrift:
     """Drift of the light: ``(1 + warm_up exp(-t / tau)) exp(wander W(t))``, where W is a random walk of 1 an hour.
 
-    Lamps are brightest when cold, so the light settles from above. The defaults are of the size of small white lamps at
-    constant current; they are assumed, not measured.
+    Lamps are brightest when cold, so the light settles from above. The defaults suit small white lamps at constant
+    current; they are assumed, not measured.
 
     Parameters
     ----------
     warm_up
-        How much brighter the lamps are when switched on than when warm, a share, in [0, 1].
+        Relative excess of the light when switched on over the warm lamps, in [0, 1].
     warm_up_s
         Time constant tau of warming up, s, in [1e-3, 1e5].
     wander
@@ -173,9 +171,9 @@ class LedDrift:
     wander: float = 0.005
 
     def __post_init__(self) -> None:
-        require_number("warm_up", self.warm_up, 0.0, 1.0, hint="a share of one")
+        require_number("warm_up", self.warm_up, 0.0, 1.0, hint="a fraction of one")
         require_number("warm_up_s", self.warm_up_s, 1e-3, 1e5, hint="seconds")
-        require_number("wander", self.wander, 0.0, 0.5, hint="a share of one")
+        require_number("wander", self.wander, 0.0, 0.5, hint="a fraction of one")
 
     def factors(self, time_s: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
         """Factors of the light at times in seconds after switching on, (n,), ascending and not negative.

@@ -1,4 +1,4 @@
-"""What a press does to probe and tissue: closed forms, finite elements, and a fast surrogate."""
+"""Deformation of probe and tissue under a press: closed forms, finite elements, and a fast surrogate."""
 
 from tsis.mechanics._closed_form import HertzContact, effective_modulus_kpa, hertz_under_force
 from tsis.mechanics._element import stiffness

@@ -1,4 +1,4 @@
-"""Presses that have an exact answer: what the finite elements are checked against, and good for a first estimate.
+"""Presses with a closed-form solution: reference values for the finite elements, and first estimates.
 
 All bodies are homogeneous, isotropic and under small strain. ``E* = E / (1 - nu**2)`` is the plane-strain modulus.
 """
@@ -27,8 +27,8 @@ KERNEL_END = 40.0  # 1 - L(u) falls as u**2 exp(-2 u): below 1e-30 there
 def effective_modulus_kpa(layers: Sequence[Layer]) -> float:
     """Modulus in kPa of the uniform bar that is as stiff as the stack: springs in series, free to spread sideways.
 
-    ``E = sum(L) / sum(L / E)``, the source's (3.78). It holds for Poisson's ratio 0 or for layers that slide on each
-    other and on the glass; a bonded stack is stiffer, up to `confined_modulus_kpa`.
+    ``E = sum(L) / sum(L / E)``, the dissertation's (3.78). It holds for Poisson's ratio 0 or for layers that slide on
+    each other and on the glass. A bonded stack is stiffer, up to `confined_modulus_kpa`.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def effective_modulus_kpa(layers: Sequence[Layer]) -> float:
 
 
 def confined_modulus_kpa(layers: Sequence[Layer]) -> float:
-    """Modulus in kPa of a stack that cannot spread sideways at all: the stiffest that bonding can make it.
+    """Modulus in kPa of a stack that cannot spread sideways: the upper bound for a bonded stack.
 
     ``M = sum(L) / sum(L / M_i)`` with the `oedometric_modulus_kpa` of each layer. A real probe, bonded to glass with
     free sides, lies between this and `effective_modulus_kpa`.
@@ -71,7 +71,7 @@ def confined_modulus_kpa(layers: Sequence[Layer]) -> float:
 
 
 def oedometric_modulus_kpa(*, young_kpa: float, poisson: float) -> float:
-    """Stress over strain in kPa of a body compressed between walls that hold its sides.
+    """Stress over strain in kPa of a body compressed between rigid side walls.
 
     ``M = E (1 - nu) / ((1 + nu) (1 - 2 nu))``.
 
@@ -154,8 +154,8 @@ def hertz(*, radius_mm: float, indentation_mm: float, young_kpa: float, poisson:
 def hertz_under_force(*, radius_mm: float, force_mn: float, young_kpa: float, poisson: float) -> HertzContact:
     """Hertz's contact of a rigid sphere under a force: ``a**3 = 3 F R / (4 E*)``, ``p0 = 3 F / (2 pi a**2)``.
 
-    A force that pushes a small sphere in deeper than its radius is taken too: the pressure is then that of the
-    paraboloid, which is wider than the sphere.
+    A force may push a small sphere in deeper than its radius. The pressure is then the pressure of the paraboloid,
+    which is wider than the sphere.
 
     Parameters
     ----------
@@ -203,12 +203,12 @@ def punch_stiffness(*, radius_mm: float, young_kpa: float, poisson: float) -> fl
 
 
 def punch_pressure_kpa(radius_mm: ArrayLike, *, punch_radius_mm: float, force_mn: float) -> NDArray[np.float64]:
-    """Pressure under that punch, ``F / (2 pi a sqrt(a**2 - r**2))``: half the mean in the centre, infinite at the edge.
+    """Pressure under a flat punch, ``F / (2 pi a sqrt(a**2 - r**2))``: infinite at the edge.
 
     Parameters
     ----------
     radius_mm
-        Where, mm, any shape; at the edge and beyond it the pressure is given as 0.
+        Radii, mm, any shape; the result is 0 at the edge and beyond it.
     punch_radius_mm
         Radius a of the punch, mm, in [1e-6, 1e6].
     force_mn
@@ -222,17 +222,17 @@ def punch_pressure_kpa(radius_mm: ArrayLike, *, punch_radius_mm: float, force_mn
     """
     edge = require_number("punch_radius_mm", punch_radius_mm, 1e-6, 1e6, hint="millimetres")
     force = require_number("force_mn", force_mn, 0.0, 1e12, hint="millinewtons")
-    left = edge**2 - np.asarray(radius_mm, dtype=float) ** 2
-    inside = left > 0
-    root = np.sqrt(np.where(inside, left, 1.0))
+    difference = edge**2 - np.asarray(radius_mm, dtype=float) ** 2
+    inside = difference > 0
+    root = np.sqrt(np.where(inside, difference, 1.0))
     return np.asarray(np.where(inside, force / (2 * np.pi * edge * root), 0.0))
 
 
 def bonded_layer_ratio(radius_over_thickness: float, *, poisson: float) -> float:
-    """How much stiffer a bonded layer is than a half-space under a rigid flat punch without friction.
+    """Stiffness of a bonded layer over that of a half-space, under a rigid flat punch without friction.
 
-    The stiffness is ``ratio * 2 E* a``. The pressure's transform is written with a function phi on the punch's radius
-    (Lebedev and Ufliand 1958), which leaves a Fredholm equation of the second kind: with s = a / H and x in [0, 1]
+    The stiffness is ``ratio * 2 E* a``. A function phi on the punch's radius gives the pressure's transform (Lebedev
+    and Ufliand 1958). It solves a Fredholm equation of the second kind: with s = a / H and x in [0, 1]
 
         phi(x) - 2 s / pi int_0^1 phi(y) int_0^inf (1 - L(u)) cos(u s x) cos(u s y) du dy = 1,
         L(u) = (2 kappa sinh 2u - 4u) / (2 kappa cosh 2u + 4 u**2 + 1 + kappa**2),   kappa = 3 - 4 nu,
@@ -253,16 +253,16 @@ def bonded_layer_ratio(radius_over_thickness: float, *, poisson: float) -> float
 
     Examples
     --------
-    >>> [round(bonded_layer_ratio(share, poisson=0.49), 3) for share in (0.01, 0.2, 1.0, 2.0)]
+    >>> [round(bonded_layer_ratio(ratio, poisson=0.49), 3) for ratio in (0.01, 0.2, 1.0, 2.0)]
     [1.011, 1.274, 3.484, 8.337]
     """
     fraction = require_number("radius_over_thickness", radius_over_thickness, 0.0, 20.0)
     ratio = require_number("poisson", poisson, 0.0, LARGEST_POISSON)
-    # Points enough for the fastest cosine, cos(u s) up to u = KERNEL_END, and for phi's steep end under a wide punch.
+    # The points resolve the fastest cosine, cos(u s) up to u = KERNEL_END, and phi's steep end under a wide punch.
     u, du = _gauss(0.0, KERNEL_END, 80 + int(8 * fraction))
     x, dx = _gauss(0.0, 1.0, 24 + int(8 * fraction))
     waves = np.cos(fraction * np.outer(x, u))
-    kernel = 2 * fraction / np.pi * (waves * (du * _missing(u, 3 - 4 * ratio))) @ waves.T
+    kernel = 2 * fraction / np.pi * (waves * (du * _kernel_deficit(u, 3 - 4 * ratio))) @ waves.T
     phi = np.linalg.solve(np.eye(len(x)) - kernel * dx, np.ones(len(x)))
     return float(dx @ phi)
 
@@ -273,10 +273,8 @@ class SphereInStress:
 
     Attributes
     ----------
-    stress_ratio
-        Axial stress in the sphere over the far one.
-    strain_ratio
-        Axial strain in the sphere over the far one.
+    stress_ratio, strain_ratio
+        Axial stress and axial strain in the sphere over those far from it.
     """
 
     stress_ratio: float
@@ -286,7 +284,7 @@ class SphereInStress:
 def sphere_in_uniaxial_stress(
     *, contrast: float, poisson: float, sphere_poisson: float | None = None
 ) -> SphereInStress:
-    """Goodier's sphere (1933) by Eshelby's tensor (1957): change of volume and of shape decouple.
+    """Goodier's sphere (1933) by Eshelby's tensor (1957), which decouples the change of volume from that of shape.
 
     ``e_v = e_v0 / (1 + alpha (K_i / K - 1))`` and ``e' = e'0 / (1 + beta (G_i / G - 1))`` with
     ``alpha = (1 + nu) / (3 (1 - nu))`` and ``beta = 2 (4 - 5 nu) / (15 (1 - nu))``.
@@ -324,7 +322,7 @@ def sphere_in_uniaxial_stress(
 
 def _stack(layers: Sequence[Layer]) -> Sequence[Layer]:
     if not layers or not all(isinstance(layer, Layer) for layer in layers):
-        raise InputError(f"layers must hold at least one Layer; got {layers!r}")
+        raise InputError(f"layers must contain at least one Layer; got {layers!r}")
     return layers
 
 
@@ -348,7 +346,7 @@ def _gauss(low: float, high: float, count: int) -> tuple[NDArray[np.float64], ND
     return (low + high) / 2 + (high - low) / 2 * x, (high - low) / 2 * w
 
 
-def _missing(u: NDArray[np.float64], kappa: float) -> NDArray[np.float64]:
-    """``1 - L(u)``: what a bonded layer lacks of a half-space's compliance, written so that nothing cancels."""
+def _kernel_deficit(u: NDArray[np.float64], kappa: float) -> NDArray[np.float64]:
+    """``1 - L(u)`` without cancellation: the compliance that a bonded layer lacks against a half-space."""
     top = 2 * kappa * np.exp(-2 * u) + 4 * u**2 + 1 + kappa**2 + 4 * u
     return np.asarray(top / (2 * kappa * np.cosh(2 * u) + 4 * u**2 + 1 + kappa**2))

@@ -1,7 +1,7 @@
 """Axisymmetric elastic quadrilaterals of any order, all stiffness matrices of a mesh in one batch.
 
 Nodes are Gauss-Lobatto-Legendre points, so that high orders stay well conditioned; integration is Gauss-Legendre.
-Displacements are ordered (u_r, u_z) node by node. Forces are those of the whole ring: the factor 2 pi r is inside.
+Displacements are ordered (u_r, u_z) node by node. Forces act on the whole ring: they include the factor 2 pi r.
 """
 
 from __future__ import annotations
@@ -101,11 +101,11 @@ def stiffness(
     r_b, z_b = np.moveaxis(ref.slope_b @ nodes, -1, 0)
     determinant = r_a * z_b - r_b * z_a
     radius = nodes[..., 0] @ ref.value.T
-    # Every entry is a product of strains along r, along z and around the hoop; both factors take half of the weight.
+    # Every entry is a product of strains along r, along z and around the hoop; each factor has the weight's root.
     root = np.sqrt(2 * np.pi * radius * np.abs(determinant) * ref.weight)
-    fraction = root / determinant
-    along_r = (fraction * z_b)[..., None] * ref.slope_a - (fraction * z_a)[..., None] * ref.slope_b
-    along_z = (fraction * r_a)[..., None] * ref.slope_b - (fraction * r_b)[..., None] * ref.slope_a
+    scale = root / determinant
+    along_r = (scale * z_b)[..., None] * ref.slope_a - (scale * z_a)[..., None] * ref.slope_b
+    along_z = (scale * r_a)[..., None] * ref.slope_b - (scale * r_b)[..., None] * ref.slope_a
     hoop = (root / radius)[..., None] * ref.value
     sideways = along_r + hoop
     shear, lame = (constant[:, None, None] for constant in lame_constants(young_kpa, poisson))

@@ -1,4 +1,4 @@
-"""The contact face: its nodes, the pressure that nodal forces mean, and values between nodes."""
+"""The contact face: its nodes, pressures from nodal forces, and interpolation between nodes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-FACE_POINTS = 241  # even steps of the radius at which a press is told
-EDGE_FRACTION = 0.95  # of the radius; outside it the pressure may be singular and its sign says nothing
+FACE_POINTS = 241  # evenly spaced radii of a press field
+EDGE_FRACTION = 0.95  # of the radius; outside it the pressure may be singular and its sign is meaningless
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Face:
-    """Element boundaries on the face, from the axis to the edge, and the order of the elements that end there."""
+    """Element boundaries on the face, from the axis to the edge, and the order of the elements at the face."""
 
     lines: NDArray[np.float64]
     order: int
@@ -52,15 +52,15 @@ class Face:
     def averages(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Matrix from nodal values to means around ``radius_mm``, weighted by area and by distance to the neighbours.
 
-        Unlike values at a point they keep the integral over the face, so that pressures sum up to the force although
-        they are singular at the edge; ``radius_mm`` ascends from 0 to the edge.
+        Means preserve the integral over the face: pressures sum up to the force, although they are singular at the
+        edge. ``radius_mm`` ascends from 0 to the edge.
         """
         inside, area = ring_points(np.union1d(radius_mm, self.lines), points=self.order + 2)
         return means(radius_mm, inside, area, self.interpolation(inside))
 
 
 def ring_points(ends: NDArray[np.float64], *, points: int = 6) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gauss points between the radii ``ends`` and the area in mm^2 that each stands for."""
+    """Gauss points between the radii ``ends`` and the area of each in mm^2."""
     x, w = gauss_points(points)
     half = np.diff(ends)[:, None] / 2
     inside = (ends[:-1, None] + half * (x + 1)).ravel()
@@ -68,7 +68,7 @@ def ring_points(ends: NDArray[np.float64], *, points: int = 6) -> tuple[NDArray[
 
 
 def hats(radius_mm: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Functions that are 1 at one of ``radius_mm``, 0 at the others and linear between, shape (len(at), n)."""
+    """Hat functions at ``at``: 1 at one of ``radius_mm``, 0 at the others, linear between, shape (len(at), n)."""
     right = np.clip(np.searchsorted(radius_mm, at), 1, len(radius_mm) - 1)
     fraction = (at - radius_mm[right - 1]) / (radius_mm[right] - radius_mm[right - 1])
     values = np.zeros((len(at), len(radius_mm)))
@@ -83,9 +83,9 @@ def means(
     area: NDArray[np.float64],
     values: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Means around ``radius_mm`` of what has ``values`` (points, k) at the integration points ``inside``.
+    """Means around ``radius_mm`` of ``values`` (points, k) at the integration points ``inside``.
 
-    The means are taken over all of the face, also where no integration point lies: the values are zero there.
+    The means cover the whole face; the values are zero where no integration point lies.
     """
     weighted = area[:, None] * hats(radius_mm, inside)
     return np.asarray(weighted.T @ values / hat_areas(radius_mm)[:, None])

@@ -56,7 +56,7 @@ def layer_of(values: NDArray[Scalar], order: int, index: int) -> NDArray[Scalar]
 
 
 def refine(lines: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """Node coordinates of the intervals between ``lines``: Gauss-Lobatto points in each, ends shared."""
+    """Node coordinates of the intervals between ``lines``: Gauss-Lobatto points with common end points."""
     unit = (lobatto_points(order)[:-1] + 1) / 2
     inner = lines[:-1, None] + np.diff(lines)[:, None] * unit
     return np.append(inner.ravel(), lines[-1])
@@ -76,7 +76,7 @@ def face_lines(
 ) -> NDArray[np.float64]:
     """Radial element boundaries from the axis to the edge of the face, finer towards the singular edge.
 
-    ``central`` is the size of the cell at the axis where something shallow needs a finer one than ``largest``.
+    ``central`` is the size of the cell at the axis where a shallow inclusion needs a finer cell than ``largest``.
     """
     lines = np.asarray(edge - graded(edge, finest, growth, largest)[::-1])
     lines[0] = 0.0
@@ -86,7 +86,7 @@ def face_lines(
 
 
 def outer_lines(edge: float, outer: float, *, finest: float, growth: float) -> NDArray[np.float64]:
-    """Radial element boundaries from the edge of the face to where the slab is cut off."""
+    """Radial element boundaries from the edge of the face to the slab's outer radius."""
     return edge + graded(outer - edge, finest, growth, outer / 4)
 
 
@@ -116,7 +116,7 @@ class Spheroid:
         return float(np.cbrt(self.half_width**2 * self.half_height))
 
     def surface(self, boundary: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where rays from the centre to the points (r, z) of ``boundary`` leave it."""
+        """Points where rays from the centre to the points (r, z) of ``boundary`` cross the surface."""
         centre = np.array([0.0, self.centre_depth])
         rays = boundary - centre
         fraction = 1 / np.hypot(rays[:, 0] / self.half_width, rays[:, 1] / self.half_height)
@@ -126,17 +126,11 @@ class Spheroid:
 def mesh_around(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
     """Mesh between an outer ``boundary`` (b = 0) and a spheroid (last b), along rays from its centre.
 
-    Parameters
-    ----------
-    boundary
-        Outer nodes (r, z) from the axis on the face to the axis below, shape (na, 2).
-    spheroid
-        The inclusion.
-    layers
-        Number of element layers, thinner towards the spheroid.
+    ``boundary`` has the outer nodes (r, z) from the axis on the face to the axis below, shape (na, 2). The element
+    layers become thinner towards the spheroid.
     """
     surface = spheroid.surface(boundary)
-    # Equal ratios of distance from the centre suit fields that decay with powers of it, however small the spheroid.
+    # Equal ratios of distance from the centre suit fields that decay with its powers, for a spheroid of any size.
     extent, size = np.linalg.norm(boundary - [0.0, spheroid.centre_depth], axis=1).max(), spheroid.size
     distance = size * (extent / size) ** (np.arange(layers + 1) / layers)
     fraction = refine((distance - size) / (extent - size), order)[::-1]
@@ -159,14 +153,14 @@ def sphere_on_axis(diameter_mm: float, depth_mm: float) -> Spheroid:
 
 
 def block_radius_mm(probe: Probe, thickness_mm: float, width_mm: float = 0.0) -> float:
-    """Radius of the block around the axis that is meshed anew for inclusions of up to ``width_mm``."""
+    """Radius of the block around the axis that has its own mesh for inclusions of up to ``width_mm``."""
     return max(min(0.8 * probe.radius_mm, thickness_mm), 0.65 * width_mm)
 
 
 def central_cell_mm(width_mm: float, depth_mm: float, centre_mm: float) -> float:
-    """Largest cell of the face that still follows what an inclusion under it does.
+    """Largest cell of the face that resolves the effect of an inclusion under it.
 
-    That is about as wide as the inclusion's centre lies deep, or as the gap over a large one that nearly touches it.
+    Its width is about the depth of the inclusion's centre, or the gap over a large inclusion close to the skin.
     """
     return 0.6 * min(centre_mm, depth_mm + float(np.sqrt(width_mm * depth_mm)))
 
@@ -177,7 +171,7 @@ def shape_on_axis(phantom: Phantom) -> Spheroid:
     Raises
     ------
     InputError
-        When it is none around the probe's axis, or there are several.
+        When there are several inclusions or it is no body of revolution around the probe's axis.
     """
     inclusion: Inclusion | None = phantom.inclusion
     if inclusion is None or not phantom.is_axisymmetric:

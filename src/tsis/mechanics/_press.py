@@ -1,4 +1,4 @@
-"""The one entry to a press: which model computes it is an argument."""
+"""The entry to a press: an argument selects the model."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ def press(
     strain: str = "small",
     resolution: Resolution | FiniteResolution | None = None,
 ) -> PressField:
-    """Press a probe on a phantom and return what happens on the probe's face.
+    """Press a probe on a phantom and return the displacement and pressure on the probe's face.
 
-    The tissue is bonded to the chest wall and the contact is frictionless and unilateral: tissue pushes and never
-    pulls, a domed face touches over a disc that grows with the force. The inclusion is a sphere or spheroid on the
-    probe's axis. ``press(p, with) - press(p, without)`` is a converged signal: what the inclusion changes is computed
-    with and without contrast on one mesh.
+    The tissue is bonded to the chest wall. The contact is frictionless and unilateral: tissue pushes and never pulls,
+    and a domed face touches over a disc that grows with the force. The inclusion is a sphere or spheroid on the
+    probe's axis. ``press(p, with) - press(p, without)`` is a converged signal, because the inclusion's change is
+    computed with and without contrast on one mesh.
 
     Parameters
     ----------
     probe, phantom
-        What presses and what is pressed.
+        The probe and the tissue under it.
     force_n
-        Force in newtons, in [0, 50]. At small strain the answer of a flat face is linear in it.
+        Force in newtons, in [0, 50]. At small strain the response of a flat face is linear in it.
     strain
         ``"small"``, milliseconds a press, or ``"finite"``: neo-Hookean bodies, large rotations, a probe that slides;
         seconds a press, and a rim rounded by `tsis.mechanics.finite_strain.FiniteResolution`.
     resolution
-        Mesh density, a `Resolution` at small strain and a `FiniteResolution` at finite. The default one at small strain
+        Mesh density, a `Resolution` at small strain and a `FiniteResolution` at finite. The default at small strain
         is converged to 0.1 % inside 0.8 of the face's radius; the mesh follows the inclusion's size and depth.
 
     Raises
     ------
     InputError
-        When a value lies outside its range or the inclusion is not around the axis.
+        When a value lies outside its range or the inclusion is off the axis.
     MechanicsError
-        When the strain is too large for the model; the message names a force that is not.
+        When the strain is too large for the model; the message names a valid force.
 
     Examples
     --------
@@ -58,19 +58,17 @@ def press(
     require_type("phantom", phantom, Phantom)
     require_number("force_n", force_n, 0.0, 50.0, hint="newtons")
     if force_n == 0 and strain in ("small", "finite"):
-        return _untouched(probe)
+        return _zero_field(probe)
     if strain == "small" and isinstance(resolution, Resolution | None):
         return small_strain_press(probe, phantom, force_n, resolution)
     if strain == "finite" and isinstance(resolution, FiniteResolution | None):
         return press_finite(probe, phantom, force_n=force_n, resolution=resolution)
     if strain in ("small", "finite"):
-        raise InputError(f"resolution must be that of strain {strain!r}; got a {type(resolution).__name__}")
+        raise InputError(f"resolution must suit strain {strain!r}; got a {type(resolution).__name__}")
     raise InputError(f"strain must be 'small' or 'finite'; got {strain!r}")
 
 
-def _untouched(probe: Probe) -> PressField:
+def _zero_field(probe: Probe) -> PressField:
     radius = np.linspace(0.0, probe.radius_mm, FACE_POINTS)
-    nothing = np.zeros(FACE_POINTS)
-    return PressField(
-        radius_mm=radius, face_displacement_mm=nothing, pressure_kpa=nothing, approach_mm=0.0, force_n=0.0
-    )
+    zeros = np.zeros(FACE_POINTS)
+    return PressField(radius_mm=radius, face_displacement_mm=zeros, pressure_kpa=zeros, approach_mm=0.0, force_n=0.0)

@@ -1,7 +1,7 @@
-"""Rays at flat interfaces: refraction, Fresnel's coefficients, and the angles at which a stack takes light in.
+"""Rays at flat interfaces: refraction, Fresnel's coefficients, and the acceptance angles of a stack.
 
 Angles of incidence are from the normal of an interface between layers; angles of acceptance are outside the stack,
-from the normal of its end face. Both in degrees.
+from the normal of its end face. Both are in degrees.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fresnel:
-    """What a flat interface reflects and lets through.
+    """Reflection and transmission of a flat interface.
 
     Attributes
     ----------
     r_s, r_p
         Reflected over incident amplitude of the electric field, complex, for light polarized across (s) and in (p) the
-        plane of incidence; at normal incidence ``r_p = -r_s``. Beyond the critical angle their size is 1.
+        plane of incidence; at normal incidence ``r_p = -r_s``. Their size is 1 beyond the critical angle.
     t_s, t_p
-        The same for the refracted wave, or for the evanescent one beyond the critical angle.
+        The same for the refracted wave, or the evanescent wave beyond the critical angle.
     reflected_s, reflected_p
-        Share of the power reflected.
+        Reflected fraction of the power.
     transmitted_s, transmitted_p
-        Share of the power let through: 0 beyond the critical angle.
+        Transmitted fraction of the power: 0 beyond the critical angle.
     """
 
     r_s: NDArray[np.complex128]
@@ -49,9 +49,9 @@ class Fresnel:
 
 
 def refraction_deg(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> NDArray[np.float64]:
-    """Angle behind an interface by Snell's law, ``n_1 sin(a_1) = n_2 sin(a_2)``; NaN where all light is reflected.
+    """Angle behind an interface by Snell's law, ``n_1 sin(a_1) = n_2 sin(a_2)``; NaN under total reflection.
 
-    The source's (3.60), (3.61), (3.62), (3.63) and (3.64) are this law at the five interfaces.
+    The dissertation's (3.60), (3.61), (3.62), (3.63) and (3.64) are this law at the five interfaces.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def refraction_deg(angle_deg: ArrayLike, *, index_from: float, index_to: float) 
 
 
 def critical_angle_deg(*, index_from: float, index_to: float) -> float:
-    """Angle of incidence above which all light is reflected; 90 where the other side is not thinner, so none ever is.
+    """Angle of incidence above which all light is reflected; 90 when the other index is not lower.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def fresnel(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> Fres
     """
     angle, ratio = _incidence(angle_deg), _ratio(index_from, index_to)
     before = np.cos(angle)
-    # Written with the cosine, which keeps its digits along a grazing ray; imaginary beyond the critical angle.
+    # The cosine is accurate for grazing rays; the result is imaginary beyond the critical angle.
     behind = np.sqrt((1 - ratio) * (1 + ratio) + (ratio * before) ** 2 + 0j)
     s, p = ratio * before + behind, before + ratio * behind
     passing = 4 * ratio * before * behind.real
@@ -157,7 +157,7 @@ def _ratio(index_from: Any, index_to: Any) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Acceptance:
-    """What each layer of a stack takes in through the side wall, from air; layers from the pressed face up.
+    """Acceptance of each layer of a stack through the side wall, from air; layers from the pressed face up.
 
     Attributes
     ----------
@@ -166,15 +166,15 @@ class Acceptance:
     critical_deg
         Angle from the layers' normal above which a ray in that layer cannot leave the stack.
     acceptance_deg
-        Angle from the side wall's normal below which a ray from outside stays in the stack, the source's (3.67). It is
-        90 where the layer's index is so high that every ray from outside stays.
+        Angle from the side wall's normal below which a ray from outside stays in the stack, the dissertation's (3.67).
+        It is 90 where the layer's index is so high that all rays from outside stay.
     unlimited
-        Whether every ray stays.
+        Whether all rays stay.
     blind_deg
-        Angle from the side wall's normal below which a ray never reaches the pressed face, because a layer of lower
-        index reflects it on the way; 0 where every ray reaches it.
+        Angle from the side wall's normal below which a layer of lower index reflects a ray before the pressed face; 0
+        without such a layer.
     blind_fraction
-        The same as a share of the angles, within the layer, at which a ray stays in the stack.
+        The same as a fraction of the angles, within the layer, at which a ray stays in the stack.
     """
 
     index: NDArray[np.float64]
@@ -186,10 +186,10 @@ class Acceptance:
 
 
 def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
-    """Angles of acceptance, ``asin(min(1, sqrt(n_i**2 - n_out**2)))``, of each layer, the source's (3.67).
+    """Angles of acceptance, ``asin(min(1, sqrt(n_i**2 - n_out**2)))``, of each layer, the dissertation's (3.67).
 
-    A ray at the angle a to the plane of the layers keeps ``N = n_i cos(a)``, its effective index, in all layers. It
-    stays in the stack when N exceeds the index outside, and passes a layer only when N is below that layer's index.
+    The effective index ``N = n_i cos(a)`` of a ray at the angle a to the plane of the layers is equal in all layers.
+    The ray stays in the stack when N exceeds the index outside, and passes a layer when N is below that layer's index.
 
     Parameters
     ----------
@@ -214,21 +214,21 @@ def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
     for layer, value in enumerate(indices):
         inputs.require_refractive_index(f"index[{layer}]", float(value))
     outside = inputs.require_refractive_index("index_outside", index_outside)
-    on_the_way = np.minimum.accumulate(indices)  # the lowest index between a layer and the face
+    lowest = np.minimum.accumulate(indices)  # between a layer and the face
     aperture = _aperture(indices, np.full_like(indices, outside))
-    stays, blind = (_grazing_deg(indices, least) for least in (np.full_like(indices, outside), on_the_way))
+    stays, blind = (_grazing_deg(indices, least) for least in (np.full_like(indices, outside), lowest))
     return Acceptance(
         index=indices,
         critical_deg=90 - stays,
         acceptance_deg=np.degrees(np.arcsin(np.minimum(1, aperture))),
         unlimited=aperture >= 1,
-        blind_deg=np.degrees(np.arcsin(np.minimum(1, _aperture(indices, np.maximum(on_the_way, outside))))),
+        blind_deg=np.degrees(np.arcsin(np.minimum(1, _aperture(indices, np.maximum(lowest, outside))))),
         blind_fraction=np.divide(np.minimum(blind, stays), stays, out=np.zeros_like(stays), where=stays > 0),
     )
 
 
 def layer_facing_lamp(probe: Probe, led: Led) -> int:
-    """The layer whose side wall the middle of a lamp lies against, from the pressed face up; the last is the glass."""
+    """The layer at the height of a lamp's centre, from the pressed face up; the last is the glass."""
     tops = np.cumsum([layer.thickness_mm for layer in probe.layers])
     return int(np.searchsorted(tops, probe.led_height_mm(led), side="right"))
 
@@ -239,5 +239,5 @@ def _aperture(index: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray
 
 
 def _grazing_deg(index: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angle to the plane of the layers of such a ray within its layer."""
+    """Angle of that ray to the plane of the layers within its layer."""
     return np.degrees(np.arccos(np.minimum(1, least / index)))

@@ -1,4 +1,4 @@
-"""How much of two rough surfaces really touches under a pressure."""
+"""Real contact of rough surfaces under a pressure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ERF_SLOPE = np.sqrt(np.pi) / 2  # erf(0.886 x) has the slope 1 at zero
 
 
 def real_contact(pressure_kpa: NDArray[np.float64], saturation_kpa: float) -> NDArray[np.float64]:
-    """Share ``erf(0.886 p / saturation)`` of the face in real contact with asperities, none under tension.
+    """Fraction ``erf(0.886 p / saturation)`` of the face in real contact with asperities, zero under tension.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Guided modes of a stack of layers: how many there are, how fast each travels, and its field."""
+"""Guided modes of a stack of layers: their number, effective indices and fields."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class GuidedModes:
     layers
         The stack in units of the wavelength, with its surroundings.
     n_eff
-        Effective indices, falling: phase index of each mode, (modes,). Mode j has j zeros in its field. A mode that
-        is nearer to cut-off than numbers can tell shows the index of the surroundings.
+        Effective indices, descending: phase index of each mode, (modes,). Mode j has j zeros in its field. A mode at
+        cut-off within rounding has the index of the surroundings.
     anchor, offset
-        The same without loss of digits, ``n_eff**2 = anchor**2 + offset``, with the anchor an index of the stack.
+        The same in full precision, ``n_eff**2 = anchor**2 + offset``, with the anchor an index of the stack.
     """
 
     layers: SlabLayers
@@ -60,7 +60,7 @@ class GuidedModes:
         Parameters
         ----------
         mode
-            Number of the mode, from 0 for the largest ``n_eff``.
+            Index of the mode, from 0 for the largest ``n_eff``.
         x_um
             Heights in µm above the lower face of the first layer, any shape; also outside the stack.
 
@@ -83,22 +83,23 @@ class GuidedModes:
     def longitudinal(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
         """Field along the direction of travel, H_z of TE and E_z of TM, a quarter of a period behind the others.
 
-        It is the source's h(x), (3.29), (3.30), (3.31), (3.32), (3.33) and (3.34), whose signs are printed wrong. It is
-        continuous between layers. The printed (3.27) lacks the other part of H, `magnetic`. Parameters as of `profile`.
+        This is the dissertation's h(x), (3.29), (3.30), (3.31), (3.32), (3.33) and (3.34), printed there with wrong
+        signs. It is continuous between layers. The printed (3.27) lacks the other part of H, `magnetic`. Parameters as
+        of `profile`.
         """
         return self._field(mode).slope(self._heights(x_um))
 
     def above(self, index: float) -> int:
-        """How many modes have an effective index above ``index``: they fade away in every layer of that index."""
+        """Number of modes with an effective index above ``index``; they decay in layers of that index."""
         return int(np.count_nonzero(self.n_eff > index))
 
     def _field(self, mode: SupportsIndex) -> SlabField:
         if not len(self):
-            raise InputError(f"mode must be one of none: nothing is guided; got {mode!r}")
+            raise InputError(f"mode must be a guided mode, and the stack guides none; got {mode!r}")
         number = require_integer("mode", mode, 0, len(self) - 1)
-        some = nearly_degenerate(self.anchor, self.offset, self._q(number).max(), number)
-        q = np.array([self._q(index) for index in range(some.start, some.stop)])
-        return mode_field(self.layers, self.n_eff[some], q, number - some.start)
+        group = nearly_degenerate(self.anchor, self.offset, self._q(number).max(), number)
+        q = np.array([self._q(index) for index in range(group.start, group.stop)])
+        return mode_field(self.layers, self.n_eff[group], q, number - group.start)
 
     def _q(self, mode: int) -> NDArray[np.float64]:
         return np.asarray(self.layers.at(self.anchor[mode])[0] - self.offset[mode])
@@ -118,11 +119,11 @@ def guided_modes(
     index_above: float = 1.0,
     polarization: Literal["TE", "TM"] = "TE",
 ) -> GuidedModes:
-    """Find all guided modes of a stack, none missed: max(n_below, n_above) < n_eff < max(n).
+    """Find all guided modes of a stack: max(n_below, n_above) < n_eff < max(n).
 
-    The modes are counted by the phase of a Sturm-Liouville problem, then each is found to the last digits; see
-    `tsis.optics.slab._phase`. This replaces the source's conditions (3.40), (3.41), (3.42), (3.43) and (3.44) with the
-    phases (3.45), (3.46), (3.47) and (3.48). Those hold where every layer oscillates, and (3.46) must read
+    The phase of a Sturm-Liouville problem counts the modes, then a bracketed search finds each to the last digits; see
+    `tsis.optics.slab._phase`. This replaces the dissertation's conditions (3.40), (3.41), (3.42), (3.43) and (3.44)
+    with the phases (3.45), (3.46), (3.47) and (3.48). Those are valid where all layers oscillate, and (3.46) must read
     ``-kappa_2 a_1``.
 
     Parameters
@@ -141,7 +142,7 @@ def guided_modes(
     Returns
     -------
     GuidedModes
-        Empty where the surroundings differ and the stack is too thin to guide: below cut-off.
+        Empty below cut-off: when the surroundings differ and the stack is too thin to guide.
 
     Raises
     ------
@@ -163,18 +164,18 @@ def guided_modes(
         )
     anchors, offsets = zip(*_intervals_of_modes(layers), strict=True)
     anchor, offset = np.concatenate(anchors), np.concatenate(offsets)
-    # anchor + something small: what the square root of the sum would round away stays.
+    # The small difference to the anchor avoids rounding in the square root of the sum.
     n_eff = anchor + offset / (anchor + np.sqrt(anchor**2 + offset))
     return GuidedModes(layers=layers, n_eff=n_eff, anchor=anchor, offset=offset)
 
 
 def _intervals_of_modes(layers: SlabLayers) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Anchors and offsets of the modes, from above: between two neighbouring indices, each half from its own end."""
+    """Anchors and offsets of the modes, descending; each half between two indices has the nearer index as anchor."""
     levels = np.unique(layers.index[layers.index >= layers.surroundings])[::-1].tolist()
     if (count := layers.modes_above(levels[-1], 0.0)) > MOST_MODES:
         raise InputError(
             f"the stack must guide at most {MOST_MODES:,} modes, which fill {24 * MOST_MODES / 1e6:.0f} MB; "
-            f"it guides {count:,} (choose thinner layers or a longer wavelength)"
+            f"got {count:,} (choose thinner layers or a longer wavelength)"
         )
     first = 0
     for upper, lower in pairwise(levels):

@@ -1,4 +1,4 @@
-"""Checks that every optical call makes of its input: lengths in micrometres, real refractive indices."""
+"""Input checks of the optical calls: lengths in micrometres, real refractive indices."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ OTHER_UNITS = {"metres": 1e6, "millimetres": 1e3, "nanometres": 1e-3}  # in micr
 
 
 def require_wavelength(value: object) -> float:
-    """Check a vacuum wavelength in micrometres; when another unit would make light of it, say which."""
+    """Check a vacuum wavelength in micrometres; the message names another unit that would fit."""
     result = require_number("wavelength_um", value, -np.inf, np.inf)
     if SHORTEST_UM <= result <= LONGEST_UM:
         return result
     for unit, factor in OTHER_UNITS.items():
-        meant = result * factor
-        if SHORTEST_UM <= meant <= LONGEST_UM:
-            cure = f" (that looks like {unit}; give {meant:g})"
+        converted = result * factor
+        if SHORTEST_UM <= converted <= LONGEST_UM:
+            cure = f" (that looks like {unit}; give {converted:g})"
             break
     else:
         cure = " (micrometres; green light is 0.55)"
@@ -35,14 +35,14 @@ def require_wavelength(value: object) -> float:
 
 
 def require_refractive_index(name: str, value: object) -> float:
-    """Check one real refractive index."""
+    """Check a real refractive index."""
     if isinstance(value, complex | np.complexfloating):
         raise InputError(f"{name} must be real, so without absorption or gain; got {value}")
     return require_number(name, value, 1.0, LARGEST_INDEX, hint="1 is vacuum")
 
 
 def require_stack(index: Any, thickness_um: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Check refractive indices and thicknesses in micrometres of layers, one of each a layer."""
+    """Check the refractive index and the thickness in micrometres of each layer."""
     if np.iscomplexobj(index):
         raise InputError("index must be real, so without absorption or gain; got complex values")
     indices = require_array("index", index, ndim=1)

@@ -1,4 +1,4 @@
-"""The bench of a calibration without hardware: every step's frames from the virtual loading machine and targets."""
+"""A calibration without hardware: each step's frames from the virtual loading machine and targets."""
 
 from __future__ import annotations
 
@@ -32,36 +32,36 @@ if TYPE_CHECKING:
 
 
 FRAMES_PER_S = 30.0
-NAMED = "virtual bench, seed "
-BOARD_TURN_DEG = 3.0
+NAME_PREFIX = "virtual bench, seed "  # in session files
+BOARD_ANGLE_DEG = 3.0
 
 
 def bench_name(seed: int) -> str:
-    """What a session calls the virtual bench: another seed is another one, whose frames do not mix.
+    """Name of the virtual calibration rig in a session; frames of different seeds do not mix.
 
     Examples
     --------
     >>> bench_name(4), bench_seed("virtual bench, seed 4"), bench_seed("aravis:Fake_1")
     ('virtual bench, seed 4', 4, None)
     """
-    return f"{NAMED}{seed}"
+    return f"{NAME_PREFIX}{seed}"
 
 
 def bench_seed(name: str) -> int | None:
-    """Seed of the virtual bench of that name; None when it is a camera's."""
-    number = name.removeprefix(NAMED)
-    return int(number) if name.startswith(NAMED) and number.isascii() and number.isdecimal() else None
+    """Seed of the virtual calibration rig of that name; None for the name of a camera."""
+    number = name.removeprefix(NAME_PREFIX)
+    return int(number) if name.startswith(NAME_PREFIX) and number.isascii() and number.isdecimal() else None
 
 
 class VirtualBench:
-    """Takes the frames of every step by itself.
+    """The virtual calibration rig, which takes the frames of all steps automatically.
 
     Parameters
     ----------
     probe
-        What is calibrated.
+        The probe to calibrate.
     rng
-        Source of every error.
+        Random generator of all errors.
     sensor
         The camera.
     pitch_mm
@@ -76,23 +76,23 @@ class VirtualBench:
 
     @property
     def patch_px(self) -> tuple[int, int, int, int] | None:
-        """Where its camera sees the lamps past the probe."""
+        """Reference patch as left, top, right, bottom; None when there is none."""
         return self.machine.patch_px
 
     def shots(self, step: CalibrationStep) -> Iterator[CalibrationFrame]:
         """Yield the frames of a step."""
         if step.tip_mm is not None:
-            for image, shown_n in self.machine.loading(step.tip_mm, loading_forces()):
-                yield CalibrationFrame(image=_bare(image), force_n=shown_n)
+            for image, gauge_n in self.machine.loading(step.tip_mm, loading_forces()):
+                yield CalibrationFrame(image=_raw(image), force_n=gauge_n)
             return
         take = self._take(step)
         for number in range(step.frames):
-            yield CalibrationFrame(image=_bare(take()), time_s=number / FRAMES_PER_S)
+            yield CalibrationFrame(image=_raw(take()), time_s=number / FRAMES_PER_S)
 
     def _take(self, step: CalibrationStep) -> Callable[[], TactileImage]:
         sensor, rng = self.machine.sensor, self._rng
         if step.name == BOARD:
-            board = dot_board_frame(sensor, rng=rng, pitch_mm=self._pitch_mm, angle_deg=BOARD_TURN_DEG, bright=True)
+            board = dot_board_frame(sensor, rng=rng, pitch_mm=self._pitch_mm, angle_deg=BOARD_ANGLE_DEG, bright=True)
             return lambda: board
         calls: dict[str, Callable[[], TactileImage]] = {
             DARK: self.machine.dark,
@@ -107,6 +107,6 @@ class VirtualBench:
         return calls[step.name]
 
 
-def _bare(image: TactileImage) -> TactileImage:
-    """The frame as a camera gives it, which knows neither scale nor force."""
+def _raw(image: TactileImage) -> TactileImage:
+    """The frame as a camera delivers it, without scale and force."""
     return replace(image, mm_per_pixel=None, force_n=None)

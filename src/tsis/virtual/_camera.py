@@ -1,4 +1,4 @@
-"""A virtual rig behind the camera protocol: a stream of frames of a press that is held."""
+"""A virtual rig behind the camera protocol: a stream of frames of a constant press."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 
 LARGEST_FORCE_N = 5.0
-FORCE_SETTING = "force_n"  # its setting that no other camera has
+FORCE_SETTING = "force_n"  # a setting of the virtual camera only
 USUAL_PER_S = 30.0
-USUAL_MS = 20.0  # exposure under which the light is that of the probe's calibration
+USUAL_MS = 20.0  # exposure of the probe's calibration
 
 
 class VirtualScene(Protocol):
-    """What a camera may look at: a `VirtualProbe` on tissue, or a `DirectContactRig` on objects."""
+    """The scene of a virtual camera: a `VirtualProbe` on tissue, or a `DirectContactRig` on objects."""
 
     @property
     def sensor(self) -> Sensor:
@@ -42,39 +42,39 @@ class VirtualScene(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Press:
-    """A press that is held; replaced as a whole, so that no frame shows one press under the force of another."""
+    """The current press, replaced as a whole: no frame combines one press with the force of another."""
 
-    lies: Phantom | SoftSphere
+    target: Phantom | SoftSphere
     force: Setting
     light: NDArray[np.float64] | None
 
 
 class VirtualCamera:
-    """A camera that looks at a virtual probe while it is held on a phantom or an object.
+    """The camera of a virtual probe on a phantom or an object.
 
-    Its settings are the force of the press (0 for no contact) and those of a camera: ``exposure_ms``, to which light
-    is proportional, ``gain`` in decibels, which amplifies light and noise alike, and ``brightness``, the black level.
-    At 20 ms, 0 dB and the sensor's own black level it sees what `VirtualProbe` sees.
+    Its settings are the force of the press (0 for no contact), ``exposure_ms``, to which light is proportional,
+    ``gain`` in decibels, which amplifies light and noise equally, and ``brightness``, the black level. At 20 ms, 0 dB
+    and the sensor's own black level its frames are those of `VirtualProbe`.
 
     Parameters
     ----------
     probe
         The virtual probe.
     phantom
-        What it is held on.
+        Phantom or object under the probe.
     rng
-        Source of the frames' noise.
+        Random generator of the frames' noise.
     force_n
-        Force at the start, in newtons.
+        Initial force, in newtons.
     frames_per_s
         Rate, in [0.1, 1000].
     paced
-        Whether a frame comes when a camera of that rate would bring it, or else as soon as it is asked for.
+        Whether frames arrive at that rate, or on request without delay.
     clock
         Seconds, monotonic.
     light
-        Expected grey levels above the background of the press at the start, shape (rows, columns), where they are
-        known; computed for the first frame else, which takes tenths of a second on tissue and seconds on a sphere.
+        Expected grey levels above the background of the initial press, shape (rows, columns). None computes them for
+        the first frame, which takes tenths of a second on tissue and seconds on a sphere.
 
     Examples
     --------
@@ -123,7 +123,7 @@ class VirtualCamera:
         shape = (probe.sensor.rows, probe.sensor.columns)
         if light is not None and np.shape(light) != shape:
             raise InputError(f"light must have the sensor's shape, {shape}; got {np.shape(light)}")
-        self._press = _Press(lies=phantom, force=force, light=light)
+        self._press = _Press(target=phantom, force=force, light=light)
         self._pressing = threading.Lock()
         self._mode = virtual_mode(probe.sensor, rate)
         self._opened = False
@@ -131,16 +131,16 @@ class VirtualCamera:
 
     @property
     def name(self) -> str:
-        """What a person calls it."""
-        return _called(self._press)
+        """Name for users."""
+        return _name_of(self._press)
 
     @property
     def lost(self) -> bool:
-        """Never: nothing can be unplugged."""
+        """Always False: a virtual camera cannot be unplugged."""
         return False
 
     def open(self) -> None:
-        """Take hold of it."""
+        """Open the camera."""
         self._opened = True
 
     def modes(self) -> tuple[Mode, ...]:
@@ -152,14 +152,14 @@ class VirtualCamera:
         return (self._press.force, *self._settings.values())
 
     def adjust(self, name: str, value: float) -> None:
-        """Change a setting; the next frame shows it.
+        """Change a setting, effective from the next frame.
 
         Raises
         ------
         UnknownNameError, InputError
-            When there is no such setting, or its range does not hold the value.
+            When there is no such setting, or the value lies outside its range.
         MechanicsError
-            When the tissue cannot be pressed so hard; the press is as it was.
+            When the force is too large for the tissue; the press does not change.
         """
         require_one_of("setting", name, (FORCE_SETTING, *self._settings))
         if name != FORCE_SETTING:
@@ -167,24 +167,24 @@ class VirtualCamera:
             self._settings[name] = replace(setting, value=setting.checked(value))
             return
         with self._pressing:
-            stored = self._press
-            force = replace(stored.force, value=stored.force.checked(value))
-            light = stored.light
-            if light is not None and force.value != stored.force.value:
-                light = self._probe.light(stored.lies, force_n=force.value)
-            self._press = _Press(lies=stored.lies, force=force, light=light)
+            press = self._press
+            force = replace(press.force, value=press.force.checked(value))
+            light = press.light
+            if light is not None and force.value != press.force.value:
+                light = self._probe.light(press.target, force_n=force.value)
+            self._press = replace(press, force=force, light=light)
 
     def hold_on(
         self, phantom: Phantom | SoftSphere, *, force_n: float, light: NDArray[np.float64] | None = None
     ) -> None:
-        """Lift the probe and press anew, on the same or on something else; errors as `adjust`.
+        """Lift the probe and press again, on the same or another target; errors as `adjust`.
 
-        Frames go on meanwhile as they were. ``light`` is that of the new press where it is known.
+        Meanwhile frames show the old press. ``light`` is the light of the new press, computed when None.
         """
         with self._pressing:
             force = replace(self._press.force, value=self._press.force.checked(force_n))
-            observed = self._probe.light(phantom, force_n=force.value) if light is None else light
-            self._press = _Press(lies=phantom, force=force, light=observed)
+            light = self._probe.light(phantom, force_n=force.value) if light is None else light
+            self._press = _Press(target=phantom, force=force, light=light)
 
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames."""
@@ -196,55 +196,54 @@ class VirtualCamera:
         self._running.set()
 
     def frames(self) -> Iterator[Frame]:
-        """Yield frames of the press as it is held, until stopped."""
+        """Yield frames of the current press, until stopped."""
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
         sequence = 0
-        period_s, begun_s = 1 / (self._mode.frames_per_s or 1.0), self._clock()
-        due_s = begun_s
+        period_s, start_s = 1 / (self._mode.frames_per_s or 1.0), self._clock()
+        due_s = start_s
         while self._running.is_set():
             if self._paced:
-                due_s = max(due_s, self._clock())  # a frame that took long to make delays those after it
+                due_s = max(due_s, self._clock())  # a late frame delays those after it
                 if self._stopped.wait(due_s - self._clock()):
                     return
-            stored, light = self._lit()
-            values = {FORCE_SETTING: stored.force.value} | {
-                name: setting.value for name, setting in self._settings.items()
-            }
-            begun_s = due_s if sequence == 0 else begun_s
+            press, light = self._lit()
+            values = {FORCE_SETTING: press.force.value}
+            values |= {name: setting.value for name, setting in self._settings.items()}
+            start_s = due_s if sequence == 0 else start_s
             yield Frame(
                 pixels=self._exposed(light, values),
                 sequence=sequence,
-                time_s=due_s - begun_s,
+                time_s=due_s - start_s,
                 full_scale=self._mode.full_scale,
-                name=f"{_called(stored)}#{sequence}",
+                name=f"{_name_of(press)}#{sequence}",
                 settings={"source": "virtual", **values},
             )
             sequence += 1
             due_s += period_s
 
     def _lit(self) -> tuple[_Press, NDArray[np.float64]]:
-        """The press and its light, which is computed where nobody has yet."""
-        stored = self._press
-        if stored.light is None:
+        """The press and its light, computed on first use."""
+        press = self._press
+        if press.light is None:
             with self._pressing:
-                stored = self._press
-                if stored.light is None:
-                    light = self._probe.light(stored.lies, force_n=stored.force.value)
-                    self._press = stored = replace(stored, light=light)
-        assert stored.light is not None
-        return stored, stored.light
+                press = self._press
+                if press.light is None:
+                    light = self._probe.light(press.target, force_n=press.force.value)
+                    self._press = press = replace(press, light=light)
+        assert press.light is not None
+        return press, press.light
 
     def _exposed(self, light: NDArray[np.float64], values: dict[str, float]) -> NDArray[Any]:
         sensor = self._probe.sensor
-        amplified = 10 ** (values["gain"] / 20)
-        observed = replace(
+        gain = 10 ** (values["gain"] / 20)
+        amplified = replace(
             sensor,
             background_grey=values["brightness"],
-            read_noise_grey=min(amplified * sensor.read_noise_grey, sensor.full_scale),
-            shot_noise_grey=min(amplified * sensor.shot_noise_grey, sensor.full_scale),
+            read_noise_grey=min(gain * sensor.read_noise_grey, sensor.full_scale),
+            shot_noise_grey=min(gain * sensor.shot_noise_grey, sensor.full_scale),
         )
-        grey = expose(light * (amplified * values["exposure_ms"] / USUAL_MS), observed, self._rng)
+        grey = expose(light * (gain * values["exposure_ms"] / USUAL_MS), amplified, self._rng)
         return grey.astype(np.uint8 if sensor.full_scale <= 255 else np.uint16)
 
     def stop(self) -> None:
@@ -255,9 +254,9 @@ class VirtualCamera:
 
 
 def virtual_mode(sensor: Sensor, frames_per_s: float = USUAL_PER_S) -> Mode:
-    """The one mode of a virtual camera with that sensor."""
+    """The only mode of a virtual camera with that sensor."""
     return Mode(width_px=sensor.columns, height_px=sensor.rows, full_scale=sensor.full_scale, frames_per_s=frames_per_s)
 
 
-def _called(stored: _Press) -> str:
-    return f"virtual probe on {stored.lies.name or 'a phantom'}"
+def _name_of(press: _Press) -> str:
+    return f"virtual probe on {press.target.name or 'a phantom'}"

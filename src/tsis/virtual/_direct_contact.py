@@ -1,4 +1,4 @@
-"""The virtual rig of direct contact: a soft sphere squeezed between a plate and the bare probe becomes frames."""
+"""The virtual rig of direct contact: frames of a soft sphere squeezed between a plate and the bare probe."""
 
 from __future__ import annotations
 
@@ -32,45 +32,43 @@ if TYPE_CHECKING:
     from tsis.model import PressField
 
 
-# Finer and of another order than the mesh of the estimates, so that an estimate is never checked by itself.
+# Finer and of another order than the mesh of the estimates: an estimate is never compared with its own model.
 DIRECT_CONTACT_RESOLUTION = SphereResolution(order=4, cells=6, rings=2, face_cells=6)
-FILLED = 0.8  # share of the scale above the background that the brightest place of the nominal exposure takes
-SATURATION = 5.0  # times the greatest pressure: there the answer is a line to within one per cent
-LIT = 0.05  # of the brightest place: what is brighter belongs to the contact
+FILLED = 0.8  # fraction of the scale above the background at the nominal exposure's brightest pixel
+SATURATION = 5.0  # times the greatest pressure: the response is then linear to within one per cent
+LIT = 0.05  # of the brightest pixel; brighter pixels belong to the contact
 
 
 class DirectContactRig:
-    """A probe that touches objects without tissue between, with the errors that a bench would make.
+    """A probe in contact with objects without tissue between, with the errors of an experiment.
 
-    Its calibration states the size of the errors. Each rig has a gain, a stiffness and a fixed pattern of its own; each
-    press misses the commanded force, finds the lamps a little brighter or darker, leaves a pattern and some stray
-    light; each frame has the sensor's noise. A sphere lies a little beside the axis, and its radius is written down
-    with an error.
+    Its calibration states the size of the errors. Each rig has its own gain, stiffness and fixed pattern. Each press
+    has an error of force, a drift of the lamps, a pattern and some stray light. Each frame has the sensor's noise. A
+    sphere lies slightly off the axis, and its recorded radius has an error.
 
     Parameters
     ----------
     probe
-        What presses.
+        The probe.
     rng
-        Source of every error; a seed gives the same rig and the same frames.
+        Random generator of all errors; a seed gives the same rig and the same frames.
     sensor
         The camera.
     light
-        Light on the face; even when None. The dents of direct contact are deeper than traced light knows.
+        Light on the face; even when None. The dents of direct contact are deeper than the range of traced light.
     calibration
-        Answer of grey level to pressure as the laboratory believes it, with the sizes of the errors; that of
-        `direct_contact_calibration` when None.
+        Nominal response of grey level to pressure, with the sizes of the errors; `direct_contact_calibration` when
+        None.
     radius_sd_mm
-        Standard deviation in mm of the written radius, in [0, 5].
+        Standard deviation in mm of the recorded radius, in [0, 5].
     drift_sd
         Relative standard deviation of the lamps from press to press, in [0, 1].
     offset_sd_mm
-        Standard deviation in mm of each coordinate of the sphere's place, in [0, 5].
+        Standard deviation in mm of each coordinate of the sphere's position, in [0, 5].
     resolution
         Mesh density, by default finer than the estimates' own.
     solve
-        What solves presses, with the arguments and the answer of `press_fields`; who judges many rigs gives one that
-        has solved before.
+        Solver of presses, with the arguments and the result of `press_fields`; a cached one serves many rigs.
 
     Raises
     ------
@@ -108,11 +106,11 @@ class DirectContactRig:
         if calibration is None:
             sensor = Sensor() if sensor is None else sensor
             calibration = direct_contact_calibration(sensor, probe=probe, light=light)
-        # The errors of a rig are those of a virtual probe, which draws and checks them.
+        # A virtual probe draws and checks the errors of the rig.
         self._rig = VirtualProbe(probe, rng=rng, sensor=sensor, light=self._light, calibration=calibration)
         self.probe = probe
         self._radius_sd_mm = require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
-        self._drift_sd = require_number("drift_sd", drift_sd, 0.0, 1.0, hint="a share of one")
+        self._drift_sd = require_number("drift_sd", drift_sd, 0.0, 1.0, hint="a fraction of one")
         self._offset_sd_mm = require_number("offset_sd_mm", offset_sd_mm, 0.0, 5.0, hint="millimetres")
         self._rng, self._resolution, self._solve = rng, resolution, solve
         self._written = dict[SoftSphere, float]()
@@ -124,16 +122,16 @@ class DirectContactRig:
 
     @property
     def calibration(self) -> Calibration:
-        """What the laboratory knows of probe and camera; its noise and background are the sensor's."""
+        """Nominal calibration of probe and camera; its noise and background are the sensor's."""
         return self._rig.calibration
 
     @property
     def stiffness(self) -> float:
-        """The true moduli of this rig's probe over the nominal ones, which no estimate knows."""
+        """The true moduli of this rig's probe over the nominal ones; no estimate uses it."""
         return self._rig._stiffness
 
     def solved_by(self, solve: Callable[..., Sequence[PressField]], *, radius_sd_mm: float) -> DirectContactRig:
-        """The same rig with another solution of its presses, for objects whose radius is known so closely."""
+        """Copy of the rig with another solver of presses and another error of the recorded radius."""
         other = copy(self)
         other._solve = solve
         other._radius_sd_mm = require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
@@ -147,7 +145,7 @@ class DirectContactRig:
         InputError
             When the force lies outside its range or the sphere is too large for the probe.
         MechanicsError
-            When the force strains sphere or probe beyond what the mechanics describe.
+            When the strain of sphere or probe is too large for the model.
         """
         return self.press_path(sphere, forces_n=[force_n])[0]
 
@@ -157,39 +155,39 @@ class DirectContactRig:
         return tuple(self._frame(field, sphere, force) for field, force in zip(fields, forces_n, strict=True))
 
     def light(self, sphere: SoftSphere, *, force_n: float) -> NDArray[np.float64]:
-        """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
+        """Expected grey levels above the background of one press with an error of ``force_n``; 0 is no contact."""
         if force_n == 0.0:
             return np.zeros((self.sensor.rows, self.sensor.columns))
         return self._lit(self._commanded(sphere, [force_n])[0])
 
     def _commanded(self, sphere: SoftSphere, forces_n: Sequence[float]) -> list[PressField]:
-        """Presses that miss their commanded forces a little."""
+        """Presses with errors of the commanded forces."""
         require_type("sphere", sphere, SoftSphere)
         require_small_sphere(self.probe, sphere.radius_mm)
         commanded = require_array("forces_n", forces_n, ndim=1)
         for force in commanded:
             require_number("forces_n", force, 1e-3, LARGEST_FORCE_N, hint="newtons")
-        missed = 1 + self.calibration.force_sd * self._rng.standard_normal(len(commanded))
-        return self._fields(sphere, commanded * np.maximum(missed, 0.1))
+        factor = 1 + self.calibration.force_sd * self._rng.standard_normal(len(commanded))
+        return self._fields(sphere, commanded * np.maximum(factor, 0.1))
 
     def _fields(self, sphere: SoftSphere, forces_n: NDArray[np.float64]) -> list[PressField]:
-        # A probe stiffer by a factor presses as the nominal one does a sphere softer by it with less force.
+        # Dividing all moduli and the force by the probe's stiffness factor gives the nominal probe.
         stiffer = self.stiffness
         softer = replace(sphere, young_kpa=sphere.young_kpa / stiffer)
         ascending, position = np.unique(forces_n, return_inverse=True)
-        result = self._solve(self.probe, softer, forces_n=(ascending / stiffer).tolist(), resolution=self._resolution)
+        fields = self._solve(self.probe, softer, forces_n=(ascending / stiffer).tolist(), resolution=self._resolution)
         return [
-            replace(result[i], pressure_kpa=stiffer * result[i].pressure_kpa, force_n=stiffer * result[i].force_n)
+            replace(fields[i], pressure_kpa=stiffer * fields[i].pressure_kpa, force_n=stiffer * fields[i].force_n)
             for i in position
         ]
 
     def _lit(self, field: PressField) -> NDArray[np.float64]:
-        rig, given = self._rig, self.calibration
-        observed = self._beside(render(field, self.sensor, given)) * self._light.at(*self.sensor.axes_mm())
+        rig, calibration = self._rig, self.calibration
+        light = self._shifted(render(field, self.sensor, calibration)) * self._light.at(*self.sensor.axes_mm())
         drift = 1 + self._drift_sd * self._rng.standard_normal()
-        observed *= rig._gain * drift * rig._pattern * rig._ring_pattern(given.repeatability_sd)
-        lit = float(observed[observed > LIT * observed.max()].mean())
-        return observed + given.offset_sd * self._rng.standard_normal() * lit
+        light *= rig._gain * drift * rig._pattern * rig._ring_pattern(calibration.repeatability_sd)
+        lit = float(light[light > LIT * light.max()].mean())
+        return light + calibration.offset_sd * self._rng.standard_normal() * lit
 
     def _frame(self, field: PressField, sphere: SoftSphere, force_n: float) -> TactileImage:
         return TactileImage(
@@ -206,16 +204,14 @@ class DirectContactRig:
             },
         )
 
-    def _beside(self, picture: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The picture of a sphere that lies a little beside the axis, where the probe is as soft as on it."""
+    def _shifted(self, picture: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The picture of a sphere slightly off the axis, where the probe is as soft as on it."""
         shift = self._offset_sd_mm * self._rng.standard_normal(2) / self.sensor.mm_per_pixel
-        transformed = cv2.warpAffine(
-            picture, np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]]), picture.shape[::-1]
-        )
-        return np.asarray(transformed, dtype=float)
+        matrix = np.column_stack([np.eye(2), shift])
+        return np.asarray(cv2.warpAffine(picture, matrix, picture.shape[::-1]), dtype=float)
 
     def written_radius_mm(self, sphere: SoftSphere) -> float:
-        """What the laboratory measured, once for each sphere, mm."""
+        """Recorded radius, drawn once for each sphere, mm."""
         if sphere not in self._written:
             error = self._radius_sd_mm * self._rng.standard_normal()
             self._written[sphere] = max(0.1 * sphere.radius_mm, sphere.radius_mm + error)
@@ -225,23 +221,23 @@ class DirectContactRig:
 def direct_contact_calibration(
     sensor: Sensor, *, probe: Probe, light: LightMap | None = None, peak_kpa: float | None = None
 ) -> Calibration:
-    """The default answer of grey level to pressure in direct contact.
+    """The default response of grey level to pressure in direct contact.
 
-    A tissue press spreads 1 N over the face, some kilopascals; a sphere gathers it into some tens or hundreds of them.
-    So direct contact takes a shorter exposure, by which the greatest pressure fills 80 % of the scale, and a rougher
-    skin, whose real contact saturates at five times that pressure.
+    Tissue spreads 1 N over the face, to some kilopascals; a sphere concentrates it to some tens or hundreds. So direct
+    contact has a shorter exposure, at which the greatest pressure fills 80 % of the scale, and a rougher skin, whose
+    real contact saturates at five times that pressure.
 
     Parameters
     ----------
     sensor
         The camera.
     probe
-        The probe; the calibration carries its name.
+        The probe; the calibration has its name.
     light
-        Light on the face as the laboratory knows it; None is even light.
+        Nominal light on the face; None is even light.
     peak_kpa
-        Greatest pressure to be seen, in [0.1, 1e5] kPa; by default 0.6 of the skin's modulus, within [50, 220]: what a
-        sphere of 3 mm and 500 kPa reaches at 1.2 N, with a reserve.
+        Greatest pressure in range, in [0.1, 1e5] kPa; by default 0.6 of the skin's modulus, within [50, 220]: above
+        the pressure of a sphere of 3 mm and 500 kPa at 1.2 N.
 
     Raises
     ------

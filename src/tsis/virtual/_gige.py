@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 MAKER, MODEL = "tsis", "VirtualProbe"
-SERIAL = re.compile(r"[A-Za-z0-9_.-]{1,15}")  # what the protocol has room for
+SERIAL = re.compile(r"[A-Za-z0-9_.-]{1,15}")  # the protocol's limit
 
 CONTROL_PORT = 3956  # of GigE Vision
 
@@ -36,34 +36,34 @@ CONTROL_PORT = 3956  # of GigE Vision
 MAKER_AT, MODEL_AT, NAME_BYTES = 0x48, 0x68, 32
 WIDTH, HEIGHT, SENSOR_HEIGHT, SENSOR_WIDTH = 0x100, 0x104, 0x118, 0x11C
 EXPOSURE_US, FIRST_COLUMN, FIRST_ROW, PERIOD_US = 0x120, 0x130, 0x134, 0x138
-SIXTEEN_BITS = 257  # makes 65535 of 255
+SIXTEEN_BITS = 257  # 65535 / 255
 
 _FILL = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint32, ctypes.c_uint32)
 
 
 class GigEServer:
-    """Frames of a virtual camera for every program that reads GigE Vision cameras.
+    """Frames of a virtual camera for all programs that read GigE Vision cameras.
 
-    What a program sets changes the image: the exposure, and the gain in decibels. The camera must be able to expose for
-    as long as programs ask; see `served`. Used as a context: it serves inside.
+    Programs may set the exposure and the gain in decibels; the camera must allow their exposure. The server is a
+    context manager and serves inside its ``with`` block.
 
     Parameters
     ----------
     camera
-        The virtual camera; its press is computed before the first program may connect.
+        The virtual camera; its press is computed before a program can connect.
     interface
         IPv4 address of this machine to listen on; one camera an address.
     serial
         Serial number, 1 to 15 letters, digits, dots, hyphens and underscores.
     frames_per_s
-        Rate until a program sets another, in [0.1, 1000].
+        Initial rate, in [0.1, 1000]; programs may change it.
     library
-        Gives Aravis.
+        Function that loads Aravis.
 
     Raises
     ------
     InputError
-        When the serial number or the rate is not possible.
+        When the serial number or the rate is invalid.
     """
 
     def __init__(
@@ -85,14 +85,14 @@ class GigEServer:
         self._library = library
         self._handle: int | None = None
         self._frames: Iterator[Frame] = iter(())
-        self._callback: Any = None  # Aravis calls it until the handle is given back
+        self._callback: Any = None  # Aravis calls it until the handle is released
         self._aravis: Aravis
         self.sent = 0
         self.failure: Exception | None = None
 
     @property
     def identity(self) -> str:
-        """What programs that use Aravis call it."""
+        """Name of the camera in programs that use Aravis."""
         return f"{MAKER}-{MODEL}-{self._serial}"
 
     def __enter__(self) -> Self:
@@ -127,7 +127,7 @@ class GigEServer:
         """Stop listening."""
         handle, self._handle = self._handle, None
         if handle is not None:
-            self._aravis.unref(handle)  # waits for a frame that is being filled
+            self._aravis.unref(handle)  # waits for the current frame
         self._camera.stop()
 
     @property
@@ -153,13 +153,13 @@ class GigEServer:
         self._aravis.call("fake_camera_set_fill_pattern", fake, self._callback, None)
 
     def _fill(self, buffer: int, _: int | None, exposure_us: int, gain_db: int, pixel_format: int) -> None:
-        """Called by Aravis for each frame, in a thread of its own; nothing may be raised there."""
+        """Fill a frame; Aravis calls this in its own thread, which must not raise."""
         try:
             self._camera.adjust("exposure_ms", exposure_us / 1000)
             self._camera.adjust("gain", gain_db)
             pixels = next(self._frames).pixels
             content = region_bytes(pixels, self._region(), pixel_format)
-            # Aravis has made sure that a frame of the registers' size fits, and only this thread changes them.
+            # A frame of the registers' size fits; Aravis checks this, and only this thread changes the registers.
             ctypes.memmove(self._aravis.call("buffer_get_data", buffer, None), content, len(content))
             self.sent += 1
         except Exception as error:
@@ -176,14 +176,14 @@ class GigEServer:
 
 
 def require_free_address(interface: str) -> None:
-    """Refuse an address that is not of this machine, or at which a camera is served; Aravis would not notice.
+    """Refuse an address of another machine or with another camera server, because Aravis does not check it.
 
     Raises
     ------
     InputError
         When it is no IPv4 address.
     CameraError
-        Which of both it is.
+        When the address belongs to another machine or is in use.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
         try:
@@ -197,16 +197,16 @@ def require_free_address(interface: str) -> None:
 
 
 def region_bytes(pixels: NDArray[Any], region: tuple[slice, slice], pixel_format: int) -> bytes:
-    r"""Bytes of a region of a grey frame of 8 bits; what lies beside the frame is dark.
+    r"""Bytes of a region of a grey frame of 8 bits, dark outside the frame.
 
     Parameters
     ----------
     pixels
         The frame, shape (rows, columns).
     region
-        Rows and columns that are asked for.
+        Requested rows and columns.
     pixel_format
-        Number of GigE Vision, which tells the bits a pixel: 8, 16 over their whole range, 24 with grey in each colour.
+        Pixel format of GigE Vision, with the bits a pixel: 8, 16 over the whole range, or 24 with grey in each colour.
 
     Examples
     --------
@@ -214,10 +214,10 @@ def region_bytes(pixels: NDArray[Any], region: tuple[slice, slice], pixel_format
     b'\x02\x02\x00\x00'
     """
     rows, columns = (part.stop - part.start for part in region)
-    observed = np.zeros((rows, columns), dtype=np.uint8)
+    frame = np.zeros((rows, columns), dtype=np.uint8)
     cut = pixels[region]
-    observed[: cut.shape[0], : cut.shape[1]] = cut
+    frame[: cut.shape[0], : cut.shape[1]] = cut
     bits = pixel_format >> 16 & 0xFF
     if bits == 16:
-        return (observed.astype("<u2") * SIXTEEN_BITS).tobytes()
-    return np.repeat(observed, bits // 8, axis=1).tobytes()
+        return (frame.astype("<u2") * SIXTEEN_BITS).tobytes()
+    return np.repeat(frame, bits // 8, axis=1).tobytes()

@@ -1,4 +1,4 @@
-"""The camera of the loading machine: lamps that drift, a corner that sees them past the probe, bad pixels."""
+"""The camera of the loading machine, with drifting lamps, a reference patch and bad pixels; the machine's errors."""
 
 from __future__ import annotations
 
@@ -16,25 +16,26 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-LONGEST = 20_000  # frames that the lamps are drawn for
+LONGEST = 20_000  # frames of one machine
 PATCH = ReferencePatch(first_row=4, last_row=36, first_column=4, last_column=36)
-PATCH_LEVEL = 0.55  # its light as a share of the scale
+PATCH_LEVEL = 0.55  # its light as a fraction of the scale
 BAD_PIXELS, HOT_GREY = 8, 40.0
+DARKEST = 0.3  # lower limit of uneven light, over the light in the middle
 
 
 class LoadingCamera:
-    """Takes one frame after the other, each under the lamps of its time.
+    """A camera that takes frames in sequence, each at the lamps' brightness of its time.
 
     Parameters
     ----------
     sensor
         Pixels and noise.
     rng
-        Source of every error.
+        Random generator of all errors.
     drift
-        How the lamps drift; as usual when None.
+        Drift of the lamps; the default `LedDrift` when None.
     patch
-        Whether a corner of the frame sees the lamps past the probe.
+        Whether the frame has a reference patch, a corner that sees the lamps directly.
     warm_s, frame_s
         Seconds from switching the lamps on to the first frame, in [0, 1e6], and from frame to frame, in [1e-3, 1e4].
 
@@ -65,10 +66,7 @@ class LoadingCamera:
         require_type("rng", rng, np.random.Generator)
         self.sensor, self.patch = sensor, PATCH if patch else None
         self._rng = rng
-        start, step = (
-            require_number("warm_s", warm_s, 0.0, 1e6),
-            require_number("frame_s", frame_s, 1e-3, 1e4),
-        )
+        start, step = require_number("warm_s", warm_s, 0.0, 1e6), require_number("frame_s", frame_s, 1e-3, 1e4)
         self._lamps = (drift or LedDrift()).factors(start + step * np.arange(LONGEST), rng)
         self._taken = 0
         self._hot, self._dead = rng.integers(0, sensor.rows * sensor.columns, (2, BAD_PIXELS))
@@ -80,7 +78,7 @@ class LoadingCamera:
 
     @property
     def lamps(self) -> tuple[float, ...]:
-        """True brightness of the lamps in each frame so far, those without light too."""
+        """True brightness of the lamps in each frame so far, dark frames included."""
         return tuple(self._lamps[: self._taken].tolist())
 
     @property
@@ -96,15 +94,15 @@ class LoadingCamera:
         return self._exposed(np.zeros((self.sensor.rows, self.sensor.columns)))
 
     def lit(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Grey levels of light that lamps of brightness 1 would make, shape (rows, columns) both."""
-        observed = np.array(light)
+        """Grey levels of a frame from the light at lamps of brightness 1, shape (rows, columns) both."""
+        light = np.array(light)
         if self.patch is not None:
-            self.patch.cut(observed)[:] = PATCH_LEVEL * self.range_grey
-        return self._exposed(observed * self._next_lamp())
+            self.patch.cut(light)[:] = PATCH_LEVEL * self.range_grey
+        return self._exposed(light * self._next_lamp())
 
     def _next_lamp(self) -> float:
         if self._taken == LONGEST:
-            raise InputError(f"a loading machine takes at most {LONGEST} frames; make another")
+            raise InputError(f"a loading machine takes at most {LONGEST} frames; create another")
         self._taken += 1
         return float(self._lamps[self._taken - 1])
 
@@ -114,37 +112,34 @@ class LoadingCamera:
         return expose(light, self.sensor, self._rng)
 
 
-DARKEST = 0.3  # of the light in the middle, however uneven it is
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineErrors:
-    """What a bench does to the numbers; each is a standard deviation from which the machine draws its own.
+    """Errors of a loading machine: standard deviations from which it draws its own.
 
     Parameters
     ----------
     probe_young_sd
-        Relative, of the probe's moduli.
+        Of the probe's moduli, relative.
     gain_sd
-        Relative, of the answer to pressure.
+        Of the response to pressure, relative.
     shading_sd
-        Relative, of the unevenness of the light from the middle of the frame to its edge.
+        Of the unevenness of the light from the middle of the frame to its edge, relative.
     tip_sd
-        Relative, of the light from tip to tip.
+        Of the light from tip to tip, relative.
     repeatability_sd
-        Relative, of the light from press to press.
+        Of the light from press to press, relative.
     pattern_sd
-        Relative, of a pattern in rings that each press leaves anew.
+        Of each press's pattern in rings, relative.
     hysteresis_sd
-        Of the light that unloading shows more or less than loading, at half of the largest force, as a share of it.
+        Of the difference of light between unloading and loading at half of the largest force, relative.
     force_sd
-        Relative, by which the machine misses the commanded force; the gauge sees it.
+        Of the force from the commanded force, relative; the gauge shows it.
     position_sd_mm
-        Of the place where a tip is mounted.
+        Of a tip's mounting position.
     stray_grey
         Light of the untouched probe, grey levels; no standard deviation.
     gauge_gain_sd, gauge_zero_sd_n, gauge_noise_n, gauge_resolution_n
-        Of the gauge's calibration, its zero and its readings, and the step of its display.
+        Of the gauge's gain, its zero and its readings; the last is the step of its display.
     """
 
     probe_young_sd: float = 0.03
@@ -169,12 +164,12 @@ class MachineErrors:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MachineTruth:
-    """What this machine drew and no calibration knows.
+    """True values of one machine, unknown to calibrations.
 
     Attributes
     ----------
     response
-        Grey level to pressure under the mean light of the face and lamps of 1.
+        Response of grey level to pressure at the mean light of the face and lamps of 1.
     stiffness
         Moduli of the probe over the nominal ones.
     hysteresis_fraction
@@ -196,7 +191,7 @@ class MachineTruth:
 def drawn_truth(
     nominal: Calibration, camera: LoadingCamera, errors: MachineErrors, rng: np.random.Generator
 ) -> MachineTruth:
-    """Draw one machine: its answer to pressure around the ``nominal`` one, its gauge, and its light over the face."""
+    """Draw one machine: its response to pressure around ``nominal``, its gauge, and its light over the face."""
     return MachineTruth(
         response=Calibration(
             gain_grey_per_kpa=nominal.gain_grey_per_kpa * float(np.exp(errors.gain_sd * rng.standard_normal())),
@@ -211,10 +206,10 @@ def drawn_truth(
 
 
 def _shading(camera: LoadingCamera, unevenness: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Light that leans to the sides and rises or falls towards the edge, of mean 1."""
+    """Light with linear and quadratic unevenness, of mean 1."""
     x, y = (axis / np.abs(axis).max() for axis in camera.sensor.axes_mm())
-    lean_x, lean_y, bowl = unevenness
-    light = 1 + lean_x * x[None, :] + lean_y * y[:, None] + bowl * (x[None, :] ** 2 + y[:, None] ** 2)
+    linear_x, linear_y, quadratic = unevenness
+    light = 1 + linear_x * x[None, :] + linear_y * y[:, None] + quadratic * (x[None, :] ** 2 + y[:, None] ** 2)
     light = np.maximum(light, DARKEST) * camera.sensor.vignetting()
     field = np.ones(light.shape, dtype=bool)
     if camera.patch is not None:

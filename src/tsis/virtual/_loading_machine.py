@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from tsis.imaging import LedDrift
 
 
-NOMINAL_TIP_MM, NOMINAL_N = 2.0, 2.0  # the press for which the exposure is chosen
-HEADROOM = 1.2  # light that errors of the machine may add before pixels clip
+NOMINAL_TIP_MM, NOMINAL_N = 2.0, 2.0  # the press that determines the exposure
+HEADROOM = 1.2  # range for the errors of the machine before pixels clip
 FLAT_LEVELS = (0.15, 0.4, 0.65)  # of the scale
 EDGE_LEVEL = 0.6
 
@@ -32,24 +32,24 @@ EDGE_LEVEL = 0.6
 class VirtualLoadingMachine:
     """A rigid tip that presses the bare probe under a force gauge, and the probe's camera.
 
-    Pressure is Hertz's on a half-space of the probe's effective modulus, beyond his assumptions where the tip sinks in
-    deep; light is that of rough contact. Lamps warm up and wander, light is uneven, pixels are bad, the gauge has a
-    zero, a gain and noise of its own, unloading remembers loading. Every call takes a frame and some time.
+    The pressure is Hertz's on a half-space of the probe's effective modulus, also where the tip sinks in too deep for
+    his assumptions. The light follows rough contact. Lamps drift, light is uneven, some pixels are bad, the gauge has
+    errors of zero and gain and noise, and unloading has hysteresis. Each call takes a frame and some time.
 
     Parameters
     ----------
     probe
-        What is pressed.
+        The probe.
     rng
-        Source of every error; a seed gives the same machine and the same frames.
+        Random generator of all errors; a seed gives the same machine and the same frames.
     sensor
         The camera.
     drift
-        How the lamps drift.
+        Drift of the lamps.
     errors
         Sizes of the errors.
     patch
-        Whether a corner of the frame sees the lamps past the probe.
+        Whether the frame has a reference patch, a corner that sees the lamps directly.
     saturation_kpa
         Pressure at which the skin's asperities saturate; five times the largest nominal pressure when None.
     blur_mm
@@ -66,8 +66,8 @@ class VirtualLoadingMachine:
     --------
     >>> import numpy, tsis
     >>> machine = VirtualLoadingMachine(tsis.load_probe("tsis-direct"), rng=numpy.random.default_rng(1))
-    >>> image, shown_n = machine.press(2.0, 1.0)
-    >>> image.grey.shape, round(shown_n, 2)
+    >>> image, gauge_n = machine.press(2.0, 1.0)
+    >>> image.grey.shape, round(gauge_n, 2)
     ((492, 768), 1.0)
     """
 
@@ -95,10 +95,9 @@ class VirtualLoadingMachine:
         self._tips: dict[float, tuple[float, NDArray[np.float64]]] = {}
         self._largest_n = 0.0
         peak = _contact(probe, 1.0, NOMINAL_TIP_MM, NOMINAL_N).peak_pressure_kpa
+        exposed = direct_contact_calibration(self.sensor, probe=probe, peak_kpa=HEADROOM * peak)
         nominal = Calibration(
-            gain_grey_per_kpa=direct_contact_calibration(
-                self.sensor, probe=probe, peak_kpa=HEADROOM * peak
-            ).gain_grey_per_kpa,
+            gain_grey_per_kpa=exposed.gain_grey_per_kpa,
             saturation_kpa=5 * peak if saturation_kpa is None else saturation_kpa,
         )
         self.truth = drawn_truth(nominal, self.camera, self.errors, rng)
@@ -110,7 +109,7 @@ class VirtualLoadingMachine:
 
     @property
     def lamps(self) -> tuple[float, ...]:
-        """True brightness of the lamps in each frame so far, those without light too."""
+        """True brightness of the lamps in each frame so far, dark frames included."""
         return self.camera.lamps
 
     def dark(self) -> TactileImage:
@@ -123,16 +122,16 @@ class VirtualLoadingMachine:
         return self._lit(np.zeros(self.truth.relative_light.shape), "no contact")
 
     def flat(self, level: float = 0.4) -> TactileImage:
-        """A frame of even contact with the whole face that fills a share of the scale, in [0.02, 0.9]."""
-        require_number("level", level, 0.02, 0.9, hint="a share of the scale")
+        """A frame of even contact with the whole face, at a fraction ``level`` of the scale, in [0.02, 0.9]."""
+        require_number("level", level, 0.02, 0.9, hint="a fraction of the scale")
         return self._lit(level * self.camera.range_grey * self.truth.relative_light, f"flat {level:g}")
 
     def edge(self, angle_deg: float = 5.0) -> TactileImage:
-        """A frame of a block pressed evenly on one half of the face, its straight edge tilted to the columns."""
+        """A frame of a block pressed evenly on one half of the face, with its straight edge tilted to the columns."""
         require_number("angle_deg", angle_deg, -45.0, 45.0, hint="degrees")
         x, y = self.sensor.axes_mm()
         span = x[None, :] * np.cos(np.radians(angle_deg)) + y[:, None] * np.sin(np.radians(angle_deg))
-        # Covered shares of pixels, as the edge runs through them.
+        # The clip gives the covered fraction of pixels on the edge.
         block = EDGE_LEVEL * self.camera.range_grey * np.clip(0.5 + span / self.sensor.mm_per_pixel[0], 0.0, 1.0)
         return self._lit(self._blurred(block) * self.truth.relative_light, "edge")
 
@@ -142,13 +141,13 @@ class VirtualLoadingMachine:
         Parameters
         ----------
         tip_radius_mm
-            Radius of the tip, mm, in [0.5, 100]; it keeps its place and its light as long as the machine runs.
+            Radius of the tip, mm, in [0.5, 100]; its position and light are constant for one machine.
         force_n
-            Newtons, in [0, 50]; 0 is no contact, after which a new loading begins.
+            Newtons, in [0, 50]; 0 is no contact and starts a new loading.
 
         Returns
         -------
-        The frame, and what the gauge shows in newtons.
+        The frame, and the gauge reading in newtons.
 
         Raises
         ------
@@ -159,17 +158,17 @@ class VirtualLoadingMachine:
         force = require_number("force_n", force_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
         force *= max(0.0, 1 + self.errors.force_sd * self._rng.standard_normal())
         if force == 0:
-            return self.no_contact(), self._shown(0.0)
-        light = self._light(tip, force, *self._mounted(tip)) * self._once(force)
+            return self.no_contact(), self._gauge_reading(0.0)
+        light = self._light(tip, force, *self._mounted(tip)) * self._press_factor(force)
         image = self._lit(light * self.truth.relative_light, f"{tip:g} mm tip at {force_n:g} N", force_n=force_n)
-        return image, self._shown(force)
+        return image, self._gauge_reading(force)
 
     def loading(self, tip_radius_mm: float, forces_n: Sequence[float]) -> list[tuple[TactileImage, float]]:
         """Frames and gauge readings of forces in order of time."""
         return [self.press(tip_radius_mm, force) for force in forces_n]
 
     def expected_grey(self, tip_radius_mm: float, force_n: float) -> float:
-        """True sum of grey levels of loading at lamps of 1, without what tips, presses and noise add."""
+        """True sum of grey levels of loading at lamps of 1, without errors of tips, presses and noise."""
         return float(self._light(tip_radius_mm, force_n, 0.0, np.zeros(2), patterned=False).sum())
 
     def contact(self, tip_radius_mm: float, force_n: float) -> HertzContact:
@@ -177,18 +176,18 @@ class VirtualLoadingMachine:
         return _contact(self.probe, self.truth.stiffness, tip_radius_mm, force_n)
 
     def _mounted(self, tip: float) -> tuple[float, NDArray[np.float64]]:
-        """Light and place in mm of a tip, drawn when it is first used."""
+        """Light and position in mm of a tip, drawn on first use."""
         if tip not in self._tips:
             light = self.errors.tip_sd * float(self._rng.standard_normal())
             self._tips[tip] = light, self.errors.position_sd_mm * self._rng.standard_normal(2)
         return self._tips[tip]
 
-    def _once(self, force: float) -> float:
-        """What this press does to the light: its own scatter, and what it remembers of the largest force."""
+    def _press_factor(self, force: float) -> float:
+        """Factor on the light of one press: scatter and hysteresis."""
         self._largest_n = max(self._largest_n, force)
         fraction = force / self._largest_n
-        memory = self.truth.hysteresis_fraction * 4 * fraction * (1 - fraction)
-        return (1 + memory) * (1 + self.errors.repeatability_sd * self._rng.standard_normal())
+        hysteresis = self.truth.hysteresis_fraction * 4 * fraction * (1 - fraction)
+        return (1 + hysteresis) * (1 + self.errors.repeatability_sd * self._rng.standard_normal())
 
     def _light(
         self, tip: float, force: float, brighter: float, position: NDArray[np.float64], *, patterned: bool = True
@@ -201,7 +200,7 @@ class VirtualLoadingMachine:
         if columns[[0, -1]].any() or rows[[0, -1]].any():
             raise InputError(
                 f"the contact must lie in the frame; a {tip:g} mm tip at {force:.2g} N touches "
-                f"{contact.contact_radius_mm:.2g} mm around its middle (press less, or see a wider field)"
+                f"{contact.contact_radius_mm:.2g} mm around its middle (press less, or use a wider field of view)"
             )
         radius = np.hypot(x[columns][None, :] - position[0], y[rows][:, None] - position[1])
         light = rough_contact(contact.pressure_kpa(radius), self.truth.response) * (1 + brighter)
@@ -218,12 +217,11 @@ class VirtualLoadingMachine:
         sigma_x, sigma_y = (self._blur_mm / size for size in self.sensor.mm_per_pixel)
         return np.asarray(cv2.GaussianBlur(light, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y), dtype=float)
 
-    def _shown(self, force: float) -> float:
-        """What the gauge displays of a force, newtons."""
-        shown = self.truth.gauge_gain * force + self.truth.gauge_zero_n
-        shown += self.errors.gauge_noise_n * float(self._rng.standard_normal())
+    def _gauge_reading(self, force: float) -> float:
+        reading = self.truth.gauge_gain * force + self.truth.gauge_zero_n
+        reading += self.errors.gauge_noise_n * float(self._rng.standard_normal())
         step = self.errors.gauge_resolution_n
-        return shown if step == 0 else round(shown / step) * step
+        return reading if step == 0 else round(reading / step) * step
 
     def _lit(self, light: NDArray[np.float64], name: str, *, force_n: float = 0.0) -> TactileImage:
         stray = self.errors.stray_grey * self.truth.relative_light
@@ -241,7 +239,7 @@ class VirtualLoadingMachine:
 
 
 def _contact(probe: Probe, stiffness: float, tip_radius_mm: float, force_n: float) -> HertzContact:
-    """Hertz's contact on the half-space that stands for a probe so many times as stiff as its layers say."""
+    """Hertz's contact on a half-space of ``stiffness`` times the probe's effective modulus."""
     return hertz_under_force(
         radius_mm=tip_radius_mm,
         force_mn=force_n * MN_PER_N,

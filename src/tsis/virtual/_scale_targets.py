@@ -1,7 +1,7 @@
-"""What the camera sees of the targets that give its scale: a board of dots, and a ball, pressed into a gel.
+"""Frames of the targets that give a camera's scale: a board of dots, and a ball, pressed into a gel.
 
-They are drawn straight on the face: each part of a pixel is traced to the face through the lens and finds there the
-nearest dot, or the ball's depth. Light, blur and noise follow. No part of this is the estimators' own path.
+Each part of a pixel is traced through the lens to the face, to the nearest dot or the ball's depth. Light, blur and
+noise follow. The estimators use no part of this code.
 """
 
 from __future__ import annotations
@@ -19,23 +19,15 @@ if TYPE_CHECKING:
 
 
 PARTS = 2  # of a pixel, along each axis
-LEVEL = 0.55  # grey level of the untouched probe in the middle, share of the sensor's range
-SHADE = 0.25  # share of the light that is missing in the frame's corners, and gained from one side to the other
-DISTORTION = 0.01  # by which a length at the frame's corner is seen shorter than in its middle
-SMALL_DEPTH_MM = 1.5  # depth over which the gel's answer of light to depth bends
-LIGHT_LOSS = 0.45  # share of the light that the deepest places lose
+LEVEL = 0.55  # grey level of the untouched probe in the middle, fraction of the sensor's range
+SHADE = 0.25  # fraction of the light lost in the frame's corners, and gained from one side to the other
+DISTORTION = 0.01  # relative shortening of a length at the frame's corner
+SMALL_DEPTH_MM = 1.5  # depth scale of the gel's nonlinear response
+LIGHT_LOSS = 0.45  # fraction of the light lost at large depth
 
 
 def untouched_frame(sensor: Sensor, *, rng: np.random.Generator) -> TactileImage:
-    """The probe without a target, in the same uneven light.
-
-    Parameters
-    ----------
-    sensor
-        The camera.
-    rng
-        Source of the noise.
-    """
+    """The probe without a target, in the same uneven light; ``rng`` draws the noise."""
     require_type("sensor", sensor, Sensor)
     return _exposed(np.ones((sensor.rows, sensor.columns)), sensor, rng, 0.0, "untouched probe")
 
@@ -63,7 +55,7 @@ def dot_board_frame(
     sensor
         The camera; its ``mm_per_pixel`` is the true scale in the middle of the frame.
     rng
-        Source of the noise, of the dots' scatter, and of which are missing.
+        Random generator of the noise, the dots' scatter and the missing dots.
     pitch_mm
         Distance of neighbouring dots, in [0.05, 50] mm.
     dot_diameter_mm
@@ -71,27 +63,27 @@ def dot_board_frame(
     angle_deg
         Angle of the board in the image, degrees, from its x axis towards its y axis.
     offset_mm
-        Place (x, y) of a dot relative to the frame's middle, mm.
+        Position (x, y) of a dot relative to the frame's middle, mm.
     scatter_mm
-        Standard deviation of each coordinate of a dot as made, in [0, 1] mm.
+        Standard deviation of the error of each coordinate of a dot, in [0, 1] mm.
     missing
-        Share of the dots that leave no mark, in [0, 1].
+        Fraction of the dots without a mark, in [0, 1].
     strays
-        How many specks, as large as dots, lie anywhere.
+        Number of specks of a dot's size at random positions.
     distortion
-        Relative lengthening of the face's way from the frame's middle to its corner, in [-0.3, 0.3]; pincushion where
-        it is negative.
+        Relative lengthening of the face's distance from the frame's middle to its corner, in [-0.3, 0.3]; negative
+        values are pincushion distortion.
     contrast
-        Share of the light by which dots change it, in [0, 0.45].
+        Relative change of the light at dots, in [0, 0.45].
     bright
-        True when dots gain light, as on a waveguide, and do not lose it, as on a translucent gel.
+        True when dots gain light, as on a waveguide; False when they lose it, as on a translucent gel.
     blur_px
         Standard deviation of the lens's blur, in [0, 50] pixels.
 
     Returns
     -------
     TactileImage
-        The frame, without a scale: that is what it is for.
+        The frame, without a scale.
 
     Examples
     --------
@@ -103,19 +95,19 @@ def dot_board_frame(
     require_number("pitch_mm", pitch_mm, 0.05, 50.0, hint="millimetres")
     require_number("dot_diameter_mm", dot_diameter_mm, 0.01, 50.0, hint="millimetres")
     require_number("scatter_mm", scatter_mm, 0.0, 1.0, hint="millimetres")
-    require_number("missing", missing, 0.0, 1.0, hint="a share of one")
-    require_number("contrast", contrast, 0.0, 0.45, hint="a share of one")
+    require_number("missing", missing, 0.0, 1.0, hint="a fraction of one")
+    require_number("contrast", contrast, 0.0, 0.45, hint="a fraction of one")
     x, y = _face_mm(sensor, distortion)
-    turn = np.exp(-1j * np.radians(require_number("angle_deg", angle_deg, -360.0, 360.0, hint="degrees")))
-    position = ((x - offset_mm[0]) + 1j * (y - offset_mm[1])) * turn / pitch_mm
+    rotation = np.exp(-1j * np.radians(require_number("angle_deg", angle_deg, -360.0, 360.0, hint="degrees")))
+    position = ((x - offset_mm[0]) + 1j * (y - offset_mm[1])) * rotation / pitch_mm
     column, row = np.rint(position.real).astype(int), np.rint(position.imag).astype(int)
     first = column.min(), row.min()
     board = int(np.ptp(column)) + 1, int(np.ptp(row)) + 1
-    wrong = scatter_mm / pitch_mm * (rng.standard_normal(board) + 1j * rng.standard_normal(board))
-    there = (rng.random(board) >= missing).astype(float)
+    scatter = scatter_mm / pitch_mm * (rng.standard_normal(board) + 1j * rng.standard_normal(board))
+    present = (rng.random(board) >= missing).astype(float)
     cell = column - first[0], row - first[1]
-    distance = pitch_mm * np.abs(position - (column + 1j * row) - wrong[cell])
-    mark = there[cell] * _soft_disc(distance, dot_diameter_mm)
+    distance = pitch_mm * np.abs(position - (column + 1j * row) - scatter[cell])
+    mark = present[cell] * _soft_disc(distance, dot_diameter_mm)
     for _ in range(require_integer("strays", strays, 0, 1000)):
         speck = rng.uniform(x.min(), x.max()), rng.uniform(y.min(), y.max())
         mark = np.maximum(mark, _soft_disc(np.hypot(x - speck[0], y - speck[1]), dot_diameter_mm))
@@ -136,23 +128,23 @@ def ball_frame(
 ) -> TactileImage:
     """A ball pressed into a translucent gel, which is darker where it is thinner.
 
-    Inside the contact the face is the ball's; outside it rises to the untouched level on a smooth slope. The light
-    falls with depth along a curve that bends.
+    Inside the contact the face follows the ball; outside it rises smoothly to the untouched level. The light decreases
+    nonlinearly with depth.
 
     Parameters
     ----------
     sensor
         The camera; its ``mm_per_pixel`` is the true scale in the middle of the frame.
     rng
-        Source of the noise.
+        Random generator of the noise.
     ball_radius_mm
         Radius of the ball, in [0.1, 100] mm.
     depth_mm
-        How deep its lowest point lies below the untouched face, in [0.001, ball_radius_mm] mm.
+        Depth of its lowest point below the untouched face, in [0.001, ball_radius_mm] mm.
     offset_mm
-        Place (x, y) of the ball relative to the frame's middle, mm.
+        Position (x, y) of the ball relative to the frame's middle, mm.
     conforming
-        Radius of the contact over that of the circle in which the ball cuts the untouched face, in [0.1, 0.99].
+        Radius of the contact over that of the circle where the ball cuts the untouched face, in [0.1, 0.99].
     distortion, blur_px
         As for `dot_board_frame`.
 
@@ -165,7 +157,7 @@ def ball_frame(
     require_type("sensor", sensor, Sensor)
     radius = require_number("ball_radius_mm", ball_radius_mm, 0.1, 100.0, hint="millimetres")
     depth = require_number("depth_mm", depth_mm, 1e-3, radius, hint="millimetres")
-    require_number("conforming", conforming, 0.1, 0.99, hint="a share of one")
+    require_number("conforming", conforming, 0.1, 0.99, hint="a fraction of one")
     x, y = _face_mm(sensor, distortion)
     distance = np.hypot(x - offset_mm[0], y - offset_mm[1])
     edge = conforming * np.sqrt(2 * radius * depth - depth**2)
@@ -178,8 +170,8 @@ def ball_frame(
 
 
 def _face_mm(sensor: Sensor, distortion: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where on the face the parts of the pixels look, (x, y) from the frame's middle, mm, shape (rows * PARTS, ...)."""
-    require_number("distortion", distortion, -0.3, 0.3, hint="a share of one")
+    """Positions (x, y) on the face of the parts of pixels from the frame's middle, mm, shape (rows * PARTS, ...)."""
+    require_number("distortion", distortion, -0.3, 0.3, hint="a fraction of one")
     parts = (np.arange(PARTS) + 0.5) / PARTS - 0.5
     x, y = (
         np.add.outer(axis, parts * size).ravel()
@@ -190,7 +182,7 @@ def _face_mm(sensor: Sensor, distortion: float) -> tuple[NDArray[np.float64], ND
 
 
 def _soft_disc(distance_mm: NDArray[np.float64], diameter_mm: float) -> NDArray[np.float64]:
-    """1 in the middle of a disc and 0 outside, with a rim as wide as a sixth of its diameter."""
+    """1 in the middle of a disc and 0 outside, with a rim a sixth of its diameter wide."""
     steepness = 24.0 / diameter_mm
     return np.asarray(1 / (1 + np.exp(np.clip(steepness * (distance_mm - diameter_mm / 2), -50.0, 50.0))))
 
@@ -202,7 +194,7 @@ def _pixels(fine: NDArray[np.float64], sensor: Sensor) -> NDArray[np.float64]:
 def _exposed(
     fraction: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator, blur_px: float, name: str
 ) -> TactileImage:
-    """The frame of a share of the probe's uneven light."""
+    """The frame of a fraction of the probe's uneven light."""
     require_number("blur_px", blur_px, 0.0, 50.0, hint="pixels")
     if blur_px > 0.0:
         fraction = np.asarray(cv2.GaussianBlur(fraction, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE))

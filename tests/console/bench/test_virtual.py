@@ -109,7 +109,7 @@ def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Instrument, mo
 
 def test_too_hard_a_press_names_the_largest_force_which_can_be_pressed(probe: Instrument) -> None:
     with pytest.raises(
-        MechanicsError, match=r"a strain of [0-9.]+; .* holds to 0\.3: choose a force of at most"
+        MechanicsError, match=r"a strain of [0-9.]+; .* is valid to 0\.3: choose a force of at most"
     ) as told:
         probe.hold(role="plain", force_n=4.0, by=ANN)
     sentence = str(told.value)

@@ -129,9 +129,7 @@ def test_a_refused_state_names_its_load_and_the_last_that_was_not_refused() -> N
         potential, first, [20.0, 40.0], refuse=lambda state: "too much" if state.load.force_mn > 20.0 else None
     )
     assert next(path).load.force_mn == 20.0
-    with pytest.raises(
-        MechanicsError, match=r"^too much at 0\.0\d+ N; .* is 0\.02 N: ask for at most that$"
-    ) as refused:
+    with pytest.raises(MechanicsError, match=r"^too much at 0\.0\d+ N; .* is 0\.02 N: choose at most that$") as refused:
         next(path)
     assert 0.02 < float(str(refused.value).split(" ")[3]) <= 0.04
 

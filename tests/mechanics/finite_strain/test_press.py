@@ -203,7 +203,7 @@ def test_one_thick_layer_and_a_wide_inclusion() -> None:
 
 @pytest.mark.slow
 def test_a_load_beyond_the_model_names_the_one_that_is_not() -> None:
-    with pytest.raises(MechanicsError, match=r"the last load that converged is [0-9.e-]+ N: ask for at most that"):
+    with pytest.raises(MechanicsError, match=r"the last load that converged is [0-9.e-]+ N: choose at most that"):
         press_finite(PROBE, PLAIN, force_n=20.0, resolution=COARSE)
 
 

@@ -120,5 +120,5 @@ def test_impossible_spheres_are_refused() -> None:
 
 @pytest.mark.slow
 def test_a_load_beyond_the_model_names_the_one_that_is_not() -> None:
-    with pytest.raises(MechanicsError, match=r"the last load that converged is [0-9.e-]+ N: ask for at most that"):
+    with pytest.raises(MechanicsError, match=r"the last load that converged is [0-9.e-]+ N: choose at most that"):
         squeeze_sphere(PROBE, sphere_radius_mm=1.0, young_kpa=5.0, force_n=5.0, resolution=COARSE)

@@ -79,7 +79,7 @@ class OutputReading:
         require_number("threshold_share", self.threshold_share, 1e-6, 10.0)
 
     def __call__(self, profiles: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
-        """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) with their reference (rings,)."""
+        """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) beside that of plain tissue (rings,)."""
         values, base = require_array("profiles", profiles, ndim=2), require_array("reference", reference, ndim=1)
         rings = len(self.edges_mm) - 1
         if values.shape[1] != rings or base.shape != (rings,):

@@ -172,7 +172,7 @@ class _Watch:
 
     @property
     def tired(self) -> bool:
-        """Whether the validation error has not fallen for ``patience`` steps."""
+        """Whether the validation error has not fallen for too long."""
         return self.worse >= self.patience
 
 
@@ -203,7 +203,7 @@ def train_network(
         ``"scg"``: scaled conjugate gradients (Møller 1993). ``"lm"``: Levenberg-Marquardt as in MINPACK, which needs at
         least as many values in ``targets`` as there are weights.
     iterations
-        Most steps, in [1, 1e6].
+        Steps at most, in [1, 1e6].
     patience
         Steps without a smaller validation error after which training stops, in [1, 1e6].
 

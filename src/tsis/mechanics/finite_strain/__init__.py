@@ -1,8 +1,8 @@
-"""Large deformations: neo-Hookean bodies that slide on one another without friction and may part.
+"""Large deformations: neo-Hookean bodies that slide on one another without friction and may separate.
 
-From the bottom up: the material (`neo_hookean`), bodies of it (`meshed_solid`, `elastic_body`), their shapes
-(`rounded_probe`, `bodies`, `ball_mesh`), contact (`smooth_face`, `obstacle`, `sliding_contact`), their energy and the
-way through the loads (`potential`, `load_path`), and the two arrangements (`probe_on_slab`, `squeezed_sphere`).
+From the bottom up: material (`_neo_hookean`), bodies (`_patches`, `_elastic_body`), meshes (`_meshes`), contact
+(`_surfaces`, `_contact`), energy and load steps (`_potential`, `_load_path`), and the two arrangements
+(`_probe_on_slab`, `_sphere`).
 """
 
 from tsis.mechanics.finite_strain._load_path import State, find_first_contact, follow_load_path

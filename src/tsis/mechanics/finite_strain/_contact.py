@@ -1,9 +1,8 @@
-"""Frictionless unilateral contact between the surface of one body and what it slides on.
+"""Frictionless unilateral contact between the surface of one body and the obstacle that it slides on.
 
-The pressure is a stiff spring of the overlap per reference area of the sliding surface. On each element edge the gap is
-followed at a few points and continued between them by the polynomial through them; the spring's energy is the exact
-integral over the part where that polynomial is negative. So the edge of the contact moves smoothly through an element
-and not from point to point.
+The pressure is a stiff spring of the overlap per reference area of the sliding surface. On each element edge a
+polynomial interpolates the gap between a few points. The spring's energy is the exact integral over the part where
+that polynomial is negative, so the edge of the contact moves smoothly through an element.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 EDGE_ROUNDS = 8
 EXTRA = 4  # points on an edge beyond the element's order
-SAMPLES = 13  # on an edge, between which the pressure's sign is followed
+SAMPLES = 13  # on an edge, to bracket changes of the pressure's sign
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,7 +33,7 @@ class Linearised:
     Attributes
     ----------
     forces
-        By the coordinates (r, z) of its nodes in mN, shape (m,).
+        Forces on the coordinates (r, z) of its nodes in mN, shape (m,).
     matrix
         Tangent in mN/mm, shape (m, m).
     gap_mm, slope
@@ -54,13 +53,13 @@ class ContactSegment:
     Attributes
     ----------
     edge
-        Number of the edge.
+        Index of the edge.
     low, high
         Ends of the closed part, coordinates on the edge in [-1, 1].
     pressure_kpa
-        Force per reference area at the edge's points ``gauss``, shape (count,); a polynomial runs through them.
+        Force per reference area at the edge's points ``gauss``, shape (count,).
     axial
-        Share of it along the axis at the same points, positive into the obstacle's body.
+        Fraction of it along the axis at the same points, positive into the obstacle's body.
     """
 
     edge: int
@@ -71,7 +70,7 @@ class ContactSegment:
 
 
 class SlidingContact:
-    """A surface made of element edges that may touch an obstacle.
+    """A surface of element edges that may touch an obstacle.
 
     Parameters
     ----------
@@ -82,11 +81,11 @@ class SlidingContact:
     order
         Order of the elements, at least 3.
     obstacle
-        What it slides on.
+        The surface that it slides on.
     stiffness
         Pressure per overlap, kPa/mm.
     steering
-        The same for what steers Newton's method between open and closed; much smaller, of the bodies' own stiffness.
+        The same for the open or closed decision in Newton's method; much smaller, of the bodies' own stiffness.
     """
 
     def __init__(
@@ -123,7 +122,7 @@ class SlidingContact:
     def area(
         self, element: NDArray[np.int64], position: NDArray[np.float64], positions: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Area of the ring per unit of the edge's coordinate in mm^2: the reference one, or that at ``positions``."""
+        """Area of the ring per unit of the edge's coordinate in mm^2: reference area, or area at ``positions``."""
         surface = self._reference if positions is None else positions[self.surface]
         values, slopes = lagrange(self._lobatto, position)
         local = surface[element[:, None] * self.order + np.arange(self.order + 1)]
@@ -144,15 +143,14 @@ class SlidingContact:
         return float(self.stiffness / 2 * (area * (values * gaps[element]).sum(axis=1) ** 2).sum())
 
     def pressure(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pressure in kPa that the overlaps at its points mean, shape (k,); negative where the contact is open."""
+        """Pressure in kPa from the overlaps at its points, shape (k,); negative where the contact is open."""
         return -self.stiffness * self._gaps(positions)
 
     def derivatives(self, positions: NDArray[np.float64], pressure: NDArray[np.float64]) -> Linearised:
         """Forces and tangent by the coordinates of ``nodes``, for a ``pressure`` (k,) that is an unknown of its own.
 
-        Newton's method keeps the pressure beside the displacements: where the contact is closed and how it bends the
-        tangent follow from the pressure of the last linear solution, not from an overlap that large steps make
-        meaningless. At the solution both agree.
+        The pressure of the last linear solution decides where the contact is closed and how it bends the tangent. The
+        overlap is meaningless after a large step; at the solution both agree.
         """
         own, here = positions[self.obstacle.nodes], self._shapes @ positions[self.surface]
         gap = self.obstacle.gap(own, here)
@@ -218,7 +216,7 @@ class SlidingContact:
         at, left = np.nonzero(inside[:, 1:] != inside[:, :-1])
         root = self._root(gaps[at], self._samples[left], self._samples[left + 1])
         begin, finish = np.nonzero(inside[:, 0])[0], np.nonzero(inside[:, -1])[0]
-        opens = ~inside[at, left]  # what follows this root is closed
+        opens = ~inside[at, left]  # the contact is closed after this root
         start_at, start = np.append(begin, at[opens]), np.append(np.full(len(begin), -1.0), root[opens])
         stop_at, stop = np.append(finish, at[~opens]), np.append(np.full(len(finish), 1.0), root[~opens])
         first, last = np.lexsort((start, start_at)), np.lexsort((stop, stop_at))
@@ -227,7 +225,7 @@ class SlidingContact:
     def _root(
         self, gaps: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Where polynomials change their sign between ``low`` and ``high``, by regula falsi (Illinois)."""
+        """Roots of the polynomials between ``low`` and ``high``, by regula falsi (Illinois)."""
         if len(low) == 0:
             return low
         powers = gaps @ self._powers.T
@@ -239,8 +237,8 @@ class SlidingContact:
         middle = low
         for _ in range(EDGE_ROUNDS):
             middle = (low * at_high - high * at_low) / (at_high - at_low)
-            result = value(middle)
-            same = (result < 0) == (at_high < 0)
+            at_middle = value(middle)
+            same = (at_middle < 0) == (at_high < 0)
             at_low, low = np.where(same, at_low / 2, at_high), np.where(same, low, high)
-            at_high, high = result, middle
+            at_high, high = at_middle, middle
         return middle

@@ -1,7 +1,7 @@
 """Strain energy, forces and tangent of meshed neo-Hookean bodies, element interiors eliminated element by element.
 
-Total Lagrangian: the operators from displacements to the deformation gradient are computed once. Unknowns are the
-displacements of the skeleton (nodes on the sides of elements) first, then those inside the elements.
+Total Lagrangian: the operators from displacements to the deformation gradient are computed once. The unknown
+displacements of the skeleton (nodes on the sides of elements) come first, then those inside the elements.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
     from tsis.mechanics.finite_strain._patches import Solid
 
 
-FIXED, OWN = -1, -2  # what a node's direction may be instead of moved by a shared unknown
+FIXED, OWN = -1, -2  # node directions without a shared unknown: fixed, or with an unknown of their own
 RADIAL, AXIAL = (RR, RZ, HOOP), (ZR, ZZ)  # components that u_r and u_z act on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Numbering:
-    """Which unknown moves a node: shape (nodes, 2), `FIXED` where none does.
+    """Map from node directions to unknowns.
 
     Attributes
     ----------
     of_node
-        Number of the unknown behind (u_r, u_z) of every node.
+        Index of the unknown for (u_r, u_z) of every node, shape (nodes, 2); `FIXED` where the node cannot move.
     skeleton
-        How many unknowns are not inside an element; they come first.
+        Number of unknowns outside element interiors; they come first.
     total
-        How many unknowns there are.
+        Number of unknowns.
     """
 
     of_node: NDArray[np.int64]
@@ -49,27 +49,18 @@ class Numbering:
 
 
 def number_unknowns(solid: Solid, shared: NDArray[np.int64], shared_count: int) -> Numbering:
-    """Number the unknowns of a mesh.
+    """Number the unknowns of a mesh; the ``shared_count`` shared ones come first.
 
-    Parameters
-    ----------
-    solid
-        The mesh.
-    shared
-        Shape (nodes, 2): `FIXED`, the number of a shared unknown (from 0), or `OWN`.
-    shared_count
-        How many shared unknowns there are; they come first.
+    ``shared`` has shape (nodes, 2): `FIXED`, the index of a shared unknown (from 0), or `OWN`.
     """
-    inner = _inner(solid.order)
+    interior = solid.cells[:, _inner(solid.order)]
     inside = np.zeros(len(solid.nodes), dtype=bool)
-    inside[solid.cells[:, inner]] = True
+    inside[interior] = True
     of_node = shared.copy()
-    own = shared == OWN
-    skeleton = own & ~inside[:, None]
+    skeleton = (shared == OWN) & ~inside[:, None]
     edge_count = int(skeleton.sum())
     of_node[skeleton] = shared_count + np.arange(edge_count)
     first = shared_count + edge_count
-    interior = solid.cells[:, inner]
     of_node[interior] = first + np.arange(interior.size * 2).reshape(*interior.shape, 2)
     return Numbering(of_node=of_node, skeleton=first, total=first + interior.size * 2)
 
@@ -98,7 +89,7 @@ class Tangent:
     gradient
         Deformation gradient at the integration points.
     relief
-        Interior forces times ``rest``, mN mm: what moving the interiors alone adds to the slope of the energy.
+        Interior forces times ``rest``, mN mm: the interiors' part of the slope of the energy.
     """
 
     matrices: NDArray[np.float64]
@@ -110,15 +101,7 @@ class Tangent:
 
 
 class ElasticBody:
-    """Meshed neo-Hookean bodies with numbered unknowns.
-
-    Parameters
-    ----------
-    solid
-        Nodes, elements and materials.
-    numbering
-        The unknowns.
-    """
+    """Meshed neo-Hookean bodies with numbered unknowns."""
 
     def __init__(self, solid: Solid, numbering: Numbering) -> None:
         self.solid, self.numbering = solid, numbering
@@ -140,14 +123,14 @@ class ElasticBody:
         local = displacements[self.solid.cells]
         elements, points, _, count = self._operator.shape
         flat = self._operator.reshape(elements, points * 3, count)
-        outcome = (flat @ local).reshape(elements, points, 3, 2)
+        derivative = (flat @ local).reshape(elements, points, 3, 2)
         result = np.empty((5, elements, points))
-        result[RR], result[RZ], result[HOOP] = outcome[:, :, 0, 0], outcome[:, :, 1, 0], outcome[:, :, 2, 0]
-        result[ZR], result[ZZ] = outcome[:, :, 0, 1], outcome[:, :, 1, 1]
+        result[RR], result[RZ], result[HOOP] = derivative[:, :, 0, 0], derivative[:, :, 1, 0], derivative[:, :, 2, 0]
+        result[ZR], result[ZZ] = derivative[:, :, 0, 1], derivative[:, :, 1, 1]
         return result
 
     def energy(self, displacements: NDArray[np.float64]) -> float:
-        """Strain energy in mN mm; infinite where an element is turned over."""
+        """Strain energy in mN mm; infinite where an element has det F <= 0."""
         density = neo_hookean.energy(self.gradient(displacements), self._mu, self._lam)
         return float(np.sum(density * self.volume))
 
@@ -173,7 +156,7 @@ class ElasticBody:
         return self.volumetric_stress_at(self.gradient(displacements))
 
     def volumetric_stress_at(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The same from the deformation gradient."""
+        """Volumetric stress from the deformation gradient."""
         return neo_hookean.volumetric_stress(gradient, self._lam)
 
     def volumetric_change(
@@ -201,8 +184,8 @@ class ElasticBody:
     def tangent(self, displacements: NDArray[np.float64], pull: NDArray[np.float64] | None = None) -> Tangent:
         """Gradient and tangent, reduced to the skeleton.
 
-        ``pull`` is a volumetric stress (elements, points) in kPa that Newton's method keeps as an unknown of its own:
-        after a large step the true one, which punishes any error in the volume, would bend the tangent beyond use.
+        ``pull`` is a volumetric stress (elements, points) in kPa that is an unknown of its own in Newton's method. The
+        true stress amplifies any error in the volume; after a large step it would spoil the tangent.
         """
         gradient = self.gradient(displacements)
         force = self._element_forces(neo_hookean.stress(gradient, self._mu, self._lam) * self.volume)
@@ -214,10 +197,10 @@ class ElasticBody:
         right = np.concatenate([coupling, -force[:, inner, None]], axis=2)
         solved = np.linalg.solve(matrix[:, inner[:, None], inner], right)
         back, rest = solved[:, :, :-1], solved[:, :, -1]
-        rotated = np.swapaxes(coupling, 1, 2)
+        transposed = np.swapaxes(coupling, 1, 2)
         return Tangent(
-            matrices=matrix[:, outer[:, None], outer] - rotated @ back,
-            forces=force[:, outer] + (rotated @ rest[..., None])[..., 0],
+            matrices=matrix[:, outer[:, None], outer] - transposed @ back,
+            forces=force[:, outer] + (transposed @ rest[..., None])[..., 0],
             back=back,
             rest=rest,
             gradient=gradient,

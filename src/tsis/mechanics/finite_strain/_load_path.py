@@ -1,7 +1,7 @@
-"""Newton's method, and the steps of the load along which it is repeated.
+"""Newton's method, repeated along the steps of the load.
 
-Pressures, of the contacts and of nearly incompressible matter, are unknowns beside the displacements: a large step then
-spoils neither the tangent nor what is closed. A step is shortened when it would turn an element over.
+Pressures of the contacts and of nearly incompressible material are unknowns beside the displacements. A large step
+then spoils neither the tangent nor the set of closed contacts. A step that leads to det F <= 0 is shortened.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from tsis.mechanics.finite_strain._potential import Pressures
 
 
-DECREMENT = 1e-9  # of the stored energy: what Newton's last step may still gain
+DECREMENT = 1e-9  # of the stored energy: largest gain of Newton's last step
+TOUCHING = 1e-1  # the same at the first touch
+ROUGH = 1e-6  # the same between the requested loads
 ROUNDS = 25
 TOUCHES = 12
-MOST_STALLED_STEPS = 5  # Newton steps in which at least one has to be better than all before
+MOST_STALLED_STEPS = 5  # Newton steps without an improvement
 SMALLEST_FRACTION = 1 / 64
-TOUCHING = 1e-1  # the same at the first touch
-ROUGH = 1e-6  # the same between the loads that were asked for
-SMALLEST_STEP = 1e-3  # of the force it would lead to
+SMALLEST_STEP = 1e-3  # of the next force
 FIRST_STEP = 0.35  # of the largest force
 FIRST_GROWTH = 5.0  # of the force at the first touch
 GROWTH = 2.0
-EASY_ROUNDS = 9  # a step that took no more is followed by a larger one
+EASY_ROUNDS = 9  # a step with no more rounds is followed by a larger step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,11 +48,11 @@ class State:
     pressures
         Volumetric stress of the elements and pressures of the contacts, kPa.
     load
-        What holds it.
+        The load in equilibrium.
     model
-        The energy's quadratic model next to it.
+        The energy's quadratic model near the state.
     rounds
-        How many Newton steps led there.
+        Number of Newton steps.
     """
 
     unknowns: NDArray[np.float64]
@@ -70,7 +70,7 @@ def solve_equilibrium(
     *,
     decrement: float = DECREMENT,
 ) -> State | None:
-    """Newton's method from ``start``; None when it does not converge, or to no minimum of the energy."""
+    """Newton's method from ``start``; None without convergence to a minimum of the energy."""
     unknowns, slopes = start, [np.inf]
     if not np.isfinite(potential.stored(unknowns)):
         return None
@@ -86,8 +86,8 @@ def solve_equilibrium(
         ):
             return None
         slopes.append(slope)
-        reached = model.pressures(step)
-        pressures = tuple(old + fraction * (new - old) for old, new in zip(pressures, reached, strict=True))
+        full = model.pressures(step)
+        pressures = tuple(old + fraction * (new - old) for old, new in zip(pressures, full, strict=True))
         unknowns = unknowns + fraction * step
         if slope < decrement * max(abs(potential.energy(unknowns, load)), 1e-9) and fraction == 1.0:
             state = State(unknowns=unknowns, pressures=pressures, load=load, model=model, rounds=count)
@@ -96,7 +96,7 @@ def solve_equilibrium(
 
 
 def _upright(potential: Potential, unknowns: NDArray[np.float64], step: NDArray[np.float64]) -> float | None:
-    """The largest halved share of ``step`` that turns no element over."""
+    """Largest fraction 2**-k of ``step`` with det F > 0 in all elements."""
     fraction = 1.0
     while not potential.upright(unknowns + fraction * step):
         fraction /= 2
@@ -120,45 +120,45 @@ def find_first_contact(
     potential
         Bodies, contacts and travel.
     shifted
-        Unknowns at a given travel when nothing deforms.
+        Unknowns of undeformed bodies at a travel.
     travel_mm
-        Travel to begin with; halved until Newton's method converges and the force stays below ``below_mn``.
+        Initial travel; halved until Newton's method converges and the force stays below ``below_mn``.
     spring
-        Its stiffness, mN/mm.
+        Stiffness of the spring, mN/mm.
     below_mn
         Largest force in mN.
     """
     for _ in range(TOUCHES):
         start = shifted(travel_mm)
-        nothing = tuple(np.zeros_like(pressure) for pressure in potential.pressures(start))
+        zeros = tuple(np.zeros_like(pressure) for pressure in potential.pressures(start))
         load = Load(spring=spring, travel_mm=travel_mm)
-        state = solve_equilibrium(potential, start, nothing, load, decrement=TOUCHING)
+        state = solve_equilibrium(potential, start, zeros, load, decrement=TOUCHING)
         if state is not None and potential.reaction(state.unknowns, load) < below_mn:
             return state
         travel_mm /= 2 if state is None else max(2.0, potential.reaction(state.unknowns, load) / below_mn)
-    raise MechanicsError("the first touch of this press does not converge; ask for another resolution")
+    raise MechanicsError("the first touch of this press does not converge; choose another resolution")
 
 
 def follow_load_path(
     potential: Potential, first: State, forces_mn: Sequence[float], *, refuse: Callable[[State], str | None]
 ) -> Iterator[State]:
-    """Equilibrium at each of the ascending ``forces_mn``, with as many steps between them as it takes.
+    """Equilibrium at each of the ascending ``forces_mn``, with adaptive steps between them.
 
     Parameters
     ----------
     potential
         Bodies, contacts and travel.
     first
-        Where the bodies touch.
+        The first contact.
     forces_mn
         Ascending forces in mN.
     refuse
-        Says why a state lies outside what the model may be used for, or None.
+        Reason why a state lies outside the model's range, or None.
 
     Raises
     ------
     MechanicsError
-        When a load does not converge or is refused; the last load that may be asked for is named.
+        When a load does not converge or is refused; the message names the last valid load.
     """
     state, force, before = first, potential.reaction(first.unknowns, first.load), None
     largest = float(forces_mn[-1])
@@ -175,9 +175,9 @@ def follow_load_path(
                 if step < SMALLEST_STEP * next_force:
                     raise MechanicsError(_last(f"the press does not converge at {next_force / MN_PER_N:.3g} N", force))
                 continue
-            why = refuse(equilibrium)
-            if why is not None:
-                raise MechanicsError(_last(f"{why} at {next_force / MN_PER_N:.3g} N", force))
+            reason = refuse(equilibrium)
+            if reason is not None:
+                raise MechanicsError(_last(f"{reason} at {next_force / MN_PER_N:.3g} N", force))
             step = (next_force - force) * (GROWTH if equilibrium.rounds <= EASY_ROUNDS else 1.0)
             before = state if state is not first else None
             state, force = equilibrium, next_force
@@ -187,7 +187,7 @@ def follow_load_path(
 def _ahead(
     potential: Potential, state: State, before: State | None, force_mn: float
 ) -> tuple[NDArray[np.float64], Pressures]:
-    """A guess for a larger force: the parabola along the tangent through the state before, or the tangent alone."""
+    """Prediction for a larger force: parabola along the tangent through the state before, or the tangent alone."""
     tangent = state.model.solution(potential.travel)
     ahead = force_mn - potential.reaction(state.unknowns, state.load)
 
@@ -206,5 +206,5 @@ def _ahead(
 
 def _last(problem: str, force_mn: float) -> str:
     digits = 10.0 ** (2 - np.floor(np.log10(force_mn)))
-    valid = np.floor(force_mn * digits) / digits / MN_PER_N  # rounded down: asking for it must succeed
-    return f"{problem}; the last load that converged is {valid:.3g} N: ask for at most that"
+    valid = np.floor(force_mn * digits) / digits / MN_PER_N  # rounded down, so that it converges
+    return f"{problem}; the last load that converged is {valid:.3g} N: choose at most that"

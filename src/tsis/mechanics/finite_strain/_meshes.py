@@ -1,4 +1,4 @@
-"""The outline of a probe whose rim is rounded, so that contact at its edge has a direction everywhere."""
+"""Meshes of the probe and of the slab; the probe's rim is rounded, so that contact has a direction everywhere."""
 
 from __future__ import annotations
 
@@ -28,16 +28,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoundedProbe:
-    """A probe with a rounded rim.
+    """A probe with a rounded rim of radius ``fillet_mm``; see `rounded`.
 
-    Places on the outline are lengths in mm along the face of the flat probe, from the axis over the rim up the side.
-
-    Parameters
-    ----------
-    probe
-        The probe.
-    fillet_mm
-        Radius of the rim; see `rounded`.
+    Positions on the outline are arc lengths in mm along the face of the flat probe, from the axis over the rim up the
+    side.
     """
 
     probe: Probe
@@ -50,7 +44,7 @@ class RoundedProbe:
 
     @property
     def middle_mm(self) -> float:
-        """Place of the middle of the rim on the outline, mm."""
+        """Arc length of the middle of the rim, mm."""
         return self.radius_mm - self.fillet_mm * (1 - np.pi / 4)
 
     def points(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -58,20 +52,20 @@ class RoundedProbe:
         return self.bulge(self.flat_points(arc_mm))
 
     def flat_points(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The same before the face is domed."""
+        """Points of the outline before the face is domed."""
         flat, fillet = self.radius_mm - self.fillet_mm, self.fillet_mm
         turn = np.clip((arc_mm - flat) / fillet, 0.0, np.pi / 2)
         up = np.maximum(arc_mm - flat - fillet * np.pi / 2, 0.0)
         return np.column_stack([np.minimum(arc_mm, flat) + fillet * np.sin(turn), -fillet * (1 - np.cos(turn)) - up])
 
     def arc_at(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Places of the face's material points at ``radius_mm``, mm."""
+        """Arc lengths of the face's material points at ``radius_mm``, mm."""
         flat = self.radius_mm - self.fillet_mm
         beyond = np.clip((radius_mm - flat) / self.fillet_mm, 0.0, 1.0)
         return np.asarray(np.minimum(radius_mm, flat) + self.fillet_mm * np.arcsin(beyond))
 
     def radius_at(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Material radius of places on the outline, mm."""
+        """Material radius at arc lengths on the outline, mm."""
         return self.flat_points(arc_mm)[:, 0]
 
     def bulge(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -86,13 +80,13 @@ def rounded(probe: Probe, fillet_mm: float) -> RoundedProbe:
     return RoundedProbe(probe=probe, fillet_mm=min(fillet_mm, probe.layers[0].thickness_mm / 4, probe.radius_mm / 10))
 
 
-SLIDING_MM = 2.0  # width of the fine strip of skin inside the rim, which large loads drag around it
+SLIDING_MM = 2.0  # width of the fine strip of skin inside the rim; large loads drag it around the rim
 SLIDING_FRACTION = 0.3  # of the face's radius at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FiniteResolution:
-    """How fine the meshes of the finite-strain model are.
+    """Mesh density of the finite-strain model.
 
     Parameters
     ----------
@@ -101,11 +95,11 @@ class FiniteResolution:
     fillet_mm
         Radius of the probe's rounded rim; less on thin first layers and small faces. A sharp rim has no solution.
     rim_mm
-        Size of the smallest cells, where the face ends.
+        Size of the smallest cells, at the edge of the face.
     growth
-        Ratio of neighbouring cells away from it.
+        Ratio of neighbouring cells away from the edge.
     largest
-        Size of the largest cell on the face as a share of its radius; half of it is taken on a domed face.
+        Size of the largest cell on a flat face as a fraction of its radius; a domed face has half of it.
     ray_layers, sphere_layers
         Element layers around and inside the inclusion.
     """
@@ -130,7 +124,7 @@ class MeshedProbe:
     face
         Nodes of the face from the axis over the rounded rim up the side, in order.
     arc_mm
-        Place of the face's nodes on the outline, mm.
+        Arc length of the face's nodes on the outline, mm.
     glass
         Nodes on the glass.
     side
@@ -147,14 +141,7 @@ class MeshedProbe:
 def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution: FiniteResolution) -> MeshedProbe:
     """Mesh a probe in three patches that meet inside its rounded rim.
 
-    Parameters
-    ----------
-    shape
-        The probe and its rim.
-    face_lines
-        Element boundaries along the face as shares of its length from the axis to the middle of the rounded rim.
-    resolution
-        Element order and density.
+    ``face_lines`` are the element boundaries as fractions of the arc from the axis to the middle of the rounded rim.
     """
     order, probe, fillet, radius = resolution.order, shape.probe, shape.fillet_mm, shape.radius_mm
     frame = 2 * fillet  # thickness of the strip along face and side
@@ -167,7 +154,7 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     outer = shape.flat_points(along * start)
     inner = np.column_stack([along * corner, np.full_like(along, -frame)])
     below = _shaped(shape, _between(outer, inner, inwards), order)
-    # Along the side: each layer of the probe is a piece of its own.
+    # Along the side: one piece for each layer of the probe.
     ends = np.cumsum([layer.thickness_mm for layer in probe.layers])
     inner_ends, outer_ends = np.concatenate([[frame], ends]), np.concatenate([[0.0], ends - fillet * (1 - np.pi / 4)])
     pieces = [
@@ -180,8 +167,8 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     side_inner = np.column_stack([np.full_like(up, corner), -up])
     side_arc = start + _chain(outer_ends, fractions)
     side_outer = shape.flat_points(side_arc)
-    # Turned, so that direction b runs from layer to layer.
-    rotated = _shaped(shape, np.swapaxes(_between(side_outer, side_inner, inwards), 0, 1), order)
+    # Transposed, so that direction b runs from layer to layer.
+    beside = _shaped(shape, np.swapaxes(_between(side_outer, side_inner, inwards), 0, 1), order)
     core = _shaped(shape, np.stack(np.meshgrid(along * corner, -up, indexing="ij"), axis=-1), order)
     young = np.repeat([layer.young_kpa for layer in probe.layers], counts)
     poisson = np.repeat([layer.poisson for layer in probe.layers], counts)
@@ -190,7 +177,7 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     solid = weld(
         [
             MeshPatch(mesh=below, young_kpa=np.full(rows, first.young_kpa), poisson=np.full(rows, first.poisson)),
-            MeshPatch(mesh=rotated, young_kpa=young, poisson=poisson),
+            MeshPatch(mesh=beside, young_kpa=young, poisson=poisson),
             MeshPatch(mesh=core, young_kpa=young, poisson=poisson),
         ]
     )
@@ -231,9 +218,9 @@ class MeshedSlab:
     solid
         Nodes with z downwards from the skin.
     skin
-        Nodes of the skin from the axis outwards, in order, as far as the probe may reach.
+        Nodes of the skin that the probe can touch, from the axis outwards, in order.
     inclusion
-        Which elements lie in the inclusion.
+        Mask of the elements in the inclusion.
     """
 
     solid: Solid
@@ -259,12 +246,12 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     extent = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
     tissue = {"young_kpa": phantom.young_kpa, "poisson": phantom.poisson}
 
-    def plain(body: LayeredMesh) -> MeshPatch:
+    def tissue_patch(body: LayeredMesh) -> MeshPatch:
         return MeshPatch(mesh=body, **{name: np.full(body.layers, value) for name, value in tissue.items()})
 
     inclusion = phantom.inclusion
     if inclusion is None:
-        solid = weld([plain(mesh_rectangle(lines, depth, order, a_is_radius=True))])
+        solid = weld([tissue_patch(mesh_rectangle(lines, depth, order, a_is_radius=True))])
         return MeshedSlab(
             solid=solid,
             skin=solid.patches[0][: extent * order + 1, 0],
@@ -280,9 +267,9 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     within = mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)
     solid = weld(
         [
-            plain(around),
-            plain(within),
-            plain(mesh_rectangle(far, depth, order, a_is_radius=True)),
+            tissue_patch(around),
+            tissue_patch(within),
+            tissue_patch(mesh_rectangle(far, depth, order, a_is_radius=True)),
         ]
     )
     columns = (len(boundary) - 1) // order

@@ -1,8 +1,8 @@
 """Compressible neo-Hookean rubber in axisymmetry: energy, first Piola stress and tangent of the deformation gradient.
 
-``W = mu/2 (I1 - 3 - 2 ln J) + lambda/2 ln^2 J`` per reference volume. A deformation gradient is kept by its five
-components that axisymmetry leaves: rR, rZ, zR, zZ and the hoop, along the FIRST axis of an array; all functions are
-batched over the others. Stresses come out in the unit of the moduli (kPa).
+``W = mu/2 (I1 - 3 - 2 ln J) + lambda/2 ln^2 J`` per reference volume. An axisymmetric deformation gradient has five
+components: rR, rZ, zR, zZ and the hoop, along the FIRST axis of an array; all functions are batched over the other
+axes. Stresses have the unit of the moduli (kPa).
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ COLUMN = (0, 1, 0, 1)
 
 
 def volume_ratio(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-    """J, the volume now over the reference volume."""
+    """J, the current volume over the reference volume."""
     plane = gradient[RR] * gradient[ZZ] - gradient[RZ] * gradient[ZR]
     return np.asarray(plane * gradient[HOOP])
 
 
 def energy(gradient: NDArray[np.float64], mu: NDArray[np.float64], lam: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Strain energy per reference volume in kPa (mN/mm^2 = mN mm/mm^3); infinite where the material is turned over."""
+    """Strain energy per reference volume in kPa (mN/mm^2 = mN mm/mm^3); infinite where det F <= 0."""
     ratio = volume_ratio(gradient)
     upright = (ratio > 0) & (gradient[HOOP] > 0)
     log = np.log(np.where(upright, ratio, 1.0))
@@ -50,24 +50,24 @@ def tangent(
 ) -> NDArray[np.float64]:
     """Derivative of `stress` by the deformation gradient in kPa, shape (5, 5, ...), symmetric in its first two axes.
 
-    ``pull`` replaces the volumetric stress ``lambda ln J`` where it turns with the material, see `volumetric_stress`.
+    ``pull`` replaces `volumetric_stress` in the geometric part of the tangent.
     """
     inverse = _inverse_transposed(gradient)
-    turn = mu - (volumetric_stress(gradient, lam) if pull is None else pull)
+    geometric = mu - (volumetric_stress(gradient, lam) if pull is None else pull)
     result = lam * inverse[:, None] * inverse[None]
     for i in IN_PLANE:
         for k in IN_PLANE:
             # d(F^-T)_iJ / dF_kL = -(F^-T)_iL (F^-T)_kJ
             crossed = inverse[2 * ROW[i] + COLUMN[k]] * inverse[2 * ROW[k] + COLUMN[i]]
-            result[i, k] += turn * crossed
-    result[HOOP, HOOP] += turn * inverse[HOOP] ** 2
+            result[i, k] += geometric * crossed
+    result[HOOP, HOOP] += geometric * inverse[HOOP] ** 2
     for i in range(5):
         result[i, i] += mu
     return np.asarray(result)
 
 
 def volumetric_stress(gradient: NDArray[np.float64], lam: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``lambda ln J`` in kPa: large against the shear modulus in nearly incompressible rubber, whatever the step."""
+    """``lambda ln J`` in kPa."""
     return np.asarray(lam * np.log(volume_ratio(gradient)))
 
 

@@ -1,4 +1,4 @@
-"""Meshes of bodies that deform by much: patches of quadrilaterals welded together, one list of nodes a body."""
+"""Meshes for large deformations: patches of quadrilaterals welded together, one list of nodes a body."""
 
 from __future__ import annotations
 
@@ -25,15 +25,7 @@ SAME_POINT_MM = 1e-7
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeshPatch:
-    """One logical rectangle of elements and what each of its element layers is made of.
-
-    Attributes
-    ----------
-    mesh
-        Nodes, direction b from element layer to element layer.
-    young_kpa, poisson
-        Of each element layer, shape (layers,).
-    """
+    """One logical rectangle of elements and the material of each element layer, shape (layers,)."""
 
     mesh: LayeredMesh
     young_kpa: NDArray[np.float64]
@@ -49,13 +41,13 @@ class Solid:
     nodes
         Reference positions (r, z) in mm, shape (n, 2).
     cells
-        Nodes of each element, shape (elements, (order + 1)**2), ordered as `element.reference` wants them.
+        Nodes of each element in the order of `reference_element`, shape (elements, (order + 1)**2).
     order
         Polynomial order.
     young_kpa, poisson
         Material of each element.
     patches
-        Node numbers of each welded patch in its logical grid, shape (na, nb) each.
+        Node indices of each welded patch in its logical grid, shape (na, nb).
     """
 
     nodes: NDArray[np.float64]
@@ -66,12 +58,12 @@ class Solid:
     patches: tuple[NDArray[np.int64], ...]
 
     def shifted(self, first: int) -> tuple[NDArray[np.int64], ...]:
-        """Node numbers of the patches when the body's own numbering starts at ``first``."""
+        """Node indices of the patches, counted from ``first``."""
         return tuple(patch + first for patch in self.patches)
 
 
 def weld(patches: Sequence[MeshPatch]) -> Solid:
-    """One body from patches that share nodes where they touch; nodes of collapsed edges become one as well."""
+    """One body from patches: nodes at one position are merged, also those of collapsed edges."""
     positions = np.concatenate([patch.mesh.nodes.reshape(-1, 2) for patch in patches])
     pairs = cKDTree(positions).query_pairs(SAME_POINT_MM, output_type="ndarray")
     links = coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(positions),) * 2)
@@ -85,10 +77,10 @@ def weld(patches: Sequence[MeshPatch]) -> Solid:
         start += grid.size
         numbers.append(grid)
         for layer in range(patch.mesh.layers):
-            result = layer_of(grid, patch.mesh.order, layer)
-            cells.append(result)
-            young.append(np.full(len(result), patch.young_kpa[layer]))
-            poisson.append(np.full(len(result), patch.poisson[layer]))
+            row = layer_of(grid, patch.mesh.order, layer)
+            cells.append(row)
+            young.append(np.full(len(row), patch.young_kpa[layer]))
+            poisson.append(np.full(len(row), patch.poisson[layer]))
     return Solid(
         nodes=nodes,
         cells=np.concatenate(cells),
@@ -100,7 +92,7 @@ def weld(patches: Sequence[MeshPatch]) -> Solid:
 
 
 def join_meshes(solid: Solid, other: Solid) -> Solid:
-    """Two bodies of one order in one list of nodes, not joined: those of ``other`` follow those of ``solid``."""
+    """Two separate bodies of one order in one list of nodes: first ``solid``, then ``other``."""
     first = len(solid.nodes)
     return Solid(
         nodes=np.concatenate([solid.nodes, other.nodes]),

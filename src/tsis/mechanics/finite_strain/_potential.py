@@ -1,4 +1,4 @@
-"""The total energy of bodies in contact, and the Newton step that goes with it."""
+"""The total energy of bodies in contact, and its Newton step."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Load:
-    """What drives the travel: a force, or a stiff spring that is pulled to a travel (then ``force_mn`` is 0)."""
+    """The drive of the travel: a force, or a stiff spring pulled to a travel (then ``force_mn`` is 0)."""
 
     force_mn: float = 0.0
     spring: float = 0.0
@@ -40,9 +40,9 @@ class Quadratic:
     Attributes
     ----------
     gradient
-        By the skeleton's unknowns, mN.
+        Gradient by the skeleton's unknowns, mN.
     factors
-        Of the condensed tangent, its rows and columns permuted.
+        LU factors of the condensed tangent with permuted rows and columns.
     """
 
     gradient: NDArray[np.float64]
@@ -54,23 +54,23 @@ class Quadratic:
 
     def pressures(self, step: NDArray[np.float64]) -> Pressures:
         """Pressures after ``step``, by the linearised gaps, kPa."""
-        result = tuple(-stiffness * contact.gap_mm for stiffness, _, contact in self.contacts)
+        current = tuple(-stiffness * contact.gap_mm for stiffness, _, contact in self.contacts)
         rates = self.pressures_by(step)
         bulk = self.body.volumetric_stress_at(self.elements.gradient)
-        return (bulk + rates[0], *(now + rate for now, rate in zip(result, rates[1:], strict=True)))
+        return (bulk + rates[0], *(now + rate for now, rate in zip(current, rates[1:], strict=True)))
 
     def pressures_by(self, direction: NDArray[np.float64]) -> Pressures:
-        """How the pressures change along ``direction``, kPa."""
-        shifted = np.append(direction, 0.0)
+        """Change of the pressures along ``direction``, kPa."""
+        padded = np.append(direction, 0.0)
         bulk = self.body.volumetric_change(self.elements.gradient, self.body.numbering.displacements(direction))
         return (
             bulk,
-            *(-stiffness * (result.slope @ shifted[touching]) for stiffness, touching, result in self.contacts),
+            *(-stiffness * (contact.slope @ padded[touching]) for stiffness, touching, contact in self.contacts),
         )
 
     @property
     def stable(self) -> bool:
-        """Whether the energy has a minimum there and no saddle: all pivots are positive."""
+        """Whether the energy has a minimum: all pivots are positive."""
         return bool(self.factors.U.diagonal().min() > 0)
 
     def step(self) -> NDArray[np.float64]:
@@ -82,7 +82,7 @@ class Quadratic:
         return float(self.gradient @ step[: len(self.gradient)]) + self.elements.relief
 
     def solution(self, unknown: int) -> NDArray[np.float64]:
-        """What all unknowns do for a unit force on one of the skeleton's, mm/mN."""
+        """Response of all unknowns to a unit force on one of the skeleton's, mm/mN."""
         force = np.zeros(len(self.gradient))
         force[unknown] = 1.0
         return self._complete(self._solve(force), np.zeros_like(self.elements.rest))
@@ -99,24 +99,14 @@ class Quadratic:
 
 
 class Potential:
-    """Elastic bodies, their contacts, and a travel that is driven.
-
-    Parameters
-    ----------
-    body
-        The bodies.
-    contacts
-        What slides on what.
-    travel
-        Number of the unknown that is driven, mm.
-    """
+    """Elastic bodies, their contacts, and the index of the driven unknown ``travel`` (mm)."""
 
     def __init__(self, body: ElasticBody, contacts: Sequence[SlidingContact], travel: int) -> None:
         self.body, self.contacts, self.travel = body, tuple(contacts), travel
         self.size = body.numbering.total
         skeleton = body.numbering.skeleton
         self._touching = [body.numbering.of_node[contact.nodes].ravel() for contact in self.contacts]
-        groups = [body.element_unknowns, *(result[None] for result in self._touching)]
+        groups = [body.element_unknowns, *(unknowns[None] for unknowns in self._touching)]
         rows = np.concatenate([np.repeat(group, group.shape[1], axis=1).ravel() for group in groups])
         columns = np.concatenate([np.tile(group, (1, group.shape[1])).ravel() for group in groups])
         rows, columns = np.append(rows, travel), np.append(columns, travel)
@@ -138,7 +128,7 @@ class Potential:
         return np.asarray(self.body.solid.nodes + self.displacements(unknowns))
 
     def upright(self, unknowns: NDArray[np.float64]) -> bool:
-        """Whether no element is turned over."""
+        """Whether det F > 0 in all elements."""
         return bool(np.isfinite(self.body.energy(self.displacements(unknowns))))
 
     def stored(self, unknowns: NDArray[np.float64]) -> float:
@@ -158,7 +148,7 @@ class Potential:
         return self.stored(unknowns) + load.energy(float(unknowns[self.travel]))
 
     def pressures(self, unknowns: NDArray[np.float64]) -> Pressures:
-        """Pressures that the overlaps of the contacts mean, kPa."""
+        """Volumetric stress and pressures from the overlaps of the contacts, kPa."""
         positions = self.positions(unknowns)
         bulk = self.body.volumetric_stress(self.displacements(unknowns))
         return (bulk, *(contact.pressure(positions) for contact in self.contacts))
@@ -168,14 +158,14 @@ class Potential:
         tangent = self.body.tangent(self.displacements(unknowns), pressures[0])
         positions = self.positions(unknowns)
         skeleton = self.body.numbering.skeleton
-        gradient = np.zeros(skeleton + 1)  # the last one collects what is fixed
+        gradient = np.zeros(skeleton + 1)  # the last entry collects fixed directions
         np.add.at(gradient, self.body.element_unknowns, tangent.forces)
         values, contacts = [tangent.matrices.ravel()], []
         for contact, touching, pressure in zip(self.contacts, self._touching, pressures[1:], strict=True):
-            result = contact.derivatives(positions, pressure)
-            np.add.at(gradient, touching, result.forces)
-            values.append(result.matrix.ravel())
-            contacts.append((contact.stiffness, touching, result))
+            linear = contact.derivatives(positions, pressure)
+            np.add.at(gradient, touching, linear.forces)
+            values.append(linear.matrix.ravel())
+            contacts.append((contact.stiffness, touching, linear))
         gradient = gradient[:-1]
         gradient[self.travel] += load.spring * (unknowns[self.travel] - load.travel_mm) - load.force_mn
         data = np.append(np.concatenate(values), load.spring)[self._cached]
@@ -195,7 +185,7 @@ class Potential:
 
 
 def _ordering(rows: NDArray[np.int64], columns: NDArray[np.int64], size: int) -> NDArray[np.int64]:
-    """An elimination order that keeps the factors sparse."""
+    """An elimination order with sparse factors."""
     ones = csc_array((np.ones(len(rows)), (rows, columns)), shape=(size, size))
     ones.data[:] = -1.0
     ones.setdiag(2.0 * np.diff(ones.indptr))

@@ -27,16 +27,16 @@ def press_finite(
 ) -> PressField:
     """Press a probe on a phantom, with large deformations.
 
-    Probe, tissue and inclusion are neo-Hookean; the tissue is bonded to the chest wall and slides without friction on
-    the face, which it may leave. The face ends in a rim rounded with 0.5 mm (less on thin first layers and small
-    faces); a material radius on the rim is that of the undeformed probe. The field of a phantom with an inclusion is
-    that of plain tissue plus the inclusion's change, the latter computed with and without contrast on one mesh, so that
+    Probe, tissue and inclusion are neo-Hookean. The tissue is bonded to the chest wall; it slides without friction on
+    the face and may leave it. The face ends in a rim rounded with 0.5 mm (less on thin first layers and small faces).
+    A radius on the rim belongs to the undeformed probe. The field of a phantom with an inclusion is the field of tissue
+    without inclusion plus the inclusion's change. The change is computed with and without contrast on one mesh, so
     ``press_finite(p, with) - press_finite(p, without)`` is a converged signal.
 
     Parameters
     ----------
     probe, phantom
-        What presses and what is pressed; an inclusion is a sphere or spheroid on the probe's axis.
+        The probe and the tissue under it; an inclusion is a sphere or spheroid on the probe's axis.
     force_n
         Force in newtons, in [1e-6, 50].
     resolution
@@ -47,8 +47,7 @@ def press_finite(
     InputError
         When a value lies outside its range or the inclusion is not axisymmetric.
     MechanicsError
-        When the load does not converge or strains leave the range of the model; the load that may be asked for is
-        named.
+        When the load does not converge or strains leave the range of the model; the message names the last valid load.
 
     Examples
     --------
@@ -65,7 +64,7 @@ def press_finite(
 def press_path(
     probe: Probe, phantom: Phantom, *, forces_n: Sequence[float], resolution: FiniteResolution | None = None
 ) -> tuple[PressField, ...]:
-    """Fields of `press_finite` at several ascending forces in newtons, on one path; arguments and errors as there."""
+    """Fields of `press_finite` at several ascending forces in newtons, on one load path."""
     reference = _steps(probe, phantom.without_inclusion(), tuple(forces_n), resolution)
     if phantom.inclusion is None:
         return tuple(step.field for step in reference)
@@ -78,7 +77,7 @@ def press_pairs(
 ) -> tuple[tuple[PressField, PressField], ...]:
     """Fields with the inclusion and without it, ON ONE MESH, at several ascending forces in newtons.
 
-    Their difference is the signal; it costs two paths, where two calls of `press_finite` cost three.
+    Their difference is the signal. This costs two load paths; two calls of `press_finite` cost three.
     """
     with_it = _steps(probe, phantom, tuple(forces_n), resolution)
     without = _steps(probe, phantom, tuple(forces_n), resolution, contrast=False)
@@ -88,7 +87,7 @@ def press_pairs(
 def press_steps(
     probe: Probe, phantom: Phantom, *, forces_n: Sequence[float], resolution: FiniteResolution | None = None
 ) -> tuple[FinitePress, ...]:
-    """States of one path on the phantom's own mesh, with their energy and largest stretch; nothing is paired."""
+    """States of one load path on the phantom's own mesh, with their energy and largest stretch."""
     return _steps(probe, phantom, tuple(forces_n), resolution)
 
 
@@ -116,14 +115,14 @@ def _steps(
     softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
     require_enough_force(forces_n[0], softer, probe.radius_mm, lightest=LIGHTEST)
     if phantom.inclusion is not None:
-        shape_on_axis(phantom)  # refuses what does not turn around the axis
-    return _walked(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
+        shape_on_axis(phantom)  # refuses other inclusions
+    return _solve_path(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
 
 
 def require_ascending_forces(forces_n: Sequence[float]) -> None:
-    """Refuse forces in newtons that no path goes through in turn."""
+    """Refuse forces in newtons that are none, out of range or not ascending."""
     if not forces_n:
-        raise InputError("forces_n must hold at least one force; got none")
+        raise InputError("forces_n must contain at least one force; got none")
     for force in forces_n:
         require_number("force_n", force, 1e-6, LARGEST_FORCE_N, hint="newtons")
     if any(later <= earlier for earlier, later in pairwise(forces_n)):
@@ -131,18 +130,18 @@ def require_ascending_forces(forces_n: Sequence[float]) -> None:
 
 
 def require_enough_force(force_n: float, young_kpa: float, radius_mm: float, *, lightest: float) -> None:
-    """Refuse forces at which less touches than the mesh sees, ``lightest`` of modulus times radius squared."""
+    """Refuse forces below ``lightest`` of modulus times radius squared: the mesh does not resolve their contact."""
     least = lightest * young_kpa * radius_mm**2 / MN_PER_N
     if force_n < least:
         raise MechanicsError(
             f"force_n must be at least {least:.2g} here for strain='finite', or the contact is smaller than its mesh; "
-            f"got {force_n:g}: small strain describes it"
+            f"got {force_n:g}: use strain='small'"
         )
 
 
 @lru_cache(maxsize=16)
-def _walked(
+def _solve_path(
     probe: Probe, phantom: Phantom, forces_n: tuple[float, ...], resolution: FiniteResolution, contrast: bool
 ) -> tuple[FinitePress, ...]:
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
         return ProbeOnSlab(probe, phantom, resolution, contrast=contrast).path(forces_n)

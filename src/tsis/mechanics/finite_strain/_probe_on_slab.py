@@ -1,4 +1,4 @@
-"""What a deformed mesh says about the face of the probe: displacement and pressure over the material radius."""
+"""A probe on a slab: its load path, and displacement and pressure over the face's material radius."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from tsis.model import Phantom, Probe
 
 
-PARTS = 24  # of every closed part of an element edge, between which the force is summed up
-PRESSURE_DEGREES_LESS = 2  # than the displacement has: what of the pressure on an edge is not ripple
+PARTS = 24  # of every closed segment of an element edge, to sum up the force
+PRESSURE_DEGREES_LESS = 2  # than the displacement has; higher degrees of the pressure on an edge are ripple
 
 
 def face_displacement_mm(
@@ -43,10 +43,7 @@ def face_displacement_mm(
     *,
     glass_mm: float,
 ) -> NDArray[np.float64]:
-    """Displacement of the face towards the glass at ``radius_mm``, mm; ``glass_mm`` is how far the glass moved.
-
-    Radii on the rounded rim are material points of it: nothing is extrapolated.
-    """
+    """Displacement of the face towards the glass at ``radius_mm``, mm; ``glass_mm`` is the glass's own."""
     weights = face.face.weights(shape.arc_at(radius_mm))[:, 1]
     return np.asarray(glass_mm - weights @ displacements[face.nodes, 1])
 
@@ -60,13 +57,13 @@ def face_pressure_kpa(
 ) -> NDArray[np.float64]:
     """Axial force per area of the undeformed face in kPa, as means around each of ``radius_mm``.
 
-    The means weigh by area and by distance to the neighbours, so that their integral is the force. On each element edge
-    the pressure is reduced to the polynomial that the displacements can resolve, which keeps its integral.
+    The means are weighted by area and by distance to the neighbours, so that their integral is the force. On each
+    element edge the pressure is projected onto the polynomials that the displacements resolve, with the same integral.
     """
     radius, force = _force_within(shape, contact, face, positions)
 
     # The mean of a hat function over the force is a difference of the integrals of "force within a radius".
-    # Between two radii the pressure is taken as even, so the force goes with the square of the radius.
+    # The pressure is constant between two radii, so the force grows with the square of the radius.
     def primitive(cell: NDArray[np.int64], at: NDArray[np.float64]) -> NDArray[np.float64]:
         low, high = radius[cell], radius[cell + 1]
         pressure = (force[cell + 1] - force[cell]) / np.maximum(high**2 - low**2, 1e-12)
@@ -77,8 +74,8 @@ def face_pressure_kpa(
     inside = np.minimum(radius_mm, radius[-1])
     cell = np.clip(np.searchsorted(radius, inside, side="right") - 1, 0, len(radius) - 2)
     total = force[-1]
-    reached = up_to[cell] + primitive(cell, inside) + (radius_mm - inside) * total
-    means = np.diff(reached) / np.diff(radius_mm)
+    integral = up_to[cell] + primitive(cell, inside) + (radius_mm - inside) * total
+    means = np.diff(integral) / np.diff(radius_mm)
     ring = np.concatenate([means, [total]]) - np.concatenate([[0.0], means])
     return np.asarray(ring / hat_areas(radius_mm))
 
@@ -86,7 +83,7 @@ def face_pressure_kpa(
 def _force_within(
     shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Material radii, ascending from 0, and the axial force in mN that the face takes inside each."""
+    """Material radii, ascending from 0, and the axial force in mN on the face inside each radius."""
     gauss, weight = gauss_points(4)
     radii, forces = [np.zeros(1)], [np.zeros(1)]
     for part in contact.pressed(positions):
@@ -109,14 +106,14 @@ def _force_within(
 
 
 SPRING = 1e7  # mN/mm, pulls the bodies together for the first touch
-STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer one of what meets
-STEERING = 20.0  # the same for what steers Newton's method
-TOUCH = 0.02  # travel of the first touch as a share of the slab's or the probe's thickness, the smaller
+STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer body
+STEERING = 20.0  # the same for the open or closed decision in Newton's method
+TOUCH = 0.02  # travel of the first touch as a fraction of the slab's or the probe's thickness, the smaller
 LARGEST_STRETCH = 3.0
-RIM_CELL = 0.8  # largest cell on the rim as a share of its radius
-PULLING = 0.05  # of the mean pressure: more tension says that the mesh does not resolve the contact
+RIM_CELL = 0.8  # largest cell on the rim as a fraction of its radius
+PULLING = 0.05  # of the mean pressure; with more tension the mesh does not resolve the contact
 INNER = 0.9  # of the face's radius; outside it the rounded rim makes the pressure steep
-RIM_FILLETS = 3.0  # distance from the rim in its radii within which strains are those of its rounding
+RIM_FILLETS = 3.0  # zone around the rim in its radii where strains come from its rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -126,11 +123,11 @@ class FinitePress:
     Attributes
     ----------
     field
-        What happens on the probe's face.
+        Displacement and pressure on the probe's face.
     stored_mn_mm
-        Strain energy of probe and tissue and of the contact's springs, mN mm: the work of the force on its way.
+        Strain energy of probe, tissue and the contact's springs, mN mm: the work of the force.
     stretch
-        Largest ratio of a length to its reference length, or of the reference length to it, outside the rounded rim.
+        Largest principal stretch or its inverse outside the rounded rim.
     """
 
     field: PressField
@@ -139,17 +136,7 @@ class FinitePress:
 
 
 class ProbeOnSlab:
-    """A probe on a slab.
-
-    Parameters
-    ----------
-    probe, phantom
-        What presses and what is pressed.
-    resolution
-        Mesh density.
-    contrast
-        False gives the inclusion the tissue's own material, on the same mesh.
-    """
+    """A probe on a slab; ``contrast=False`` gives the inclusion the tissue's own material on the same mesh."""
 
     def __init__(self, probe: Probe, phantom: Phantom, resolution: FiniteResolution, *, contrast: bool = True) -> None:
         if probe.face_curvature_mm is not None:  # the edge of the contact travels over the whole face
@@ -201,18 +188,16 @@ class ProbeOnSlab:
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
     def _deformed(self, travel_mm: float) -> NDArray[np.float64]:
-        """Unknowns when the whole probe moves by ``travel_mm``."""
+        """Unknowns when the whole undeformed probe moves by ``travel_mm``."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[: self._probe_nodes, 1]
         unknowns[axial[axial >= 0]] = travel_mm
         return unknowns
 
     def read(self, state: State, force_n: float) -> FinitePress:
-        """What a state says about the face."""
-        displacements, positions = (
-            self.potential.displacements(state.unknowns),
-            self.potential.positions(state.unknowns),
-        )
+        """Field on the face in a state."""
+        displacements = self.potential.displacements(state.unknowns)
+        positions = self.potential.positions(state.unknowns)
         travel = float(state.unknowns[self.potential.travel])
         radius = np.linspace(0.0, self.shape.radius_mm, FACE_POINTS)
         field = PressField(
@@ -245,21 +230,21 @@ def _refuse_pulling(field: PressField) -> None:
 
 
 def largest_stretch(potential: Potential, state: State, elements: NDArray[np.bool_]) -> float:
-    """Largest ratio of a length to its reference length, or of the reference length to it, in some ``elements``."""
+    """Largest principal stretch or its inverse in ``elements``."""
     gradient = potential.body.gradient(potential.displacements(state.unknowns))[:, elements]
     stretches = neo_hookean.principal_stretches(gradient)
     return float(max(stretches.max(), (1 / stretches).max()))
 
 
 def stretch_problem(stretch: float, largest: float) -> str | None:
-    """Why a state is no answer of this model, or None."""
+    """Reason why a state lies outside the model's range, or None."""
     if stretch <= largest:
         return None
-    return f"lengths change {stretch:.2g} times, more than the {largest:g} that this model is good for,"
+    return f"lengths change {stretch:.2g} times, more than {largest:g}, the limit of this model,"
 
 
 def _away_from_rim(centres: NDArray[np.float64], shape: RoundedProbe) -> NDArray[np.bool_]:
-    """Which elements lie outside the neighbourhood of the rounded rim, where strains are those of the rounding."""
+    """Mask of the elements outside the neighbourhood of the rounded rim."""
     probe = shape.probe
     on_probe = np.array([probe.radius_mm, -float(probe.sag_mm(probe.radius_mm))])
     on_skin = np.array([probe.radius_mm, 0.0])

@@ -1,4 +1,4 @@
-"""A ball as a mesh: a square core around its centre and rings of elements between the core and its surface."""
+"""A sphere squeezed between a plate and the probe; its mesh is a square core with rings of elements around it."""
 
 from __future__ import annotations
 
@@ -37,28 +37,15 @@ if TYPE_CHECKING:
     from tsis.mechanics.finite_strain._load_path import State
 
 
-CORE = 0.5  # half the core's side as a share of the radius
+CORE = 0.5  # half the core's side as a fraction of the radius
 
 
 def mesh_ball(
     *, radius_mm: float, young_kpa: float, poisson: float, order: int, cells: int, rings: int
 ) -> tuple[Solid, NDArray[np.int64]]:
-    """Mesh a ball that rests with its pole (0, 0) on a face, its centre at z = radius.
+    """Mesh a ball with its pole (0, 0) on a face and its centre at z = radius; see `SphereResolution`.
 
-    Parameters
-    ----------
-    radius_mm, young_kpa, poisson
-        The ball.
-    order
-        Order of the elements.
-    cells
-        Elements along an eighth of the circle.
-    rings
-        Element layers between core and surface.
-
-    Returns
-    -------
-    The body, and the nodes of its surface from the pole at z = 0 to the other pole.
+    Returns the body, and the nodes of its surface from the pole at z = 0 to the other pole.
     """
     side = CORE * radius_mm
     centre = np.array([0.0, radius_mm])
@@ -87,17 +74,17 @@ def mesh_ball(
     return solid, solid.patches[0][:, 0]
 
 
-LIGHTEST = 3e-4  # force over modulus times radius squared, below which the contact is smaller than its mesh
-TOUCH = 0.02  # travel of the first touch as a share of the sphere's radius
-WIDEST_CONTACT = 0.6  # radius of the sphere as a share of the face's: what spreads stays on the face
+LIGHTEST = 3e-4  # force over modulus times radius squared; below it the mesh does not resolve the contact
+TOUCH = 0.02  # travel of the first touch as a fraction of the sphere's radius
+WIDEST_CONTACT = 0.6  # radius of the sphere as a fraction of the face's, so that the contact stays on the face
 LARGEST_STRETCH = 4.0
-FIT_DEGREE = 3  # of the polynomial in r^2 that the square of the pressure is fitted with
+FIT_DEGREE = 3  # of the polynomial in r^2 fitted to the square of the pressure
 FIT_POINTS = 12  # on each closed part of an element edge
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SphereResolution:
-    """How fine the meshes are.
+    """Mesh density of sphere and probe.
 
     Parameters
     ----------
@@ -130,11 +117,11 @@ class SpherePress:
     peak_pressure_kpa
         Pressure on the axis, per deformed area, from an even fit of its square over the contact.
     field
-        What happens on the probe's face, over its material radius.
+        Displacement and pressure on the probe's face, over its material radius.
     stored_mn_mm
-        Strain energy of sphere and probe and of the contacts' springs, mN mm.
+        Strain energy of sphere, probe and the contacts' springs, mN mm.
     stretch
-        Largest ratio of a length to its reference length, or of the reference length to it.
+        Largest principal stretch or its inverse.
     """
 
     approach_mm: float
@@ -159,7 +146,7 @@ def squeeze_sphere(
     Parameters
     ----------
     probe
-        The probe; its glass stands still.
+        The probe; its glass is fixed.
     sphere_radius_mm, young_kpa, poisson
         The sphere, neo-Hookean; its radius is at most 0.6 of the face's.
     force_n
@@ -172,8 +159,7 @@ def squeeze_sphere(
     InputError
         When a value lies outside its range.
     MechanicsError
-        When the load does not converge or strains leave the range of the model; the load that may be asked for is
-        named.
+        When the load does not converge or strains leave the range of the model; the message names the last valid load.
     """
     (result,) = squeeze_path(
         probe,
@@ -195,7 +181,7 @@ def squeeze_path(
     forces_n: Sequence[float],
     resolution: SphereResolution | None = None,
 ) -> tuple[SpherePress, ...]:
-    """Results of `squeeze_sphere` at several ascending forces in newtons, on one path; arguments, errors as there."""
+    """Results of `squeeze_sphere` at several ascending forces in newtons, on one load path."""
     require_type("probe", probe, Probe)
     require_number(
         "sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST_CONTACT * probe.radius_mm, hint="0.6 of the face's radius"
@@ -205,7 +191,7 @@ def squeeze_path(
     require_ascending_forces(forces_n)
     softer = min(young_kpa, probe.layers[0].young_kpa)
     require_enough_force(forces_n[0], softer, sphere_radius_mm, lightest=LIGHTEST)
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
         press = SphereOnProbe(probe, sphere_radius_mm, young_kpa, poisson, resolution or SphereResolution())
         return press.path(forces_n)
 
@@ -243,7 +229,7 @@ class SphereOnProbe:
         self.face = SoftFace(curve, meshed.face)
         softer = min(young_kpa, probe.layers[0].young_kpa)
         stiffness = (STIFFNESS * softer, STEERING * softer)
-        extent = (2 * len(surface) // 3) // order * order + 1  # each contact may climb past the equator
+        extent = (2 * len(surface) // 3) // order * order + 1  # each contact may pass the equator
         nodes = solid.nodes
         self.contact = SlidingContact(nodes, surface[:extent] + self._first, order, self.face, *stiffness)
         above = SlidingContact(
@@ -273,7 +259,7 @@ class SphereOnProbe:
         return stretch_problem(largest_stretch(self.potential, state, self._everywhere), LARGEST_STRETCH)
 
     def read(self, state: State, force_n: float) -> SpherePress:
-        """What a state says."""
+        """Contact and field in a state."""
         displacements = self.potential.displacements(state.unknowns)
         positions = self.potential.positions(state.unknowns)
         radius = np.linspace(0.0, self.shape.radius_mm, FACE_POINTS)
@@ -300,12 +286,12 @@ class SphereOnProbe:
         for part in self.contact.pressed(positions):
             gauss, weight = np.polynomial.legendre.leggauss(FIT_POINTS)
             position = (part.high + part.low + (part.high - part.low) * gauss) / 2
-            numbers = np.full(FIT_POINTS, part.edge)
-            area = self.contact.area(numbers, position, positions)
+            edges = np.full(FIT_POINTS, part.edge)
+            area = self.contact.area(edges, position, positions)
             nominal = self.contact.between(position) @ part.pressure_kpa
-            pressures.append(nominal * self.contact.area(numbers, position) / area)
+            pressures.append(nominal * self.contact.area(edges, position) / area)
             areas.append(weight * area * (part.high - part.low) / 2)
-            radii.append(self.contact.points(numbers, position, positions)[:, 0])
+            radii.append(self.contact.points(edges, position, positions)[:, 0])
             end = self.contact.points(np.array([part.edge]), np.array([part.high]), positions)
             edge = max(edge, float(end[0, 0]))
         squared = np.concatenate(radii) ** 2 / edge**2
@@ -316,7 +302,7 @@ class SphereOnProbe:
 
 
 def _lines(probe: Probe, radius_mm: float, size: float) -> NDArray[np.float64]:
-    """Element boundaries along the face as shares: even under the sphere, coarser beyond it."""
+    """Element boundaries along the face as fractions of its radius: even under the sphere, coarser beyond it."""
     even = int(np.ceil(min(1.4 * radius_mm, 0.8 * probe.radius_mm) / size))
     near = size * np.arange(even + 1)
     far = near[-1] + graded(probe.radius_mm - near[-1], 2 * size, 2.0, probe.radius_mm / 3)

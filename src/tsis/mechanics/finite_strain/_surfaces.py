@@ -1,9 +1,8 @@
-"""A twice differentiable curve through the nodes of a face, for other bodies to slide on.
+"""A twice differentiable curve through the nodes of a face, as an obstacle for other bodies.
 
-Faces of finite elements have kinks between elements, and a closest point jumps across a kink. Here the undeformed
-outline is followed as it is, and its displacement is the cubic spline nearest to the elements' displacement in the mean
-over the face's area. So the curve is linear in the nodes' positions, and a smooth pressure reaches the nodes as the
-elements themselves would take it.
+Faces of finite elements have kinks between elements, and a closest point jumps across a kink. The curve is the exact
+undeformed outline plus a cubic spline: the least-squares fit to the elements' displacement over the face's area. So
+the curve is linear in the nodes' positions, and the nodal forces of a smooth pressure are consistent.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ if TYPE_CHECKING:
 DEGREE = 3
 OUTLINE_POINTS = 4001
 CLOSEST_ROUNDS = 12
-START_POINTS = 5  # between two nodes, where the search for the closest point may start
+START_POINTS = 5  # between two nodes: candidates to start the search for the closest point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosestPoints:
-    """Closest points of a curve, and how they follow its nodes.
+    """Closest points of a curve and the curve's derivatives there.
 
     Attributes
     ----------
@@ -53,16 +52,16 @@ class ClosestPoints:
 
 
 class SmoothFace:
-    """The curve of a face from the axis outwards; the body lies at smaller z, or where the curve comes from.
+    """The curve of a face from the axis outwards; the body lies at smaller z.
 
     Parameters
     ----------
     parameter
-        Place of each node on the outline, ascending from 0 on the axis, mm, shape (n,).
+        Arc length of each node on the outline, ascending from 0 on the axis, mm, shape (n,).
     order
-        Order of the elements that end on the face.
+        Order of the elements at the face.
     outline
-        The undeformed outline: points (r, z) in mm at given places, shape (k, 2).
+        The undeformed outline: points (r, z) in mm at arc lengths, shape (k, 2).
     """
 
     def __init__(
@@ -92,34 +91,34 @@ class SmoothFace:
 
     def closest(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> ClosestPoints:
         """Points of the curve closest to ``points`` (k, 2), the curve's nodes lying at ``positions``."""
-        shifted = positions - self._nodes
-        controls = np.stack([self._controls[i] @ shifted[:, i] for i in (0, 1)], axis=1)
+        nodal = positions - self._nodes
+        controls = np.stack([self._controls[i] @ nodal[:, i] for i in (0, 1)], axis=1)
         displaced = BSpline(self._knots, controls, DEGREE)
         shifts = (displaced, displaced.derivative(1), displaced.derivative(2))
 
         def curve(position: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
             return np.asarray(self._shape[nu](position) + shifts[nu](position))
 
-        starts = self._start_shape + np.einsum("skn,nk->sk", self._start_weights, shifted)
+        starts = self._start_shape + np.einsum("skn,nk->sk", self._start_weights, nodal)
         distance = ((points[:, None] - starts) ** 2).sum(axis=2)
-        index = self._starts[distance.argmin(axis=1)]
+        arc = self._starts[distance.argmin(axis=1)]
         extent = self.end / len(self._starts)
         for _ in range(CLOSEST_ROUNDS):
-            away, slope, bend = points - curve(index, 0), curve(index, 1), curve(index, 2)
+            away, slope, bend = points - curve(arc, 0), curve(arc, 1), curve(arc, 2)
             residual = (away * slope).sum(axis=1)
             steep = (slope**2).sum(axis=1)
             curvature = np.maximum(steep - (away * bend).sum(axis=1), 0.1 * steep)
             step = np.clip(residual / curvature, -extent, extent)
-            # The axis may be crossed: the curve goes on mirrored. The outer end may not.
-            there = np.minimum(index + step, self.end)
-            done = np.abs(there - index).max(initial=0.0) < 1e-13 * self.end
-            index = there
+            # A step may cross the axis, where the curve continues mirrored, but not the outer end.
+            there = np.minimum(arc + step, self.end)
+            done = np.abs(there - arc).max(initial=0.0) < 1e-13 * self.end
+            arc = there
             if done:
                 break
-        slope = curve(index, 1)
+        slope = curve(arc, 1)
         normal = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1)[:, None]
-        gap = ((points - curve(index, 0)) * normal).sum(axis=1)
-        return ClosestPoints(parameter=index, gap_mm=gap, normal=normal, slope=slope, bend=curve(index, 2))
+        gap = ((points - curve(arc, 0)) * normal).sum(axis=1)
+        return ClosestPoints(parameter=arc, gap_mm=gap, normal=normal, slope=slope, bend=curve(arc, 2))
 
 
 def _projection(
@@ -127,7 +126,7 @@ def _projection(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Knots of the spline, and matrices (2, controls, nodes) from nodal (r, z) to its controls.
 
-    The least squares over the area of the face; r is odd across the axis and z is even.
+    Least squares over the area of the face; r is odd across the axis and z is even.
     """
     ends = parameter[::order]
     spans = max(1, order // 2)
@@ -156,7 +155,7 @@ def _projection(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gaps:
-    """Signed gaps of k points and their derivatives by the m unknown coordinates that they depend on.
+    """Signed gaps of k points and their derivatives by m coordinates.
 
     Attributes
     ----------
@@ -174,7 +173,7 @@ class Gaps:
 
 
 class Obstacle(Protocol):
-    """What a surface slides on."""
+    """A surface that other bodies slide on."""
 
     nodes: NDArray[np.int64]
 
@@ -201,11 +200,11 @@ class SoftFace:
         self.face, self.nodes = face, nodes
 
     def gap(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Signed distance of ``points`` (k, 2) in mm, positive outside."""
+        """See `Obstacle`."""
         return self.face.closest(positions, points).gap_mm
 
     def normals(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Outward unit normals at the feet of ``points``, shape (k, 2)."""
+        """See `Obstacle`."""
         return self.face.closest(positions, points).normal
 
     def differentiate(
@@ -217,31 +216,32 @@ class SoftFace:
     ) -> Gaps:
         """Exact first and second derivatives of the closest-point gap.
 
-        With the curve ``y(t)``, its normal n, ``m = |y'|^2``, ``k = n y''`` and ``D = m - g k``: the gap changes by
-        ``n (dx - dy)``, and twice by ``-(k/m a a + a b + b a + g b b)/D`` with ``a = y' (dx - dy)``, ``b = n dy'``.
+        With the curve ``y(t)``, its normal n, ``m = |y'|^2``, ``k = n y''`` and ``D = m - g k``: the gap's first
+        variation is ``n (dx - dy)``, its second ``-(k/m a a + a b + b a + g b b)/D`` with ``a = y' (dx - dy)`` and
+        ``b = n dy'``.
         """
         foot = self.face.closest(positions, points)
-        here, there = self.face.weights(foot.parameter), self.face.weights(foot.parameter, 1)
+        weights, slopes = self.face.weights(foot.parameter), self.face.weights(foot.parameter, 1)
         count, slaves, own = len(points), shapes.shape[1], len(self.nodes)
-        relative = np.zeros((count, slaves + own, 2, 2))  # of the point to its foot: direction, moved coordinate
-        turning = np.zeros((count, slaves + own, 2, 2))
+        relative = np.zeros((count, slaves + own, 2, 2))  # of the point to its foot: direction, coordinate
+        rotation = np.zeros((count, slaves + own, 2, 2))
         for i in (0, 1):
             relative[:, :slaves, i, i] = shapes
-            relative[:, slaves:, i, i] = -here[:, i]
-            turning[:, slaves:, i, i] = there[:, i]
+            relative[:, slaves:, i, i] = -weights[:, i]
+            rotation[:, slaves:, i, i] = slopes[:, i]
         flat = (count, (slaves + own) * 2)
         slope = np.einsum("ksdi,kd->ksi", relative, foot.normal).reshape(flat)
         a = np.einsum("ksdi,kd->ksi", relative, foot.slope).reshape(flat)
-        b = np.einsum("ksdi,kd->ksi", turning, foot.normal).reshape(flat)
+        b = np.einsum("ksdi,kd->ksi", rotation, foot.normal).reshape(flat)
         metric = (foot.slope**2).sum(axis=1)
         bend = (foot.normal * foot.bend).sum(axis=1)
-        fraction = force / (metric - foot.gap_mm * bend)
-        mixed = a.T @ (fraction[:, None] * b)
+        weight = force / (metric - foot.gap_mm * bend)
+        mixed = a.T @ (weight[:, None] * b)
         curvature = -(
-            a.T @ ((fraction * bend / metric)[:, None] * a)
+            a.T @ ((weight * bend / metric)[:, None] * a)
             + mixed
             + mixed.T
-            + b.T @ ((fraction * foot.gap_mm)[:, None] * b)
+            + b.T @ ((weight * foot.gap_mm)[:, None] * b)
         )
         return Gaps(gap_mm=foot.gap_mm, slope=slope, curvature=curvature)
 
@@ -252,20 +252,20 @@ class Plate:
     Parameters
     ----------
     node
-        A point of the list of nodes that belongs to no element; its displacement along z is the plate's travel.
+        A node without elements; its displacement along z is the plate's travel.
     height_mm
-        Where the plate is before it travels, mm.
+        Initial position of the plate, mm.
     """
 
     def __init__(self, node: int, height_mm: float) -> None:
         self.nodes, self._height = np.array([node]), height_mm
 
     def gap(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Signed distance of ``points`` (k, 2) in mm, positive outside."""
+        """See `Obstacle`."""
         return np.asarray(self._height - positions[0, 1] - points[:, 1])
 
     def normals(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Outward unit normals at the feet of ``points``, shape (k, 2)."""
+        """See `Obstacle`."""
         return np.tile([0.0, -1.0], (len(points), 1))
 
     def differentiate(

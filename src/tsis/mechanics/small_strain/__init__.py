@@ -1,4 +1,4 @@
-"""Presses at small strain: layers condensed onto the face, and contact that may open."""
+"""Presses at small strain: layers condensed onto the face, and unilateral contact."""
 
 from tsis.mechanics.small_strain._bodies import Resolution
 from tsis.mechanics.small_strain._contact import PartialContact

@@ -1,4 +1,4 @@
-"""The probe, reduced to its compliance on the contact face, and how fine its mesh is."""
+"""Probe and slab, condensed to their compliance on the contact face."""
 
 from __future__ import annotations
 
@@ -29,27 +29,27 @@ if TYPE_CHECKING:
     from tsis.model import Probe
 
 
-LARGEST_CELL_MM = 4.0  # what lies a centimetre under a large face bends it over a centimetre
+LARGEST_CELL_MM = 4.0  # an inclusion a centimetre deep bends the face over a centimetre
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resolution:
-    """How fine the meshes are.
+    """Mesh density of the small-strain model.
 
     Parameters
     ----------
     order
         Polynomial order of the elements.
     edge
-        Size of the smallest cell, at the singular edge of the contact, as a share of the face's radius.
+        Size of the smallest cell, at the singular edge of the contact, as a fraction of the face's radius.
     growth
         Ratio of neighbouring cells away from the edge.
     largest
-        Size of the largest cell on the face as a share of its radius.
+        Size of the largest cell on the face as a fraction of its radius.
     below_cells
         Cells along the chest wall under the inclusion.
     ray_layers
-        Fewest element layers between the inclusion and the block that holds it; small inclusions get more.
+        Fewest element layers between the inclusion and the side of its block; small inclusions get more.
     ray_ratio
         Largest ratio of distances from the inclusion's centre across one of these layers.
     sphere_layers
@@ -83,8 +83,8 @@ def face_of(radius_mm: float, resolution: Resolution, central_mm: float = np.inf
 def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArray[np.float64]:
     """Normal displacement of the face's nodes by normal forces on them in mm/mN, shape (n, n).
 
-    The glass is bonded and fixed. Only normal displacements of the face survive the condensation: the contact is
-    frictionless, so tangential ones are free. A rim that is bonded to the housing does not move at all.
+    The glass is bonded and fixed. The contact is frictionless, so tangential displacements of the face are free and
+    eliminated. A rim that is bonded to the housing is fixed.
     """
     depth, young, poisson = [np.zeros(1)], [], []
     finest = resolution.edge * probe.radius_mm
@@ -104,32 +104,32 @@ def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArra
     dofs[0, :, 0] = FIXED  # the axis
     if probe.sides == "bonded":
         dofs[-1] = FIXED
-    save = np.arange(count)
-    swept = condense_layers(
-        body, dofs, save=save, young_kpa=np.array(young[::-1]), poisson=np.array(poisson[::-1])
-    ).restrict(save)
+    retain = np.arange(count)
+    condensed = condense_layers(
+        body, dofs, retain=retain, young_kpa=np.array(young[::-1]), poisson=np.array(poisson[::-1])
+    ).restrict(retain)
     compliance = np.zeros((count, count))
-    compliance[np.ix_(swept.dofs, swept.dofs)] = np.linalg.inv(swept.stiffness)
-    compliance.flags.writeable = False  # one array for everybody who asks
+    compliance[np.ix_(condensed.dofs, condensed.dofs)] = np.linalg.inv(condensed.stiffness)
+    compliance.flags.writeable = False  # shared through the cache
     return compliance
 
 
 def _bulged(nodes: NDArray[np.float64], probe: Probe) -> NDArray[np.float64]:
-    """Bend the layers to the dome: every layer keeps its share of the thickness, the glass stays flat."""
+    """Bend the layers to the dome in proportion to their thickness; the glass stays flat."""
     radius, depth = nodes[..., 0], nodes[..., 1]
     fraction = 1 - probe.sag_mm(radius) / probe.thickness_mm
     return np.stack([radius, probe.thickness_mm - (probe.thickness_mm - depth) * fraction], axis=-1)
 
 
 class Slab:
-    """Plain tissue of unit modulus around the block that an inclusion may occupy, condensed once.
+    """Tissue of unit modulus around the block that an inclusion may occupy, condensed once.
 
     Parameters
     ----------
     thickness_mm, poisson
         The slab, bonded to a rigid chest wall below.
     face
-        The face that presses it.
+        The contact face.
     block_mm
         Least radius of the block around the axis in which inclusions are meshed.
     resolution
@@ -140,7 +140,7 @@ class Slab:
         self, *, thickness_mm: float, poisson: float, face: Face, block_mm: float, resolution: Resolution
     ) -> None:
         self.thickness_mm, self.poisson, self.face, self.resolution = thickness_mm, poisson, face, resolution
-        # Cut off where neither the face nor the thickness is felt any more: 4 thicknesses leave 0.1 %.
+        # At the outer radius the influence of the face has decayed: 4 thicknesses leave 0.1 %.
         edge = float(face.lines[-1])
         outer, finest = max(10 * edge, 4 * thickness_mm), resolution.edge * edge
         beyond = outer_lines(edge, outer, finest=finest, growth=resolution.growth)
@@ -155,22 +155,22 @@ class Slab:
 
     @cached_property
     def _far(self) -> tuple[Condensate, NDArray[np.int64]]:
-        """Tissue outside the block, and the numbers of the block's side, shape (depths, 2)."""
+        """Tissue outside the block, and the degrees of freedom of the block's side, shape (depths, 2)."""
         body, dofs = self._strip(self._far_lines, self._contacts)
-        return self._sweep(body, dofs, np.arange(self._contacts)), dofs[:, -1]
+        return self._condense(body, dofs, np.arange(self._contacts)), dofs[:, -1]
 
     @cached_property
     def compliance(self) -> NDArray[np.float64]:
-        """Compliance of the face in mm/mN, (n, n), of plain tissue of 1 kPa, on a mesh that knows of no inclusion."""
+        """Compliance of the face in mm/mN, (n, n), on tissue of 1 kPa, on a mesh without inclusion."""
         far, side = self._far
         body, dofs = self._strip(self._block_lines, 1 + max(int(far.dofs.max()), int(side.max())))
         dofs[:, 0] = side
         dofs[:, -1, 0] = FIXED  # the axis
         faces = np.arange(self._contacts)
-        return _inverse(self._sweep(body, dofs, faces, start=far).restrict(faces))
+        return _inverse(self._condense(body, dofs, faces, start=far).restrict(faces))
 
     def _strip(self, lines: NDArray[np.float64], first: int) -> tuple[LayeredMesh, NDArray[np.int64]]:
-        """The whole depth between two radii, swept inwards, its displacements numbered from ``first``."""
+        """The whole depth between two radii, layered inwards, its displacements numbered from ``first``."""
         body = mesh_rectangle(self._depth, lines[::-1], self.resolution.order, a_is_radius=False)
         depths, radii, _ = body.nodes.shape
         dofs = first + np.arange(depths * radii * 2).reshape(depths, radii, 2)
@@ -178,18 +178,18 @@ class Slab:
         self._number_contacts(body.nodes[0, :, 0], dofs[0, :, 1])
         return body, dofs
 
-    def _sweep(
+    def _condense(
         self,
         body: LayeredMesh,
         dofs: NDArray[np.int64],
-        save: NDArray[np.int64],
+        retain: NDArray[np.int64],
         *,
         start: Condensate = EMPTY,
         poisson: float | None = None,
     ) -> Condensate:
         """Condense a part of the slab; all of it has unit modulus."""
         ratio = np.full(body.layers, self.poisson if poisson is None else poisson)
-        return condense_layers(body, dofs, save=save, young_kpa=np.ones(body.layers), poisson=ratio, start=start)
+        return condense_layers(body, dofs, retain=retain, young_kpa=np.ones(body.layers), poisson=ratio, start=start)
 
     def _number_contacts(self, radius: NDArray[np.float64], normal: NDArray[np.int64]) -> None:
         """Give the face's nodes among ``radius`` their shared numbers (in place)."""
@@ -230,21 +230,21 @@ class Slab:
         self._number_contacts(boundary[: top + 1, 0], dofs[: top + 1, 0, 1])
         dofs[[0, -1], :, 0] = FIXED  # the axis
         faces = np.arange(self._contacts)
-        around = self._sweep(outer, dofs, faces, start=far)
+        around = self._condense(outer, dofs, faces, start=far)
         inner = mesh_inside(boundary, shape, order, layers=self.resolution.sphere_layers)
         core = int(dofs.max()) + 1 + np.arange(count * inner.nodes.shape[1] * 2).reshape(count, -1, 2)
         core[:, 0, 0], core[:, 0, 1] = FIXED, core[0, 0, 1]  # the centre is one node on the axis
         core[[0, -1], :, 0] = FIXED
         core[:, -1] = dofs[:, -1]
-        nothing = np.zeros(0, dtype=np.int64)
-        ball = self._sweep(inner, core, nothing, poisson=poisson)
-        same = ball if poisson == self.poisson else self._sweep(inner, core, nothing)
-        return SlabWithInclusion(around=around, ball=ball, tissue_ball=same, faces=faces)
+        none = np.zeros(0, dtype=np.int64)
+        ball = self._condense(inner, core, none, poisson=poisson)
+        tissue_ball = ball if poisson == self.poisson else self._condense(inner, core, none)
+        return SlabWithInclusion(around=around, ball=ball, tissue_ball=tissue_ball, faces=faces)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlabWithInclusion:
-    """A slab of unit modulus with an inclusion whose modulus is still open."""
+    """A slab of unit modulus with an inclusion of any modulus."""
 
     around: Condensate
     ball: Condensate
@@ -257,11 +257,11 @@ class SlabWithInclusion:
 
     @cached_property
     def tissue_compliance(self) -> NDArray[np.float64]:
-        """Compliance of plain tissue on the SAME mesh: the baseline that does not manufacture signal."""
+        """Compliance of tissue without inclusion on the SAME mesh: a baseline without mesh error in the signal."""
         return _inverse((self.around + self.tissue_ball).restrict(self.faces))
 
     def change(self, contrast: float) -> NDArray[np.float64]:
-        """What the inclusion changes about the compliance."""
+        """Change of the compliance by the inclusion."""
         return self.compliance(contrast) - self.tissue_compliance
 
 

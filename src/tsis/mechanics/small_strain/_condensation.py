@@ -1,9 +1,9 @@
-"""Static condensation, layer by layer: a body becomes the stiffness of the few displacements that others share.
+"""Static condensation, layer by layer: a body becomes the stiffness of the few displacements common with others.
 
-A `Condensate` is a dense symmetric stiffness over numbered degrees of freedom. Bodies are swept one element layer at
-a time: the layer is added, everything that no later layer and no neighbour needs is eliminated (Schur complement).
-The answer equals that of one large sparse solve; it costs a few dense solves of about a hundred unknowns instead.
-Where each number goes depends on the numbering alone and not on the shape: `CondensationStep` is computed once.
+A `Condensate` is a dense symmetric stiffness over numbered degrees of freedom. Each step adds one element layer and
+eliminates the displacements that neither a later layer nor a neighbour needs (Schur complement). The result equals
+one large sparse solve but costs only a few dense solves of about a hundred unknowns. The indices of a
+`CondensationStep` depend only on the numbering, not on the shape, and are computed once.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Condensate:
     stiffness: NDArray[np.float64]
 
     def __add__(self, other: Condensate) -> Condensate:
-        """Two bodies joined where they share degrees of freedom."""
+        """Two bodies joined at their common degrees of freedom."""
         dofs = np.union1d(self.dofs, other.dofs)
         total = np.zeros((len(dofs), len(dofs)))
         here, there = np.searchsorted(dofs, self.dofs), np.searchsorted(dofs, other.dofs)
@@ -48,7 +48,7 @@ class Condensate:
         return Condensate(dofs=self.dofs, stiffness=factor * self.stiffness)
 
     def restrict(self, dofs: NDArray[np.int64]) -> Condensate:
-        """Eliminate everything but ``dofs``, on which no force acts from elsewhere."""
+        """Eliminate all degrees of freedom but ``dofs``; no force acts on the eliminated ones."""
         selected = np.isin(self.dofs, dofs)
         out, stay = np.flatnonzero(~selected), np.flatnonzero(selected)
         if not out.size:
@@ -58,12 +58,12 @@ class Condensate:
 
 
 def _eliminate(matrix: NDArray[np.float64], first: int) -> NDArray[np.float64]:
-    """Schur complement that is left when the ``first`` degrees of freedom are eliminated."""
-    # LAPACK and BLAS themselves: for matrices this small, what is wrapped around them costs as much as they do.
+    """Schur complement after the ``first`` degrees of freedom are eliminated."""
+    # Direct calls of LAPACK: for matrices this small, wrappers cost as much as the computation.
     factor, failed = dpotrf(matrix[:first, :first], lower=1)
     if failed:
         raise np.linalg.LinAlgError("a body's stiffness must be positive definite; it is not")
-    # A triangular solve would be shorter, but SciPy's holds the interpreter's lock, and slabs are solved in threads.
+    # No triangular solve: SciPy's does not release the interpreter lock, and slabs are solved in threads.
     root = dtrtri(factor, lower=1, overwrite_c=1)[0] @ matrix[:first, first:]
     return np.asarray(matrix[first:, first:] - root.T @ root)
 
@@ -75,7 +75,7 @@ def condense_layers(
     mesh: LayeredMesh,
     dofs: NDArray[np.int64],
     *,
-    save: NDArray[np.int64],
+    retain: NDArray[np.int64],
     young_kpa: NDArray[np.float64],
     poisson: NDArray[np.float64],
     start: Condensate = EMPTY,
@@ -87,9 +87,9 @@ def condense_layers(
     mesh
         The body.
     dofs
-        Number of each displacement, shape (na, nb, 2); `FIXED` where it is zero, equal numbers where tied.
-    save
-        Numbers that survive wherever they occur; those of the last layer's far side survive too.
+        Index of each displacement, shape (na, nb, 2); `FIXED` where it is zero, equal indices where tied.
+    retain
+        Degrees of freedom to retain, in addition to those of the last layer's far side.
     young_kpa, poisson
         Material of each layer, shape (layers,).
     start
@@ -102,69 +102,68 @@ def condense_layers(
         elements.reshape(-1, count, 2), mesh.order, np.repeat(young_kpa, columns), np.repeat(poisson, columns)
     )
     rims = _without_interior(matrices, mesh.order).reshape(mesh.layers, -1)
-    transported = start.stiffness
-    steps = _steps(mesh.order, dofs.shape, dofs.tobytes(), save.tobytes(), start.dofs.tobytes())
+    condensed = start.stiffness
+    steps = _steps(mesh.order, dofs.shape, dofs.tobytes(), retain.tobytes(), start.dofs.tobytes())
     for step, values in zip(steps, rims, strict=True):
-        # One slot more than the matrix has, for everything that is fixed.
+        # The last slot, beyond the matrix, collects fixed displacements.
         flat = np.bincount(step.element_slots, weights=values, minlength=step.size**2 + 1)[:-1].astype(float)
-        flat[step.transferred_slots] += transported.ravel()
-        total = flat.reshape(step.size, step.size)
-        transported = _eliminate(total, step.eliminated)
-    return Condensate(dofs=steps[-1].dofs, stiffness=transported)
+        flat[step.condensed_slots] += condensed.ravel()
+        condensed = _eliminate(flat.reshape(step.size, step.size), step.eliminated)
+    return Condensate(dofs=steps[-1].dofs, stiffness=condensed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CondensationStep:
-    """Where the numbers of one element layer go: into a matrix whose first rows are eliminated.
+    """Assembly of one element layer into a matrix whose first rows are eliminated.
 
     Attributes
     ----------
     size, eliminated
-        Rows of the matrix, and how many of them are eliminated.
+        Number of rows of the matrix and of eliminated rows.
     element_slots
-        Place of each entry of the layer's elements in the flat matrix; the one behind its end where it is fixed.
-    transferred_slots
-        Place of each entry of what was carried here.
+        Index of each entry of the layer's elements in the flat matrix; ``size**2`` where it is fixed.
+    condensed_slots
+        Index of each entry of the stiffness from the previous step.
     dofs
-        What is carried on, ascending.
+        Degrees of freedom after the step, ascending.
     """
 
     size: int
     eliminated: int
     element_slots: NDArray[np.int64]
-    transferred_slots: NDArray[np.int64]
+    condensed_slots: NDArray[np.int64]
     dofs: NDArray[np.int64]
 
 
 @lru_cache(maxsize=64)
 def _steps(
-    order: int, shape: tuple[int, int, int], dofs: bytes, save: bytes, start: bytes
+    order: int, shape: tuple[int, int, int], dofs: bytes, retain: bytes, start: bytes
 ) -> tuple[CondensationStep, ...]:
-    """The steps of a sweep; the arrays come as bytes, by which they are remembered."""
-    numbers, selected = np.frombuffer(dofs, dtype=np.int64).reshape(shape), np.frombuffer(save, dtype=np.int64)
-    transported = np.frombuffer(start, dtype=np.int64)
+    """The steps of a condensation; the arrays are bytes, so that they can be cache keys."""
+    indices, retained = np.frombuffer(dofs, dtype=np.int64).reshape(shape), np.frombuffer(retain, dtype=np.int64)
+    condensed = np.frombuffer(start, dtype=np.int64)
     steps = []
     for index in range((shape[1] - 1) // order):
-        layer = layer_of(numbers, order, index).reshape(-1, 2 * (order + 1) ** 2)[:, _rim(order)]
-        last = numbers[:, (index + 1) * order].ravel()
-        present = np.union1d(layer, transported)
+        layer = layer_of(indices, order, index).reshape(-1, 2 * (order + 1) ** 2)[:, _rim(order)]
+        last = indices[:, (index + 1) * order].ravel()
+        present = np.union1d(layer, condensed)
         present = present[present != FIXED]
-        stays = np.isin(present, np.concatenate([selected, last]))
+        stays = np.isin(present, np.concatenate([retained, last]))
         ordered = np.concatenate([present[~stays], present[stays]])
         size, position = len(ordered), np.argsort(ordered)
         there = position[np.minimum(np.searchsorted(present, layer), size - 1)]
         slots = there[:, :, None] * size + there[:, None, :]
         fixed = layer == FIXED
         slots[fixed[:, :, None] | fixed[:, None, :]] = size * size
-        here = position[np.searchsorted(present, transported)]
-        transported = present[stays]
+        here = position[np.searchsorted(present, condensed)]
+        condensed = present[stays]
         steps.append(
             CondensationStep(
                 size=size,
                 eliminated=int(np.count_nonzero(~stays)),
                 element_slots=slots.ravel(),
-                transferred_slots=(here[:, None] * size + here).ravel(),
-                dofs=transported,
+                condensed_slots=(here[:, None] * size + here).ravel(),
+                dofs=condensed,
             )
         )
     return tuple(steps)
@@ -183,7 +182,7 @@ def _without_interior(matrices: NDArray[np.float64], order: int) -> NDArray[np.f
 
 @cache
 def _rim(order: int) -> NDArray[np.int64]:
-    """Positions, among an element's displacements, of those on its sides."""
+    """Indices of the displacements on an element's sides."""
     inner = np.zeros((order + 1, order + 1, 2), dtype=bool)
     inner[1:-1, 1:-1] = True
     return np.flatnonzero(~inner.ravel())

@@ -1,7 +1,7 @@
-"""Contact that can open: which nodes of a face touch, and with what force.
+"""Unilateral contact: the closed nodes of a face and their forces.
 
-The bodies are condensed onto the face, so contact is a small linear complementarity problem: at each node either the
-gap is closed and pushes, or it is open and nothing acts. With a positive definite compliance it has one solution.
+The bodies are condensed onto the face, so contact is a small linear complementarity problem: at each node the gap is
+closed with a force >= 0, or open without force. With a positive definite compliance it has one solution.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ MOST_STALLED_EXCHANGES = 3  # exchanges of all wrong nodes without progress befo
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContactDiagnostics:
-    """How a contact was found.
+    """Diagnostics of `unilateral_contact`.
 
     Attributes
     ----------
     closed
         Whether each node touches, shape (n,).
     gap_mm
-        Gap that is left at each node, shape (n,), mm; zero where closed.
+        Remaining gap at each node, shape (n,), mm; zero where closed.
     iterations
-        Linear solves.
+        Number of linear solves.
     """
 
     closed: NDArray[np.bool]
@@ -53,9 +53,9 @@ def unilateral_contact(
 ) -> tuple[NDArray[np.float64], ContactDiagnostics]:
     """Nodal forces when two bodies approach each other and may touch but not pull.
 
-    Finds ``f >= 0`` and ``gap = C f + gap_mm - approach_mm >= 0`` with ``f * gap = 0`` node by node, by block principal
-    pivoting (Judice and Pires 1994): solve for the nodes taken as closed, exchange those whose force or gap is
-    negative. When exchanging all of them stops helping, the last one alone is exchanged, which always ends.
+    Solves ``f >= 0`` and ``gap = C f + gap_mm - approach_mm >= 0`` with ``f * gap = 0`` node by node. Block principal
+    pivoting (Judice and Pires 1994) solves for the closed nodes and exchanges those with a negative force or gap. When
+    this makes no progress, it exchanges only the last of them, which always terminates.
 
     Parameters
     ----------
@@ -71,19 +71,19 @@ def unilateral_contact(
     force : ndarray
         Nodal forces, mN, shape (n,), >= 0.
     diagnostics : ContactDiagnostics
-        The nodes that touch, and the gaps.
+        The closed nodes and the gaps.
 
     Raises
     ------
     InputError
-        When the shapes do not belong together.
+        When the shapes do not match.
     MechanicsError
-        When no contact is found, which a positive definite compliance excludes.
+        When there is no solution, which a positive definite compliance excludes.
 
     Examples
     --------
-    >>> force, found = unilateral_contact([[2.0, 1.0], [1.0, 2.0]], [0.0, 3.0], 1.0)
-    >>> force.tolist(), found.gap_mm.tolist()
+    >>> force, contact = unilateral_contact([[2.0, 1.0], [1.0, 2.0]], [0.0, 3.0], 1.0)
+    >>> force.tolist(), contact.gap_mm.tolist()
     ([0.5, 0.0], [0.0, 2.5])
     """
     matrix = require_array("compliance", compliance, ndim=2)
@@ -92,23 +92,23 @@ def unilateral_contact(
     if matrix.shape != (gap.size, gap.size):
         raise InputError(f"compliance must have shape ({gap.size}, {gap.size}), as gap_mm has; got {matrix.shape}")
     overlap = approach - gap
-    closed, fewest, timeouts = overlap > 0, gap.size + 1, MOST_STALLED_EXCHANGES
+    closed, fewest, attempts = overlap > 0, gap.size + 1, MOST_STALLED_EXCHANGES
     for iteration in range(1, 100 + 10 * gap.size):
         force = np.zeros(gap.size)
         force[closed] = np.linalg.solve(matrix[np.ix_(closed, closed)], overlap[closed])
-        left = np.where(closed, 0.0, matrix @ force - overlap)
-        wrong = (force < -ROUNDING * np.abs(force).max()) | (left < -ROUNDING * np.abs(overlap).max())
+        rest = np.where(closed, 0.0, matrix @ force - overlap)
+        wrong = (force < -ROUNDING * np.abs(force).max()) | (rest < -ROUNDING * np.abs(overlap).max())
         count = int(np.count_nonzero(wrong))
         if count == 0:
-            return np.maximum(force, 0.0), ContactDiagnostics(closed=closed, gap_mm=left, iterations=iteration)
+            return np.maximum(force, 0.0), ContactDiagnostics(closed=closed, gap_mm=rest, iterations=iteration)
         if count < fewest:
-            fewest, timeouts = count, MOST_STALLED_EXCHANGES
+            fewest, attempts = count, MOST_STALLED_EXCHANGES
         else:
-            timeouts -= 1
-        if timeouts < 0:
+            attempts -= 1
+        if attempts < 0:
             wrong[: np.flatnonzero(wrong)[-1]] = False
         closed = closed ^ wrong
-    raise MechanicsError("compliance must be symmetric positive definite for a contact to exist; none was found")
+    raise MechanicsError("compliance must be symmetric positive definite for a contact to exist; the search failed")
 
 
 PULL = 1e-6  # pressures this far below zero, relative to the mean, are rounding
@@ -116,18 +116,18 @@ PULL = 1e-6  # pressures this far below zero, relative to the mean, are rounding
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PartialContact:
-    """One contact.
+    """A contact over the face or a part of it.
 
     Attributes
     ----------
     force
         Forces on the face's nodes, mN, shape (n,).
     pressure_kpa
-        Mean pressures around the radii asked for.
+        Mean pressures around the radii of `FaceContact`.
     approach_mm
         Travel since first touch.
     radius_mm
-        Where the contact ends; the face's radius when it covers the face, NaN when it opens inside.
+        Radius of the contact; the face's radius when it covers the face, NaN when it opens inside.
     """
 
     force: NDArray[np.float64]
@@ -154,16 +154,16 @@ class PartialContact:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FullContact:
-    """All contacts that cover the face: ``shape + force * unit``, the force being at least ``force_mn``.
+    """All contacts that cover the face: ``shape + force * unit`` at a force of at least ``force_mn``.
 
     Attributes
     ----------
     unit
-        What each newton adds.
+        Contact by one newton.
     shape
-        What a dome's gap adds, in equilibrium with itself; None when the face is flat.
+        Self-equilibrated contact by a dome's gap; None when the face is flat.
     force_mn
-        Force that makes the contact reach the rim, mN; 0 when the face is flat.
+        Force at which the contact covers the face, mN; 0 when the face is flat.
     """
 
     unit: PartialContact
@@ -172,12 +172,12 @@ class FullContact:
 
 
 class FaceContact:
-    """The contact face of one probe, and everything about it that no tissue changes.
+    """The contact face of one probe, with all values that do not depend on the tissue.
 
     Parameters
     ----------
     probe, face
-        The probe, whose undeformed gap it is, and the mesh of its face.
+        The probe and the mesh of its face.
     radius_mm
         Radii from 0 to the edge around which pressures are averaged, shape (k,).
     """
@@ -196,18 +196,18 @@ class FaceContact:
         Parameters
         ----------
         compliance
-            Of both bodies together on the face's nodes, mm/mN, shape (n, n).
+            Compliance of both bodies together on the face's nodes, mm/mN, shape (n, n).
         force_mn
             Total force, mN, > 0.
         split
-            The same, with the tissue's half-space split off; a domed face needs it.
+            The same with the tissue's half-space split off; a domed face needs it.
         """
         touch = self._closed(compliance, force_mn) if split is None else self._domed(compliance, split, force_mn)
         pull = -PULL * force_mn / (np.pi * self.probe.radius_mm**2)
         return touch if touch.pressure_kpa[self.inner].min() >= pull else self._opening(compliance, force_mn)
 
     def covering(self, compliance: NDArray[np.float64], split: disc_contact.Elastic | None = None) -> FullContact:
-        """The contacts that cover the face, whether or not the tissue would have to pull; arguments as for `touch`."""
+        """The contacts that cover the face, also with tension; arguments as for `touch`."""
         unit = self._closed(compliance, MN_PER_N)
         if split is None:
             return FullContact(unit=unit, shape=None, force_mn=0.0)
@@ -216,11 +216,11 @@ class FaceContact:
         return FullContact(unit=unit, shape=self._of_disc(whole) + unit * (-force_mn / MN_PER_N), force_mn=force_mn)
 
     def closed_pressure(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean pressures of nodal forces of a contact that covers the face; columns are mapped one by one."""
+        """Mean pressures from nodal forces of a contact that covers the face; ``force`` may have columns."""
         return self._closed_pressure @ force
 
     def _closed(self, compliance: NDArray[np.float64], force_mn: float) -> PartialContact:
-        """The whole face travels by one amount."""
+        """The contact when the whole face travels by one amount."""
         force = np.asarray(np.linalg.solve(compliance, np.ones(len(compliance))), dtype=float)
         approach = force_mn / force.sum()
         force *= approach
@@ -235,7 +235,7 @@ class FaceContact:
         edge = self.probe.radius_mm
         whole = disc_contact.on_disc(split, self._whole_disc, edge)
         rest = force_mn - float(whole.force.sum())
-        if rest >= 0:  # once the rim touches, more force presses a closed face
+        if rest >= 0:  # the contact covers the face
             touch = self._of_disc(whole)
             return touch + self._closed(compliance, rest) if rest else touch
         return self._of_disc(disc_contact.under_force(split, self.face, self.probe.sag_mm, force_mn, largest=whole))
@@ -259,17 +259,17 @@ class FaceContact:
         return self._disc_means(self.probe.radius_mm)
 
     def _disc_means(self, disc_mm: float) -> NDArray[np.float64]:
-        """Mean pressures by 1 kPa of each term on a disc of radius ``disc_mm``, shape (k, terms)."""
+        """Mean pressures from 1 kPa of each term on a disc of radius ``disc_mm``, shape (k, terms)."""
         angle, weight = disc_contact.disc_points(self.radius_mm, disc_mm, 3)
         inside = disc_mm * np.sin(angle)
         area = 2 * np.pi * inside * disc_mm * np.cos(angle) * weight
         return means(self.radius_mm, inside, area, disc_contact.regular_terms(angle))
 
     def _opening(self, compliance: NDArray[np.float64], force_mn: float) -> PartialContact:
-        """Contact anywhere: pressures linear between the nodes and never negative, gaps closed in their mean."""
+        """Contact anywhere: pressures >= 0 and linear between the nodes, gaps closed in their mean."""
         area, nodal, gap = self._opening_loads
-        item = nodal / area  # nodal forces of 1 mN on each node's hat
-        response = item.T @ compliance @ item
+        unit = nodal / area  # nodal forces of 1 mN on each node's hat
+        response = unit.T @ compliance @ unit
 
         def push(approach: float) -> NDArray[np.float64]:
             return unilateral_contact(response, gap / area, approach)[0]
@@ -280,12 +280,12 @@ class FaceContact:
                 far *= 2
             approach = float(brentq(lambda travel: push(travel).sum() - force_mn, 0.0, far, xtol=1e-12 * far))
         else:
-            approach = force_mn / float(push(1.0).sum())  # all flat contacts are alike
+            approach = force_mn / float(push(1.0).sum())  # flat contacts are proportional
         hat_force = push(approach)
         inside, ring = ring_points(np.union1d(self.radius_mm, self.face.radius_mm))
         values = hats(self.face.radius_mm, inside) @ (hat_force / area)
         return PartialContact(
-            force=item @ hat_force,
+            force=unit @ hat_force,
             pressure_kpa=means(self.radius_mm, inside, ring, values[:, None])[:, 0],
             approach_mm=approach,
             radius_mm=np.nan,
@@ -293,7 +293,7 @@ class FaceContact:
 
     @cached_property
     def _opening_loads(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Of each node's hat: its area, its nodal forces at 1 kPa (n, n), and the gap weighted by it."""
+        """Area of each node's hat, its nodal forces at 1 kPa (n, n), and the gap weighted by it."""
         inside, ring = ring_points(self.face.radius_mm)
         weighted = ring[:, None] * hats(self.face.radius_mm, inside)
         return weighted.sum(axis=0), self.face.interpolation(inside).T @ weighted, self.probe.sag_mm(inside) @ weighted

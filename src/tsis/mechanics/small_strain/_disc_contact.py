@@ -1,13 +1,13 @@
-"""Contact over a disc whose edge lies anywhere: no node decides where it ends.
+"""Contact over a disc whose edge need not lie on a node.
 
 Inside the disc of radius a the pressure is ``sqrt(1 - s**2)`` times a polynomial in ``s**2``, s = r / a, as it is under
-every smooth body (Hertz is the constant). Demanding that the gap is closed in the mean, weighted by each of these
-pressures and by ``1 / sqrt(1 - s**2)`` too, is the stationarity of the energy, the last of them its stationarity by a:
-the contact ends where the pressure runs out.
+every smooth body (Hertz is the constant). The mean gap, weighted by each of these pressures and by
+``1 / sqrt(1 - s**2)``, is zero: the energy is stationary. The last condition is its stationarity by a: the pressure
+vanishes at the edge.
 
-What a half-space answers to these pressures is known exactly (Copson 1947), and no mesh resolves the kink at an edge
-that lies inside its elements. So the compliance is split: the half-space exactly, and what layers, walls, inclusion
-and probe change about it, which is smooth, by the difference of two compliances from ONE mesh.
+A half-space's response to these pressures has a closed form (Copson 1947), and no mesh resolves the kink at an edge
+inside an element. So the compliance has two parts: the exact half-space, and the smooth change of it by layers, walls,
+inclusion and probe, the difference of two compliances from ONE mesh.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 
 TERMS = 10  # polynomials in s**2
-POINTS = 28  # Gauss points over the disc, which integrate all terms to rounding,
-FEWEST = 13  # and between two lines of the face
-SMALLEST = np.log(1e-3)  # of the contact radius that is looked for, as a share of the face's
-FORCE_POWER = 2.7  # of the radius that the force grows with; 3 under a rigid dome on a half-space
+POINTS = 28  # Gauss points over the disc; they integrate all terms to rounding
+FEWEST = 13  # Gauss points between two lines of the face
+SMALLEST = np.log(1e-3)  # smallest contact radius over the face's
+FORCE_POWER = 2.7  # power of the radius in the force; 3 under a rigid dome on a half-space
 STEPS = 60
 ROUNDING = 1e-11  # of the force
 TINY = 1e-300
@@ -42,12 +42,12 @@ TINY = 1e-300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DiscContact:
-    """A contact that ends at ``radius_mm``.
+    """A contact over a disc.
 
     Attributes
     ----------
     radius_mm
-        Where the pressure runs out.
+        Radius of the disc; the pressure vanishes there.
     terms
         Factors of the pressure's terms, kPa, shape (terms,).
     force
@@ -74,9 +74,9 @@ class Elastic:
     Attributes
     ----------
     half_space
-        Compliance ``(1 - nu**2) / E`` in 1/kPa of the half-space that is answered exactly.
+        Compliance ``(1 - nu**2) / E`` of the exact half-space, 1/kPa.
     smooth
-        Compliance of the face's nodes, mm/mN, shape (n, n), of both bodies, less that of the half-space.
+        Compliance of both bodies less that of the half-space on the face's nodes, mm/mN, shape (n, n).
     """
 
     half_space: float
@@ -85,14 +85,14 @@ class Elastic:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loads:
-    """What each term of the pressure does on a disc; the last column is the one that is infinite at its edge.
+    """Loads by each term of the pressure on a disc; the last column belongs to the term that is infinite at its edge.
 
     Attributes
     ----------
     nodal
-        Nodal forces by 1 kPa, shape (n, terms + 1).
+        Nodal forces from 1 kPa, shape (n, terms + 1).
     total
-        Whole force by 1 kPa, shape (terms + 1,).
+        Total force from 1 kPa, shape (terms + 1,).
     gap
         Undeformed gap weighted by the term, mm mN/kPa, shape (terms + 1,).
     """
@@ -103,7 +103,7 @@ class Loads:
 
 
 def loads(face: Face, gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64]], radius_mm: float) -> Loads:
-    """Integrate the terms over a disc, in the angle arcsin(r / a), in which even its edge is smooth."""
+    """Integrate the terms over a disc, in the angle arcsin(r / a), which makes the edge smooth."""
     cells = int(np.count_nonzero(face.lines < radius_mm))
     angle, weight = disc_points(face.lines, radius_mm, max(FEWEST, POINTS // cells))
     fraction = np.sin(angle)
@@ -119,7 +119,7 @@ def loads(face: Face, gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64
 def disc_points(
     lines: NDArray[np.float64], radius_mm: float, points: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gauss points and weights in the angle arcsin(r / a), between the ``lines`` that lie on the disc."""
+    """Gauss points and weights in the angle arcsin(r / a), between the ``lines`` on the disc."""
     ends = np.arcsin(np.append(lines[lines < radius_mm], radius_mm) / radius_mm)
     x, w = gauss_points(points)
     half = np.diff(ends)[:, None] / 2
@@ -132,7 +132,7 @@ def regular_terms(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def on_disc(contact: Elastic, on: Loads, radius_mm: float) -> DiscContact:
-    """The contact that ends at ``radius_mm``, whatever force that takes."""
+    """The contact of radius ``radius_mm`` at any force."""
     response = on.nodal.T @ contact.smooth @ on.nodal[:, :-1]
     response += contact.half_space * radius_mm**3 * half_space_response()
     solution = np.asarray(np.linalg.solve(np.column_stack([response, -on.total]), -on.gap), dtype=float)
@@ -152,8 +152,8 @@ def under_force(
     *,
     largest: DiscContact,
 ) -> DiscContact:
-    """The contact that carries ``force_mn``, less than what ``largest``, the contact of the whole face, carries."""
-    # Secants in the logarithms, in which Hertz's law is a line; `largest` is the first point on it.
+    """The contact under ``force_mn``, less than the force of ``largest``, the contact of the whole face."""
+    # Secant method in the logarithms, where Hertz's law is a line; `largest` is the first point.
     log_force = np.log(force_mn)
     before, excess_before = 0.0, float(np.log(largest.force.sum()) - log_force)
     here = -excess_before / FORCE_POWER
@@ -167,39 +167,39 @@ def under_force(
             break
         before, here, excess_before = here, here - excess * (here - before) / (excess - excess_before), excess
     raise MechanicsError(
-        f"force_n must be large enough for a contact that the mesh sees; {force_mn / MN_PER_N:g} N touch less than "
+        f"force_n must be large enough for the mesh to resolve the contact; {force_mn / MN_PER_N:g} N touch less than "
         f"{radius:.2g} mm; choose a larger force"
     )
 
 
 @cache
 def half_space_response() -> NDArray[np.float64]:
-    """Work of each term's pressure (rows) on what each regular one displaces, for a = 1 and (1 - nu**2) / E = 1.
+    """Work of each term's pressure (rows) on each regular term's displacement, for a = 1 and (1 - nu**2) / E = 1.
 
-    With the Abel transforms h of both it is 8 times the integral of their product from 0 to a; (terms + 1, terms).
+    It is 8 times the integral of the product of their Abel transforms from 0 to a; shape (terms + 1, terms).
     """
     t, weight = _unit_points(2 * TERMS + 2)
     regular = _abel_transforms(t)
-    every = np.column_stack([regular, np.full_like(t, np.pi / 2)])
-    return np.asarray(8 * every.T @ (weight[:, None] * regular))
+    transforms = np.column_stack([regular, np.full_like(t, np.pi / 2)])
+    return np.asarray(8 * transforms.T @ (weight[:, None] * regular))
 
 
 def displaced_outside(disc: DiscContact, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Displacement of a half-space of (1 - nu**2) / E = 1 / kPa around the contact, at ``radius_mm`` beyond it, mm."""
+    """Displacement of a half-space of (1 - nu**2) / E = 1 / kPa outside the contact, at ``radius_mm``, mm."""
     t, weight = _unit_points(4 * TERMS)
-    angle, turn = np.pi * t / 2, np.pi * weight / 2
+    angle, angle_weight = np.pi * t / 2, np.pi * weight / 2
     fraction = np.sin(angle)
     transform = disc.radius_mm * (_abel_transforms(fraction) @ disc.terms)
-    far = np.sqrt((radius_mm[:, None] / disc.radius_mm) ** 2 - fraction**2)
-    return np.asarray(4 / np.pi * (1 / far) @ (turn * np.cos(angle) * transform))
+    distance = np.sqrt((radius_mm[:, None] / disc.radius_mm) ** 2 - fraction**2)
+    return np.asarray(4 / np.pi * (1 / distance) @ (angle_weight * np.cos(angle) * transform))
 
 
 def _abel_transforms(t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of each term, for a = 1: h(t), the integral of r p(r) / sqrt(r**2 - t**2) from t to a; shape (len(t), terms)."""
+    """Integral of r p(r) / sqrt(r**2 - t**2) from t to a for each term p, with a = 1; shape (len(t), terms)."""
     x, weight = _unit_points(2 * TERMS + 2)
-    angle, turn = np.pi * x / 2, np.pi * weight / 2
+    angle, weight = np.pi * x / 2, np.pi * weight / 2
     there = np.arcsin(np.sqrt(t[:, None] ** 2 + (1 - t[:, None] ** 2) * np.sin(angle) ** 2))
-    return np.asarray((1 - t[:, None] ** 2) * np.einsum("tak,a->tk", _polynomials(there), turn * np.cos(angle) ** 2))
+    return np.asarray((1 - t[:, None] ** 2) * np.einsum("tak,a->tk", _polynomials(there), weight * np.cos(angle) ** 2))
 
 
 def _unit_points(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -209,5 +209,5 @@ def _unit_points(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _polynomials(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Chebyshev polynomials of 1 - 2 s**2, s being the sine of ``angle``, along a new last axis."""
+    """Chebyshev polynomials of 1 - 2 s**2 with s = sin(``angle``), along a new last axis."""
     return np.asarray(np.cos(2 * angle[..., None] * np.arange(TERMS)))

@@ -1,4 +1,4 @@
-"""A rigid sphere pressed on the probe itself: how the bare probe answers, layered or not."""
+"""A rigid sphere pressed on the bare probe, layered or not."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 POINTS = 481
-STEEPEST = 0.5  # contact radius over the sphere's, up to which its gap is that of a paraboloid within some per cent
+STEEPEST = 0.5  # largest contact radius over the sphere's; the paraboloid's gap is right within some per cent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,7 +32,7 @@ class Indentation:
     force_n
         Force, N.
     depth_mm
-        How far the sphere's lowest point has sunk below the undeformed face.
+        Depth of the sphere's lowest point below the undeformed face.
     contact_radius_mm
         Radius of the contact.
     radius_mm, face_displacement_mm
@@ -51,7 +51,7 @@ class Indentation:
         return float(np.pi * self.contact_radius_mm**2)
 
     def area_deeper_than_mm2(self, depth_mm: float) -> float:
-        """Area of the face, mm², that is pressed in by more than ``depth_mm``, in [0, 1000]; else `InputError`."""
+        """Area of the face in mm² with a displacement above ``depth_mm``, which lies in [0, 1000]."""
         require_number("depth_mm", depth_mm, 0.0, 1e3, hint="millimetres")
         deeper = self.face_displacement_mm - depth_mm
         if deeper[0] <= 0:
@@ -83,14 +83,13 @@ def indent(
     InputError
         When a value lies outside its range or the face is domed.
     MechanicsError
-        When the sphere would sink so far that the contact leaves the face or the sphere's foot, or strains the probe
-        beyond what the model describes.
+        When the contact would be wider than the face or half of the sphere's radius, or the strain too large.
 
     Examples
     --------
     >>> import tsis
-    >>> found = indent(tsis.load_probe("tsis-2011"), sphere_radius_mm=10.0, force_n=0.2)
-    >>> f"{found.depth_mm:.3f} mm deep, contact of {found.contact_radius_mm:.2f} mm"
+    >>> contact = indent(tsis.load_probe("tsis-2011"), sphere_radius_mm=10.0, force_n=0.2)
+    >>> f"{contact.depth_mm:.3f} mm deep, contact of {contact.contact_radius_mm:.2f} mm"
     '0.520 mm deep, contact of 2.13 mm'
     """
     require_type("probe", probe, Probe)
@@ -126,16 +125,16 @@ def _indent(probe: Probe, sphere_radius_mm: float, force_n: float, resolution: R
     if result.approach_mm > STRAIN_LIMIT * probe.thickness_mm:
         raise MechanicsError(
             f"the sphere would sink {result.approach_mm:.2g} mm into {probe.thickness_mm:g} mm of probe, small strain "
-            f"holds to {STRAIN_LIMIT:g} of it; choose a smaller force or a larger sphere"
+            f"is valid to {STRAIN_LIMIT:g} of it; choose a smaller force or a larger sphere"
         )
     radius = np.linspace(0.0, probe.radius_mm, POINTS)
     touched = radius <= result.radius_mm
-    shifted = face.interpolation(radius) @ elastic.smooth @ result.force
-    shifted[~touched] += softness * disc_contact.displaced_outside(result, radius[~touched])
+    displacement = face.interpolation(radius) @ elastic.smooth @ result.force
+    displacement[~touched] += softness * disc_contact.displaced_outside(result, radius[~touched])
     return Indentation(
         force_n=force_n,
         depth_mm=result.approach_mm,
         contact_radius_mm=result.radius_mm,
         radius_mm=radius,
-        face_displacement_mm=np.where(touched, result.approach_mm - gap(radius), shifted),
+        face_displacement_mm=np.where(touched, result.approach_mm - gap(radius), displacement),
     )

@@ -1,4 +1,4 @@
-"""How far small strain holds: the nominal strain of a press, and where it ends."""
+"""A press at small strain: compliances of probe and tissue, contact, and the limit of strain."""
 
 from __future__ import annotations
 
@@ -27,30 +27,29 @@ if TYPE_CHECKING:
     from tsis.model import Inclusion, Phantom, Probe
 
 
-STRAIN_LIMIT = 0.3  # nominal; beyond it the linear model is only a guess
+STRAIN_LIMIT = 0.3  # nominal strain; the linear model is not valid beyond it
+ENDLESS = 1e5  # thickness of the slab that approximates a half-space, in radii of the face
 
 
 def nominal_strain(approach_mm: float, probe: Probe, thickness_mm: float) -> float:
-    """Travel over what it squeezes: probe and slab, the slab no deeper than the face is wide."""
+    """Travel over the thickness of probe and slab; the slab counts up to the face's width."""
     return approach_mm / (probe.thickness_mm + min(thickness_mm, 2 * probe.radius_mm))
 
 
 def strain_problem(approach_mm: float, probe: Probe, thickness_mm: float) -> str | None:
-    """Why small strain does not describe a travel of the glass, or None."""
+    """Reason why small strain is not valid for a travel of the glass, or None."""
     strain = nominal_strain(approach_mm, probe, thickness_mm)
     if strain <= STRAIN_LIMIT:
         return None
     return (
-        f"the glass would travel {approach_mm:.1f} mm, a strain of {strain:.2f}; small strain holds to {STRAIN_LIMIT:g}"
+        f"the glass would travel {approach_mm:.1f} mm, a strain of {strain:.2f}; small strain is valid to "
+        f"{STRAIN_LIMIT:g}"
     )
-
-
-ENDLESS = 1e5  # thickness, in radii of the face, of the slab that stands for a half-space
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FacePress:
-    """What one press does on the face, at the radii of its kernel.
+    """Result of one press on the face, at the radii of its kernel.
 
     Attributes
     ----------
@@ -88,11 +87,11 @@ class FullContactPress:
     Attributes
     ----------
     unit
-        What each newton adds.
+        Press by one newton.
     shape
-        What a dome's gap adds, in equilibrium with itself; None when the face is flat.
+        Self-equilibrated press by a dome's gap; None when the face is flat.
     force_n
-        Force that makes the contact reach the rim; 0 when the face is flat.
+        Force at which the contact covers the face; 0 when the face is flat.
     """
 
     unit: FacePress
@@ -101,12 +100,12 @@ class FullContactPress:
 
 
 class PressKernel:
-    """One probe on slabs of one thickness: everything that does not depend on the inclusion, computed once.
+    """One probe on slabs of one thickness: all values that do not depend on the inclusion, computed once.
 
     Parameters
     ----------
     probe
-        What presses.
+        The probe.
     thickness_mm, poisson
         The slab.
     block_mm
@@ -116,7 +115,7 @@ class PressKernel:
     resolution
         Mesh density.
     points
-        Radii, evenly spaced from the axis to the edge, at which presses are told.
+        Number of radii of the results, evenly spaced from the axis to the edge.
     """
 
     def __init__(
@@ -159,14 +158,14 @@ class PressKernel:
     def press(self, tissue_kpa: float, force_mn: float, change: NDArray[np.float64] | None = None) -> FacePress:
         """Press tissue of ``tissue_kpa`` with ``force_mn`` > 0.
 
-        ``change`` is what an inclusion changes about the compliance of tissue of 1 kPa; plain tissue is solved on a
-        mesh that knows of no inclusion, so that a press less the plain one holds what the inclusion does and no more.
+        ``change`` is the change of the compliance of tissue of 1 kPa by an inclusion. The tissue itself is solved on a
+        mesh without inclusion, so that the press less the reference press contains the inclusion's effect only.
         """
         both, split = self._bodies(tissue_kpa, change)
         return self._face_press(self.contact.touch(both, force_mn, split))
 
     def covering(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> FullContactPress:
-        """Every press whose contact covers the face, at once; arguments as for `press`."""
+        """All presses whose contact covers the face; arguments as for `press`."""
         result = self.contact.covering(*self._bodies(tissue_kpa, change))
         return FullContactPress(
             unit=self._face_press(result.unit),
@@ -177,7 +176,7 @@ class PressKernel:
     def _bodies(
         self, tissue_kpa: float, change: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.float64], Elastic | None]:
-        """Compliance of both bodies together, and the same split where the contact needs it."""
+        """Compliance of both bodies together, and split for a domed face."""
         both = self.probe_compliance + self.tissue_compliance(tissue_kpa, change)
         return both, self.split(both, tissue_kpa) if self.contact.is_domed else None
 
@@ -189,16 +188,16 @@ class PressKernel:
         )
 
     def face_displacement(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Displacement of the face by nodal forces; columns are mapped one by one."""
+        """Displacement of the face from nodal forces; ``force`` may have columns."""
         return np.asarray(self._at_radius @ (self.probe_compliance @ force))
 
     def tissue_compliance(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """Compliance of the face's nodes on tissue, with what an inclusion changes about that of 1 kPa."""
+        """Compliance of the face's nodes on tissue; ``change`` is an inclusion's at 1 kPa."""
         reference = self._slab.compliance
         return np.asarray((reference if change is None else reference + change) / tissue_kpa)
 
     def split(self, both: NDArray[np.float64], tissue_kpa: float) -> Elastic:
-        """The compliance of ``both`` bodies with the tissue's half-space taken out of it, for contact over a disc."""
+        """The compliance of ``both`` bodies with the tissue's half-space split off, for contact over a disc."""
         return Elastic(
             half_space=(1 - self.poisson**2) / tissue_kpa, smooth=both - self._half_space_compliance / tissue_kpa
         )
@@ -210,17 +209,17 @@ class PressKernel:
 
 @lru_cache(maxsize=16)
 def half_space_compliance(face: Face, poisson: float, resolution: Resolution) -> NDArray[np.float64]:
-    """Compliance of a face's nodes on a half-space of ``E / (1 - nu**2)`` = 1 kPa, by a very thick slab, (n, n)."""
+    """Compliance of a face's nodes on a half-space of ``E / (1 - nu**2)`` = 1 kPa, from a very thick slab, (n, n)."""
     edge = float(face.lines[-1])
     endless = Slab(thickness_mm=ENDLESS * edge, poisson=poisson, face=face, block_mm=edge / 2, resolution=resolution)
     compliance = endless.compliance / (1 - poisson**2)
-    compliance.flags.writeable = False  # one array for everybody who asks
+    compliance.flags.writeable = False  # shared through the cache
     return compliance
 
 
 def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution | None) -> PressField:
-    """The press of `tsis.mechanics.press` at small strain; arguments are checked there."""
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    """The press of `tsis.mechanics.press` at small strain; the arguments are valid."""
+    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
         result = _face_press(probe, phantom, force_n * MN_PER_N, resolution or Resolution())
         problem = strain_problem(result.approach_mm, probe, phantom.thickness_mm)
         if problem is not None:
@@ -248,12 +247,12 @@ def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Res
     result = kernel.press(tissue, force_mn, change)
     if kernel is reference:
         return result
-    # Another mesh of the face: only what the inclusion changes is taken from it, or it would add its own error.
+    # Another mesh of the face: it gives only the inclusion's change, so that its error cancels.
     return reference.press(tissue, force_mn) + (result - kernel.press(tissue, force_mn))
 
 
 def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution) -> float:
-    """The largest force within the limit, rounded down to two digits; a dome yields more at first."""
+    """The largest force within the strain limit, rounded down to two digits."""
 
     def excess(force: float) -> float:
         result = _face_press(probe, phantom, force * MN_PER_N, resolution)
@@ -280,11 +279,11 @@ def compliances(probe: Probe, phantom: Phantom, resolution: Resolution) -> tuple
 def _kernel_and_change(
     probe: Probe, phantom: Phantom, inclusion: Inclusion, resolution: Resolution
 ) -> tuple[PressKernel, NDArray[np.float64]]:
-    """A kernel whose mesh suits the inclusion, and what the inclusion changes about tissue of 1 kPa."""
+    """A kernel whose mesh suits the inclusion, and the inclusion's change of the compliance of tissue of 1 kPa."""
     shape = shape_on_axis(phantom)
     width = 2 * shape.half_width
     central = central_cell_mm(width, inclusion.depth_mm, shape.centre_depth)
-    # Deep inclusions share the kernel of plain tissue: their cell is wider than any that a face has.
+    # Deep inclusions use the kernel without inclusion: their cell is wider than all cells of the face.
     central = np.inf if central >= resolution.largest * probe.radius_mm else central
     kernel = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm, width), central, resolution)
     slab = kernel.slab_around(shape, poisson=inclusion.poisson)
@@ -292,11 +291,11 @@ def _kernel_and_change(
 
 
 def _kernel(probe: Probe, phantom: Phantom, block_mm: float, central_mm: float, resolution: Resolution) -> PressKernel:
-    return _stored_kernel(probe, phantom.thickness_mm, phantom.poisson, block_mm, central_mm, resolution)
+    return _cached_kernel(probe, phantom.thickness_mm, phantom.poisson, block_mm, central_mm, resolution)
 
 
 @lru_cache(maxsize=8)
-def _stored_kernel(
+def _cached_kernel(
     probe: Probe, thickness_mm: float, poisson: float, block_mm: float, central_mm: float, resolution: Resolution
 ) -> PressKernel:
     return PressKernel(

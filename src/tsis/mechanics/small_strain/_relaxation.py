@@ -1,8 +1,8 @@
-"""A press on tissue that relaxes: force and image against time while the glass is held.
+"""A press on relaxing tissue: force and pressure against time while the glass is at rest.
 
-Probe and tissue push on one another through the face. In the vectors that make both compliances diagonal at once, each
-is a spring (the probe) in a row with a relaxing spring (the tissue), whose history obeys a linear equation of as many
-unknowns as the tissue has time constants. So the whole course is a sum of exponentials, exact at every time.
+A generalised eigenbasis diagonalises the compliances of probe and tissue. Each mode is a spring (the probe) in series
+with a relaxing spring (the tissue). Its history obeys a linear equation with one unknown for each time constant, so
+the time course is a sum of exponentials, exact at every time.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from tsis.mechanics.small_strain._press import PressKernel
 
 
-MANY = 50.0  # time constants after which nothing is left of an exponential
+MANY = 50.0  # time constants after which an exponential is zero
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RelaxingPress:
-    """The course of a press after the glass has travelled to its place and stays there.
+    """Time course of a press during and after the travel of the glass.
 
     Attributes
     ----------
@@ -65,23 +65,23 @@ def relaxing_press(
     ramp_s: float = 0.0,
     resolution: Resolution | None = None,
 ) -> RelaxingPress:
-    """Press by a travel of the glass, hold it, and follow force and pressure in time.
+    """Press by a travel of the glass, stop it, and follow force and pressure in time.
 
-    The probe is elastic; tissue and inclusion relax alike, at small strain. The contact must cover the face from the
-    end of the travel on, as it does under a flat face and, pressed far enough, under a dome.
+    The probe is elastic; tissue and inclusion relax with the same function, at small strain. The contact must cover
+    the face from the end of the travel on, as it does under a flat face and under a dome at enough travel.
 
     Parameters
     ----------
     probe, phantom
-        What presses and what is pressed; the phantom's moduli are the settled ones.
+        The probe and the tissue under it; the phantom's moduli are the relaxed ones.
     relaxation
-        How the tissue's modulus fades.
+        Relaxation of the tissue's modulus.
     approach_mm
         Travel of the glass since first touch, mm, in [1e-4, 100].
     time_s
         Times since the travel began, s, each in [0, 1e7].
     ramp_s
-        How long the travel takes, at constant speed; 0 is at once.
+        Duration of the travel at constant speed; 0 is an instant step.
     resolution
         Mesh density.
 
@@ -120,18 +120,18 @@ def settling_time_s(
     ramp_s: float = 0.0,
     resolution: Resolution | None = None,
 ) -> float:
-    """Time since the travel began after which the force stays within ``tolerance`` (a share) of its last value.
+    """Time since the travel began after which the force stays within ``tolerance`` of its final value.
 
     Parameters
     ----------
     probe, phantom, relaxation, approach_mm, ramp_s, resolution
         As in `relaxing_press`.
     tolerance
-        Share of the settled force, in [1e-6, 1].
+        Fraction of the settled force, in [1e-6, 1].
 
     Returns
     -------
-    The time in s; ``ramp_s`` where the force is settled when the glass stops.
+    The time in s; ``ramp_s`` when the force is settled at the end of the travel.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def settling_time_s(
 
     Examples
     --------
-    A probe far stiffer than the tissue leaves the tissue's own course, 2 s * ln(0.3 / 0.7 / 0.01):
+    Under a probe far stiffer than the tissue the tissue alone decides, 2 s * ln(0.3 / 0.7 / 0.01):
 
     >>> from tsis.model import Layer, Phantom, Probe
     >>> from tsis.model import Relaxation
@@ -152,7 +152,7 @@ def settling_time_s(
     >>> f"{time:.2f} s"
     '7.52 s'
     """
-    require_number("tolerance", tolerance, 1e-6, 1.0, hint="a share of the settled force")
+    require_number("tolerance", tolerance, 1e-6, 1.0, hint="a fraction of the settled force")
     _check(probe, phantom, relaxation, approach_mm, ramp_s)
     kernel, course = _course_of(probe, phantom, relaxation, approach_mm, resolution)
     settled = course.forces(np.array([np.inf]), ramp_s)
@@ -171,7 +171,7 @@ def _check(probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: 
     require_type("relaxation", relaxation, Relaxation)
     require_number("approach_mm", approach_mm, 1e-4, 100.0, hint="millimetres")
     if ramp_s != 0:
-        require_number("ramp_s", ramp_s, 1e-6, 1e6, hint="seconds; 0 is at once")
+        require_number("ramp_s", ramp_s, 1e-6, 1e6, hint="seconds; 0 is an instant step")
     problem = strain_problem(approach_mm, probe, phantom.thickness_mm)
     if problem is not None:
         raise MechanicsError(f"{problem}: choose a smaller approach_mm")
@@ -180,14 +180,14 @@ def _check(probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: 
 def _course_of(
     probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: float, resolution: Resolution | None
 ) -> tuple[PressKernel, _Course]:
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
         kernel, tissue = compliances(probe, phantom, resolution or Resolution())
         travel = approach_mm - probe.sag_mm(kernel.face.radius_mm)
         return kernel, _Course(kernel.probe_compliance, tissue, relaxation, travel)
 
 
 class _Course:
-    """Nodal forces in time, for a face whose nodes have all travelled by given distances."""
+    """Nodal forces in time, for a face whose nodes travel by ``travel_mm``."""
 
     def __init__(
         self,
@@ -196,12 +196,12 @@ class _Course:
         relaxation: Relaxation,
         travel_mm: NDArray[np.float64],
     ) -> None:
-        self._softness, self._vectors = eigh(probe, tissue)  # of each spring of the probe, the tissue's being 1
+        self._softness, self._vectors = eigh(probe, tissue)  # of each spring of the probe; the tissue's is 1
         self._travel = self._vectors.T @ travel_mm
         ratio, times = relaxation.instantaneous_ratio, np.array(relaxation.times_s)
         self._lost = ratio * np.array(relaxation.shares)
-        # The stretch u of a tissue spring and its memories z: force ratio * u - lost @ z, dz/dt = (u - z) / time, and
-        # probe and tissue fill the travel, softness * force + u = travel.
+        # A tissue spring of stretch u has internal variables z: force = ratio * u - lost @ z, dz/dt = (u - z) / time.
+        # Probe and tissue fill the travel: softness * force + u = travel.
         self._give = 1 / (1 + self._softness * ratio)
         by_memory = (self._softness * self._give)[:, None, None] * self._lost
         self._rates, self._modes = np.linalg.eig((by_memory - np.eye(len(times))) / times[:, None])
@@ -218,19 +218,19 @@ class _Course:
         """Forces on the nodes, mN, shape (t, n)."""
         memory = np.einsum("nij,tnj->tni", self._modes, self._drive * self._memory(time_s, ramp_s))
         fraction = np.minimum(time_s / ramp_s, 1.0) if ramp_s else np.ones_like(time_s)
-        faded = memory @ self._lost
-        stretch = self._give * (fraction[:, None] * self._travel + self._softness * faded)
-        return np.asarray((self._ratio * stretch - faded) @ self._vectors.T)
+        relaxed = memory @ self._lost
+        stretch = self._give * (fraction[:, None] * self._travel + self._softness * relaxed)
+        return np.asarray((self._ratio * stretch - relaxed) @ self._vectors.T)
 
     def _memory(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
-        """Answer of ``dx/dt = rate * x + drive(t)`` over the drive at the end of the travel, shape (t, n, terms)."""
+        """Solution of ``dx/dt = rate * x + drive(t)`` over the drive at the end of the travel, shape (t, n, terms)."""
         rate, time = self._rates, time_s[:, None, None]
         if not ramp_s:
             return np.asarray(np.expm1(rate * time) / rate)
         moving = np.minimum(time, ramp_s)
         at_end = (np.expm1(rate * moving) / rate - moving) / (rate * ramp_s)
-        fixed = time - moving
-        return np.asarray(at_end * np.exp(rate * fixed) + np.expm1(rate * fixed) / rate)
+        rest = time - moving
+        return np.asarray(at_end * np.exp(rate * rest) + np.expm1(rate * rest) / rate)
 
 
 def _on_face(kernel: PressKernel, nodal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -241,6 +241,6 @@ def _refuse_opening(kernel: PressKernel, pressure: NDArray[np.float64], approach
     inner = pressure[:, kernel.contact.inner]
     if inner.size and inner.min() < 0:
         raise MechanicsError(
-            f"approach_mm must close the contact over the whole face, or its edge would move as the tissue relaxes, "
-            f"which this model does not follow; got {approach_mm:g}: press further, or choose a flatter face"
+            f"approach_mm must close the contact over the whole face, because this model has no moving edge of the "
+            f"contact; got {approach_mm:g}: press further, or choose a flatter face"
         )

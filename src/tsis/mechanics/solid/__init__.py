@@ -1,4 +1,4 @@
-"""Presses in three dimensions: inclusions anywhere under the face, ellipsoids, several at once (extra ``fem3d``)."""
+"""Presses in three dimensions: inclusions off the axis, ellipsoids, several at once (extra ``fem3d``)."""
 
 from tsis.mechanics.solid._mesh import SolidResolution
 from tsis.mechanics.solid._press import press_solid

@@ -1,4 +1,4 @@
-"""The vertical planes through the probe's axis that mirror a phantom: they halve or quarter what must be solved."""
+"""Mesh of a press in three dimensions; mirror planes through the probe's axis halve or quarter it."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ ROUNDING_MM = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Symmetry:
-    """A frame turned about the probe's axis in which the phantom mirrors itself.
+    """Mirror symmetry of a phantom in a frame rotated about the probe's axis.
 
     Attributes
     ----------
     angle
         Angle of the frame's x axis from the phantom's, radians.
     mirrors
-        Which of the frame's coordinates a mirror changes: ``""``, ``"y"`` (half model) or ``"xy"`` (quarter).
+        Mirrored coordinates of the frame: ``""``, ``"y"`` (half model) or ``"xy"`` (quarter).
     """
 
     angle: float
@@ -35,24 +35,24 @@ class Symmetry:
 
     @property
     def copies(self) -> int:
-        """How many of the modelled parts make the whole: 1, 2 or 4."""
+        """Number of modelled parts in the whole: 1, 2 or 4."""
         return int(2 ** len(self.mirrors))
 
     def rotated(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Points of the phantom in the turned frame."""
+        """Points of the phantom in the rotated frame."""
         cosine, sine = np.cos(self.angle), np.sin(self.angle)
         return cosine * x_mm + sine * y_mm, cosine * y_mm - sine * x_mm
 
     def folded(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """The points of the modelled part at which the same happens."""
+        """The mirror images of the points in the modelled part."""
         x, y = self.rotated(x_mm, y_mm)
         return np.abs(x) if "x" in self.mirrors else x, np.abs(y) if "y" in self.mirrors else y
 
 
 def symmetry_of(inclusions: tuple[Inclusion, ...]) -> Symmetry:
-    """The smallest part that stands for the whole.
+    """The symmetry with the smallest modelled part.
 
-    Ellipsoids lie along the phantom's axes, so only those with equal horizontal semi-axes let the frame turn freely.
+    Ellipsoids lie along the phantom's axes, so the frame's angle is free only with equal horizontal semi-axes.
     """
     free = all(_is_round(inclusion) for inclusion in inclusions)
     away = [inclusion for inclusion in inclusions if np.hypot(*inclusion.offset_mm) > ROUNDING_MM]
@@ -61,10 +61,9 @@ def symmetry_of(inclusions: tuple[Inclusion, ...]) -> Symmetry:
         x, y = away[0].offset_mm
         angles = [float(np.arctan2(y, x))]
     for angle in angles:
-        rotated = Symmetry(angle=angle, mirrors="")
-        positions = np.array([rotated.rotated(*np.array(inclusion.offset_mm)) for inclusion in inclusions]).reshape(
-            -1, 2
-        )
+        frame = Symmetry(angle=angle, mirrors="")
+        offsets = [frame.rotated(*np.array(inclusion.offset_mm)) for inclusion in inclusions]
+        positions = np.array(offsets).reshape(-1, 2)
         if np.abs(positions[:, 1:]).max(initial=0.0) <= ROUNDING_MM:
             on_axis = np.abs(positions).max(initial=0.0) <= ROUNDING_MM
             return Symmetry(angle=angle, mirrors="xy" if on_axis else "y")
@@ -82,20 +81,20 @@ SAME = 1e-6  # of the face's radius: coordinates closer than this are equal
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolidResolution:
-    """How fine the mesh of a press in three dimensions is.
+    """Mesh density of a press in three dimensions.
 
     Parameters
     ----------
     order
-        Polynomial order of the elements; 2 would stiffen what is nearly incompressible.
+        Polynomial order of the elements; order 2 locks in nearly incompressible material.
     face
-        Largest triangle on the contact face as a share of its radius.
+        Largest triangle on the contact face as a fraction of its radius.
     rim
         The same along the rim, where the pressure is singular.
     inclusion
-        Largest element of an inclusion as a share of its smallest diameter.
+        Largest element of an inclusion as a fraction of its smallest diameter.
     growth
-        How fast elements may grow away from small ones, in (0, 1].
+        Growth of elements away from small ones, in (0, 1].
     """
 
     order: int = 3
@@ -106,7 +105,7 @@ class SolidResolution:
 
 
 def outer_radius_mm(probe: Probe, thickness_mm: float) -> float:
-    """Where the slab is cut off: the face and the thickness are not felt any more."""
+    """Outer radius of the slab: the influence of the face has decayed there."""
     return max(10 * probe.radius_mm, 4 * thickness_mm)
 
 
@@ -121,7 +120,7 @@ def inclusion_name(index: int) -> str:
 
 
 def solid_mesh(probe: Probe, phantom: Phantom, symmetry: Symmetry, resolution: SolidResolution) -> Any:
-    """Mesh the part of probe and slab that ``symmetry`` leaves.
+    """Mesh the modelled part of probe and slab.
 
     The skin lies at z = 0 and the glass above. Regions: ``tissue``, ``inclusion0`` ..., ``layer0`` ... from the tissue
     up; boundaries: ``face``, ``glass``, ``side`` (of the probe), ``wall``, ``mirror_x``, ``mirror_y``.
@@ -136,7 +135,7 @@ def solid_mesh(probe: Probe, phantom: Phantom, symmetry: Symmetry, resolution: S
         generated = occ.OCCGeometry(part).GenerateMesh(maxh=phantom.thickness_mm, grading=resolution.growth)
     except meshing.NgException as error:
         raise MechanicsError(
-            f"no mesh of the phantom was found at {resolution}; choose smaller elements or a smaller growth"
+            f"the phantom cannot be meshed at {resolution}; choose smaller elements or a smaller growth"
         ) from error
     mesh = import_extra("ngsolve", feature=FEATURE, extra="fem3d").Mesh(generated)
     mesh.Curve(resolution.order)
@@ -163,7 +162,7 @@ def _ellipsoid(occ: Any, inclusion: Inclusion, symmetry: Symmetry) -> Any:
     half_x, half_y, half_z = inclusion.half_axes_mm
     if half_x == half_y == half_z:
         return occ.Sphere(centre, half_z)
-    along = occ.Vec(np.cos(symmetry.angle), -np.sin(symmetry.angle), 0)  # the phantom's x axis in the turned frame
+    along = occ.Vec(np.cos(symmetry.angle), -np.sin(symmetry.angle), 0)  # the phantom's x axis in the rotated frame
     return occ.Ellipsoid(occ.Axes(centre, n=occ.Z, h=along), half_z, half_x, half_y)  # along n, along h, across both
 
 
@@ -186,7 +185,7 @@ def _cut(occ: Any, whole: Any, probe: Probe, phantom: Phantom, symmetry: Symmetr
 
 
 def _name_faces(part: Any, probe: Probe, phantom: Phantom, resolution: SolidResolution, symmetry: Symmetry) -> None:
-    """Name the boundaries by where they lie, and say how fine the face and its rim are to be."""
+    """Name the boundaries by their position, and set the mesh density of the face and its rim."""
     radius, close = probe.radius_mm, SAME * probe.radius_mm
 
     def flat(shape: Any, axis: int, level: float) -> bool:
@@ -194,7 +193,7 @@ def _name_faces(part: Any, probe: Probe, phantom: Phantom, resolution: SolidReso
         # Bounding boxes of curved shapes are a little too large; those of planes are not.
         return bool(abs(low[axis] - level) < close and abs(high[axis] - level) < close)
 
-    def reach(shape: Any) -> float:
+    def extent(shape: Any) -> float:
         low, high = shape.bounding_box
         return float(max(abs(low[0]), abs(high[0]), abs(low[1]), abs(high[1])))
 
@@ -206,20 +205,20 @@ def _name_faces(part: Any, probe: Probe, phantom: Phantom, resolution: SolidReso
             face.name = "glass"
         elif flat(face, 2, 0.0):
             face.name = "skin"
-            if reach(face) < 1.01 * radius:
+            if extent(face) < 1.01 * radius:
                 face.name, face.maxh = "face", resolution.face * radius
         elif "y" in symmetry.mirrors and flat(face, 1, 0.0):
             face.name = "mirror_y"
         elif "x" in symmetry.mirrors and flat(face, 0, 0.0):
             face.name = "mirror_x"
-        elif _is_side(face, close) and reach(face) > 0.99 * radius:
+        elif _is_side(face, close) and extent(face) > 0.99 * radius:
             face.name = "side"
     for edge in part.edges:
-        if flat(edge, 2, 0.0) and 0.99 * radius < reach(edge) < 1.01 * radius and abs(edge.center[1]) > close:
+        if flat(edge, 2, 0.0) and 0.99 * radius < extent(edge) < 1.01 * radius and abs(edge.center[1]) > close:
             edge.maxh = resolution.rim * radius
 
 
 def _is_side(face: Any, close: float) -> bool:
-    """Whether a face stands upright beside a layer of the probe, and does not lie between two."""
+    """Whether a face is vertical and beside a layer of the probe."""
     low, high = face.bounding_box
     return bool(low[2] > -close and high[2] - low[2] > close)

@@ -1,4 +1,4 @@
-"""A press in three dimensions: inclusions anywhere under the face, ellipsoids, several at once."""
+"""A press in three dimensions, as the sum of the reference press and the change by the inclusions."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 
 OFF_RIM = 1e-4  # of the face's radius
-THINNEST_GAP = 0.02  # between an inclusion and skin or wall, of its smallest diameter; thinner is not meshed well
-FARTHEST = 0.6  # of the slab's radius: what lies beyond feels where the slab is cut off
-PULLING = 0.05  # of the mean pressure: more tension than rounding and mesh can make
-MOST_CACHED = 8  # answers
+THINNEST_GAP = 0.02  # between an inclusion and skin or wall, of its smallest diameter; thinner gaps mesh badly
+FARTHEST = 0.6  # of the slab's radius; the slab's side disturbs inclusions beyond it
+PULLING = 0.05  # of the mean pressure: more tension than an error of rounding and mesh
+MOST_CACHED = 8
 _CACHE: dict[tuple[Probe, Phantom, tuple[bytes, bytes], SolidResolution], FaceChange] = {}
 
 
@@ -38,40 +38,40 @@ def press_solid(
     force_n: float,
     spacing_mm: float = 0.25,
     resolution: SolidResolution | None = None,
-    plain_resolution: Resolution | None = None,
+    reference_resolution: Resolution | None = None,
     threads: int = 2,
     progress: Callable[[str], None] | None = None,
 ) -> PressMap:
-    """Press a flat probe on a phantom whose inclusions may lie anywhere: small strain, three dimensions.
+    """Press a flat probe on a phantom with inclusions at any position: small strain, three dimensions.
 
-    The contact is frictionless and covers the face. What the inclusions change is computed with and without contrast
-    on one mesh, and added to the press of plain tissue by `tsis.mechanics.press`: a coarse mesh then errs by a share
-    of the signal, and not of the press. Mirror planes of the phantom are used: one inclusion is half a model, on the
-    axis a quarter.
+    The contact is frictionless and covers the face. The change by the inclusions is computed with and without contrast
+    on one mesh, and added to the reference press of `tsis.mechanics.press`: the error of a coarse mesh is then a
+    fraction of the signal, not of the press. Mirror symmetry reduces one inclusion to half a model, on the axis to a
+    quarter.
 
     Parameters
     ----------
     probe, phantom
-        What presses and what is pressed; the face is flat.
+        The flat probe and the tissue under it.
     force_n
-        Force in newtons, in [0, 50]; the answer is linear in it.
+        Force in newtons, in [0, 50]; the result is linear in it.
     spacing_mm
-        Spacing of the grid of the answer, in [0.02, 5].
+        Spacing of the result's grid, in [0.02, 5].
     resolution
-        Mesh density in three dimensions. The default finds the signal of the displacement to 1 % of its peak inside
-        0.8 of the face's radius and to 2 % up to its rim.
-    plain_resolution
-        Mesh density of the press of plain tissue.
+        Mesh density in three dimensions. With the default the signal of the displacement is right to 1 % of its peak
+        inside 0.8 of the face's radius and to 2 % up to its rim.
+    reference_resolution
+        Mesh density of the reference press.
     threads
-        Threads of the linear algebra, in [1, 64]; they wait busily, so idle cores should be given, not shared ones.
+        Threads of the linear algebra, in [1, 64]; they wait busily, so use no more than there are idle cores.
     progress
-        Called with a short text when a stage begins.
+        Called with a short text at the start of each stage.
 
     Raises
     ------
     InputError
-        When a value lies outside its range, the face is domed, or an inclusion nearly touches the skin or the chest
-        wall or lies where the slab is cut off.
+        When a value lies outside its range, the face is domed, or an inclusion is too close to the skin, the chest
+        wall or the slab's side.
     MechanicsError
         When the strain is too large for the model, or the contact would open.
     MissingExtraError
@@ -89,8 +89,9 @@ def press_solid(
     _check_inside(probe, phantom)
     steps = int(np.ceil(probe.radius_mm / spacing_mm))
     axis = np.asarray(spacing_mm * np.arange(-steps, steps + 1), dtype=float)
-    bare = small_strain_press(probe, phantom.without_inclusion(), force_n, plain_resolution)
-    reference = bare.on_grid(axis, axis)
+    reference = small_strain_press(probe, phantom.without_inclusion(), force_n, reference_resolution).on_grid(
+        axis, axis
+    )
     if not phantom.inclusions or force_n == 0:
         return reference
     points = _points(axis, probe.radius_mm)
@@ -102,9 +103,9 @@ def press_solid(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Points:
-    """The grid's points on the face and the share of each cell that lies on it.
+    """The grid's points on the face and the fraction of each cell on it.
 
-    Cells across the rim may have their centres outside; what happens there is read on the rim.
+    A cell across the rim with its centre outside has the values at the rim.
     """
 
     radius_mm: NDArray[np.float64]
@@ -120,7 +121,7 @@ def _points(axis: NDArray[np.float64], edge: float) -> _Points:
     covered = disc.on_grid(axis, axis).pressure_kpa
     x, y = np.meshgrid(axis, axis)
     radius = np.hypot(x, y)
-    # The mesh's curved triangles miss the rim by a little.
+    # The mesh's curved triangles end just inside the rim.
     inwards = np.minimum(1.0, (1 - OFF_RIM) * edge / np.maximum(radius, OFF_RIM * edge))[covered > 0]
     key = ((inwards * x[covered > 0]).tobytes(), (inwards * y[covered > 0]).tobytes())
     return _Points(radius_mm=radius, covered=covered, key=key)
@@ -134,7 +135,7 @@ def _change(
     threads: int,
     progress: Callable[[str], None] | None,
 ) -> FaceChange:
-    """What 1 mN changes, kept because the answer is linear: the next force costs nothing."""
+    """Change by the inclusions at 1 mN, cached because the result is linear in the force."""
     key = (probe, phantom, points, resolution)
     if key not in _CACHE:
         while len(_CACHE) >= MOST_CACHED:
@@ -151,7 +152,7 @@ def _change(
 
 
 def _added(reference: PressMap, points: _Points, change: FaceChange) -> PressMap:
-    """The press of plain tissue and what the inclusions change about it."""
+    """The sum of the reference press and the change by the inclusions."""
     force_mn = reference.force_n * MN_PER_N
     displacement, pressure = np.zeros_like(points.covered), np.zeros_like(points.covered)
     at = points.covered > 0
@@ -181,7 +182,7 @@ def _check_inside(probe: Probe, phantom: Phantom) -> None:
         away = float(np.hypot(*inclusion.offset_mm)) + max(inclusion.half_axes_mm[:2])
         if away > extent:
             raise InputError(
-                f"offset_mm must keep the inclusion within {extent:g} mm of the axis, inside the slab that is meshed; "
+                f"offset_mm must place the inclusion within {extent:g} mm of the axis, inside the meshed slab; "
                 f"got {away:g}"
             )
 

@@ -1,4 +1,4 @@
-"""A closed frictionless contact in three dimensions: what inclusions change on the face, paired on one mesh."""
+"""A closed frictionless contact in three dimensions: the inclusions' change on the face, on one mesh."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
     from tsis.model import Phantom, Probe
 
 
-RESIDUAL = 1e-9  # of the iteration for plain tissue, relative
-INSIDE = 1e-6  # of the face's radius: how far points on mirrors and skin are moved into the mesh
+RESIDUAL = 1e-9  # of the iteration for tissue without inclusion, relative
+INSIDE = 1e-6  # of the face's radius: offset of points on mirrors and skin into the mesh
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FaceChange:
-    """What the inclusions change on the face under a force of 1 mN.
+    """Change on the face by the inclusions under a force of 1 mN.
 
     Attributes
     ----------
     face_displacement_mm, pressure_kpa
-        At the points asked for.
+        Changes at the requested points.
     approach_mm
-        Travel of the glass.
+        Change of the glass's travel.
     unknowns, iterations
-        Size of the linear system, and iterations that plain tissue took beside its direct solution.
+        Size of the linear system, and iterations for tissue without inclusion.
     """
 
     face_displacement_mm: NDArray[np.float64]
@@ -45,10 +45,9 @@ class FaceChange:
 
 
 class TiedSolid:
-    """Probe and slab whose face moves as one normal to itself and slides freely along itself.
+    """Probe and slab in closed frictionless contact, without a penalty.
 
-    The normal displacement is one continuous function over both bodies, the tangential ones are functions of each
-    body alone: that is frictionless contact which stays closed, without any penalty.
+    The normal displacement is one continuous function over both bodies; the tangential ones are functions of each body.
     """
 
     def __init__(self, probe: Probe, phantom: Phantom, symmetry: Symmetry, resolution: SolidResolution) -> None:
@@ -79,26 +78,26 @@ class TiedSolid:
         )
 
     def change(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], report: Callable[[str], None]) -> FaceChange:
-        """What the inclusions change at points of the face, given in the phantom's frame."""
-        probe, with_it, reference = (self._stiffness(part) for part in ("probe", "with", "plain"))
+        """Change by the inclusions at points of the face in the phantom's frame."""
+        probe, with_it, reference = (self._stiffness(part) for part in ("probe", "with", "without"))
         report(f"factorising {self._space.ndof} unknowns")
         inverse = with_it.Inverse(self._space.FreeDofs(), inverse="sparsecholesky")
         pushed = self._ng.GridFunction(self._space)
         pushed.components[4].Set(-1.0, definedon=self.mesh.Boundaries(self._pushed))
         load = with_it.CreateColVector()
         load.data = with_it * pushed.vec
-        create_vector = pushed.vec.CreateVector()
-        create_vector.data = pushed.vec - inverse * load
-        report("solving plain tissue on the same mesh")
+        loaded = pushed.vec.CreateVector()
+        loaded.data = pushed.vec - inverse * load
+        report("solving tissue without inclusion on the same mesh")
         load.data = -1 * (reference * pushed.vec)
-        # Inclusions fill a small part: the factors that hold them are nearly those of plain tissue.
+        # Inclusions fill a small part, so the factors with them are a good preconditioner.
         solver = self._ng.krylovspace.CGSolver(mat=reference, pre=inverse, tol=RESIDUAL, maxiter=500)
         bare = pushed.vec.CreateVector()
         bare.data = solver * load
         bare.data += pushed.vec
-        forces = [self._force(matrix, item, pushed) for matrix, item in ((with_it, create_vector), (reference, bare))]
+        forces = [self._force(matrix, item, pushed) for matrix, item in ((with_it, loaded), (reference, bare))]
         difference = self._ng.GridFunction(self._space)
-        difference.vec.data = (1 / forces[0]) * create_vector - (1 / forces[1]) * bare
+        difference.vec.data = (1 / forces[0]) * loaded - (1 / forces[1]) * bare
         approach = 1 / forces[0] - 1 / forces[1]
         points = self._points(x_mm, y_mm)
         pressure = self._pressure(probe, difference)
@@ -111,7 +110,7 @@ class TiedSolid:
         )
 
     def _stiffness(self, part: str) -> Any:
-        """Stiffness of the probe alone, of everything with inclusions, or of everything as if they were tissue."""
+        """Stiffness of ``"probe"``, or of the whole ``"with"`` or ``"without"`` contrast of the inclusions."""
         ng, phantom = self._ng, self.phantom
         u, v = self._space.TnT()
         above = {
@@ -136,25 +135,25 @@ class TiedSolid:
         for displacement in (u, v):
             rows = tuple(entry for component in displacement for entry in ng.grad(component))
             strains.append(ng.Sym(ng.CF(rows, dims=(3, 3))))
-        item, other = strains
-        density = first * ng.Trace(item) * ng.Trace(other) + 2 * shear * ng.InnerProduct(item, other)
+        left, right = strains
+        density = first * ng.Trace(left) * ng.Trace(right) + 2 * shear * ng.InnerProduct(left, right)
         return density * ng.dx("|".join(material))
 
     def _force(self, matrix: Any, displacement: Any, pushed: Any) -> float:
-        """Force in mN that pushes the glass by 1 mm, of all mirrored parts."""
+        """Force in mN for a travel of the glass of 1 mm, all mirrored parts together."""
         reaction = matrix.CreateColVector()
         reaction.data = matrix * displacement
         return float(self._ng.InnerProduct(reaction, pushed.vec)) * self.symmetry.copies
 
     def _pressure(self, probe: Any, displacement: Any) -> Any:
-        """The pressure whose nodal forces hold the probe's face: it sums up to the force, which stresses do not."""
+        """Pressure from the nodal forces on the probe's face; unlike stresses, it sums up to the force."""
         ng = self._ng
         force = probe.CreateColVector()
         force.data = probe * displacement.vec
         nodal = ng.GridFunction(self._space)
         nodal.vec.data = force
         normal = self._space.components[4]
-        # One order below the displacement: as fine as stresses are, and it does not follow what the mesh adds.
+        # One order below the displacement, as stresses have; a higher order would follow errors of the mesh.
         space = ng.H1(self.mesh, order=normal.globalorder - 1)
         to_normal = ng.ConvertOperator(space, normal)
         on_face = space.GetDofs(self.mesh.Boundaries("face"))

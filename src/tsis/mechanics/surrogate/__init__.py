@@ -1,4 +1,4 @@
-"""Presses as polynomials over a box of inclusions and tissues, with their measured error, kept on disk."""
+"""Presses as polynomials over a box of inclusions and tissues, with their measured error and a disk cache."""
 
 from tsis.mechanics.surrogate._build import build_surrogate, cached_arrays, mechanical_content
 from tsis.mechanics.surrogate._full_contact import (

@@ -1,4 +1,4 @@
-"""Solving the presses that surrogates are made of, measuring their error on fresh ones, and keeping all that on disk.
+"""Solve the presses of a surrogate, measure its error on fresh presses, and cache both on disk.
 
 The changes by an inclusion come from solves with and without contrast on one mesh.
 """
@@ -40,10 +40,11 @@ if TYPE_CHECKING:
     from tsis.mechanics.surrogate._presses import Slabs
 
 
-CHECKS = 8  # fresh presses that a surrogate's error is measured on
-CHECKED_FRACTION = 0.8  # of the face's radius, as far as profiles are used
-SMALLEST_FACTOR = 1e-3  # contrasts below it change nothing that could be divided by it
-PRESS_OUTPUTS = 2 * FACE_POINTS + 1  # of one press: pressures, displacements and the approach
+CHECKS = 8  # fresh presses to measure a surrogate's error
+CHECKED_FRACTION = 0.8  # of the face's radius; the part of the profiles in use
+SMALLEST_FACTOR = 1e-3  # smallest contrast factor that the change is divided by
+PRESS_OUTPUTS = 2 * FACE_POINTS + 1  # pressures, displacements and the approach
+FORMAT_VERSION = 5
 
 
 def solve_all(
@@ -57,15 +58,15 @@ def solve_all(
     Parameters
     ----------
     box, degrees
-        Where, and how many points.
+        Ranges and numbers of points.
     slabs
-        Makes the slabs of a thickness in mm.
+        Function from a thickness in mm to the slabs.
     progress
         Called with (slabs solved, slabs in all).
 
     Returns
     -------
-    ``plain`` and ``change`` of a `Surrogate` whose outputs are the rows of the slabs.
+    ``baseline`` and ``change`` of a `Surrogate` whose outputs are the rows of the slabs.
     """
     thicknesses, tissues = _tissue_points(box, degrees.thickness, degrees.tissue)
     factors = _nonzero(chebyshev.points(box.contrast_factor, degrees.contrast))
@@ -76,11 +77,11 @@ def solve_all(
     )
     total, done = len(thicknesses) * len(spheres), itertools.count(1)
     change = []
-    # Two levels of threads would fight for the cores: BLAS stays on one, the slabs share the others.
+    # Only one level of threads: the slabs run in parallel, BLAS does not.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         for thickness in thicknesses:
-            correlation = slabs(thickness)
-            tasks = [pool.submit(correlation.changes, sphere, factors, tissues) for sphere in spheres]
+            at_thickness = slabs(thickness)
+            tasks = [pool.submit(at_thickness.changes, sphere, factors, tissues) for sphere in spheres]
             rows = []
             for task in tasks:
                 rows.append(task.result())
@@ -114,38 +115,36 @@ class SurrogatePoint:
     tissue_young_kpa: float
     thickness_mm: float
 
-    def of(self, surrogate: Surrogate) -> NDArray[np.float64]:
-        """Outputs of a surrogate here, shape (outputs,)."""
-        there = surrogate.at_tissue(self.tissue_young_kpa, self.thickness_mm)
-        every = there(np.array([self.diameter_mm]), np.array([self.depth_mm]), np.array([self.young_kpa]))
-        return np.asarray(every[0])
+    def evaluate(self, surrogate: Surrogate) -> NDArray[np.float64]:
+        """Outputs of a surrogate at this point, shape (outputs,)."""
+        at_tissue = surrogate.at_tissue(self.tissue_young_kpa, self.thickness_mm)
+        rows = at_tissue(np.array([self.diameter_mm]), np.array([self.depth_mm]), np.array([self.young_kpa]))
+        return np.asarray(rows[0])
 
 
 def largest_error(
     box: Box, slabs: Callable[[float], Slabs], error: Callable[[SurrogatePoint, NDArray[np.float64]], float]
 ) -> float:
-    """Largest ``error(spot, row)`` over fresh presses in a box, each told by its row of outputs."""
+    """Largest ``error(point, row)`` over fresh presses in a box; ``row`` has the outputs."""
     ranges = np.array([box.diameter_mm, box.depth_mm, box.young_kpa, box.tissue_young_kpa])
-    # Shallow inclusions are the hardest, the smallest and the largest: corners that a few even points would miss.
+    # Shallow inclusions, the smallest and the largest, are the hardest; a few even points would miss these corners.
     corners = [[fraction, 0.03, 0.5, 0.5] for fraction in (0.03, 0.3, 0.97)]
     unit = np.vstack([corners, scipy.stats.qmc.Halton(4, scramble=False).random(CHECKS - len(corners))])
     thicknesses = [float(np.quantile(box.thickness_mm, fraction)) for fraction in (0.2, 0.7)]
 
-    def measured(thickness: float, correlation: Slabs, point: NDArray[np.float64]) -> float:
-        diameter, depth, young, tissue = point.tolist()
+    def measured(thickness: float, at_thickness: Slabs, values: NDArray[np.float64]) -> float:
+        diameter, depth, young, tissue = values.tolist()
         factor = float(_nonzero(contrast_factor(young / tissue)))
-        change = (
-            signal_scale(diameter, depth, factor)
-            * correlation.changes((diameter, depth), np.array([factor]), [tissue])[0]
-        )
-        spot = SurrogatePoint(
+        scaled = at_thickness.changes((diameter, depth), np.array([factor]), [tissue])[0]
+        point = SurrogatePoint(
             diameter_mm=diameter,
             depth_mm=depth,
             young_kpa=float(contrast_from_factor(factor)) * tissue,
             tissue_young_kpa=tissue,
             thickness_mm=thickness,
         )
-        return error(spot, (correlation.without_inclusion([tissue]) + change)[0])
+        change = signal_scale(diameter, depth, factor) * scaled
+        return error(point, (at_thickness.without_inclusion([tissue]) + change)[0])
 
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         kernels = itertools.cycle(list(pool.map(slabs, thicknesses)))
@@ -154,36 +153,32 @@ def largest_error(
 
 
 def cached_arrays(
-    kind: str, key: str, solved: Callable[[], dict[str, NDArray[np.float64]]]
+    kind: str, key: str, solve: Callable[[], dict[str, NDArray[np.float64]]]
 ) -> dict[str, NDArray[np.float64]]:
-    """Arrays from the disk cache, or solved now and written there."""
-    stored = read_cached_arrays(kind, key)
-    if stored is None:
-        result = solved()
-        write_cached_arrays(kind, key, result)
-        return result
-    return stored
+    """Arrays from the disk cache; ``solve`` computes missing ones."""
+    arrays = read_cached_arrays(kind, key)
+    if arrays is None:
+        arrays = solve()
+        write_cached_arrays(kind, key, arrays)
+    return arrays
 
 
 def mechanical_content(probe: Probe) -> dict[str, Any]:
-    """Everything of a probe that its presses depend on, as JSON values."""
+    """All values of a probe that its presses depend on, as JSON values."""
     return asdict(replace(probe.unlit(), name="", assumed=()))
 
 
 def _nonzero(factor: Any) -> NDArray[np.float64]:
-    """Contrast factors none of which is too small to divide by what it changes."""
+    """Contrast factors without values near 0, which the change is divided by."""
     return np.where(np.abs(factor) < SMALLEST_FACTOR, SMALLEST_FACTOR, factor)
 
 
 def _tissue_points(box: Box, thicknesses: int, tissues: int) -> tuple[list[float], list[float]]:
-    """Slab thicknesses in mm and tissue moduli in kPa at which presses are solved."""
+    """Chebyshev points of slab thickness in mm and tissue modulus in kPa."""
     return (
         np.exp(chebyshev.points(log_range(box.thickness_mm), thicknesses)).tolist(),
         np.exp(chebyshev.points(log_range(box.tissue_young_kpa), tissues)).tolist(),
     )
-
-
-FORMAT_VERSION = 5
 
 
 def build_surrogate(
@@ -202,24 +197,24 @@ def build_surrogate(
     Parameters
     ----------
     probe, box
-        What presses, and the ranges of what is pressed.
+        The probe, and the ranges of inclusions and tissues.
     force_n
-        Force of every press, N, in [1e-3, 50]; at small strain the answers of a flat face are proportional to it.
+        Force of every press, N, in [1e-3, 50]; at small strain the response of a flat face is proportional to it.
     strain
         ``"small"``, or ``"finite"``, which takes seconds a press: choose a small box and few `Degrees`.
     degrees, resolution
         Polynomial degrees, and the mesh density of the model.
     progress
-        Called with (slabs solved, slabs in all) as the work goes on.
+        Called with (slabs solved, slabs in all).
     cached
-        Whether to read and write the disk cache, whose key is the content of all arguments above.
+        Whether to read and write the disk cache; its key is the content of all arguments above.
 
     Raises
     ------
     InputError
         When a range is empty or an inclusion of the box does not fit into the slab.
     MechanicsError
-        When the force strains plain tissue of the box beyond what the model describes, or a press fails.
+        When the strain of tissue without inclusion is too large for the model, or a press fails.
     """
     require_type("probe", probe, Probe)
     force_n = require_number("force_n", force_n, 1e-3, 50.0, hint="newtons")
@@ -237,17 +232,17 @@ def build_surrogate(
         }
     )
 
-    def solved() -> dict[str, NDArray[np.float64]]:
+    def solve() -> dict[str, NDArray[np.float64]]:
         reference, change = solve_all(box, slabs, degrees, progress)
         pressure = profiles(box, reference, change, 0)[0]
         inside = slice(0, int(CHECKED_FRACTION * (FACE_POINTS - 1)) + 1)
 
-        def error(spot: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
-            return float(np.abs(spot.of(pressure) - fresh[:FACE_POINTS])[inside].max() / fresh[inside].mean())
+        def error(point: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
+            return float(np.abs(point.evaluate(pressure) - fresh[:FACE_POINTS])[inside].max() / fresh[inside].mean())
 
         return {"plain": reference, "change": change, "error": np.array(largest_error(box, slabs, error))}
 
-    result = cached_arrays("surrogates", key, solved) if cached else solved()
+    result = cached_arrays("surrogates", key, solve) if cached else solve()
     pressure, displacement, approach = profiles(box, result["plain"], result["change"], 0)
     return PressSurrogate(
         radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),

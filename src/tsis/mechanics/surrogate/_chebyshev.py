@@ -23,7 +23,7 @@ def weights(interval: tuple[float, float], count: int, x: NDArray[np.float64]) -
     """Matrix from values at `points` to the interpolating polynomial at ``x``, shape (len(x), count)."""
     low, high = interval
     unit = (2 * np.atleast_1d(x) - low - high) / (high - low)
-    # NumPy's own recurrence costs more in checks than in work on the few points that are asked for most often.
+    # NumPy's own recurrence spends more time on checks than on work for few points.
     terms = np.ones((count, unit.size))
     if count > 1:
         terms[1] = unit
@@ -32,9 +32,9 @@ def weights(interval: tuple[float, float], count: int, x: NDArray[np.float64]) -
     return np.asarray(terms.T @ _coefficients(count))
 
 
-@lru_cache(maxsize=1024)  # the same few places are asked for again and again
+@lru_cache(maxsize=1024)  # callers repeat few positions
 def weights_at(interval: tuple[float, float], count: int, x: float) -> NDArray[np.float64]:
-    """`weights` at one place, shape (count,)."""
+    """`weights` at one position, shape (count,)."""
     row = np.array(weights(interval, count, np.array([x]))[0])
     row.flags.writeable = False
     return row

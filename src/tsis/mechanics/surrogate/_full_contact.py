@@ -1,7 +1,7 @@
-"""All presses that cover a probe's face, at any force, as polynomials over a box, and their changes by Poisson's ratio.
+"""All presses that cover a probe's face, as polynomials over a box, and their derivatives by Poisson's ratio.
 
-At small strain, once the contact covers the face, a press is affine in the force: ``shape + force * unit``. The unit is
-a flat face's answer; the shape is what a dome's gap adds, in equilibrium with itself. One build answers every force.
+At small strain a press that covers the face is affine in the force: ``shape + force * unit``. The unit is the response
+of a flat face; the shape is the self-equilibrated part from a dome's gap. One build serves every force.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 1
 FULL_CONTACT_DEGREES = Degrees(diameter=7, depth=6, contrast=2, tissue=3, thickness=3, baseline=4)
-# A change by Poisson's ratio is itself small, so a coarser polynomial tells it as closely.
+# A change by Poisson's ratio is small, so a coarser polynomial is accurate enough.
 POISSON_DEGREES = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=1, baseline=3)
 LARGEST_POISSON = 0.495
 
@@ -48,10 +48,7 @@ LARGEST_POISSON = 0.495
 class FullContactProfiles:
     """Surrogates of one part of the presses, with 121, 121 and 1 outputs.
 
-    Attributes
-    ----------
-    pressure_kpa, face_displacement_mm, approach_mm
-        What they tell; of the unit each per newton, of a derivative each per unit of Poisson's ratio.
+    The values of a unit are per newton, those of a derivative per unit of Poisson's ratio.
     """
 
     pressure_kpa: Surrogate
@@ -61,7 +58,7 @@ class FullContactProfiles:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FullContactParts:
-    """A press is ``shape + force_n * unit``; the shape of a flat face is nothing, and None."""
+    """A press is ``shape + force_n * unit``; the shape of a flat face is zero, and None."""
 
     unit: FullContactProfiles
     shape: FullContactProfiles | None
@@ -69,25 +66,25 @@ class FullContactParts:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FullContactSurrogate:
-    """Every press of one probe whose contact covers its face, anywhere in a box.
+    """All presses of one probe whose contact covers its face, over a box.
 
     Attributes
     ----------
     radius_mm
         Radii of the profiles, evenly spaced from the axis to the edge, shape (121,).
     unit
-        What each newton adds, per newton.
+        Press by one newton.
     shape
-        What a dome's gap adds, whose force is zero; None when the face is flat.
+        Part from a dome's gap, with zero force; None when the face is flat.
     by_poisson
-        Derivatives of both by Poisson's ratio, which tissue and inclusion share.
+        Derivatives of both by Poisson's ratio, one value for tissue and inclusion.
     covering_force_n
-        Surrogate (1 output) of the force from which the contact covers the face; None when the face is flat.
+        Surrogate (1 output) of the force at which the contact covers the face; None when the face is flat.
     error
-        Largest error of the pressures of unit (at 1 N) and shape met in fresh solves inside the box, as a share of the
+        Largest error of the pressures of unit (at 1 N) and shape in fresh solves inside the box, as a fraction of the
         mean pressure at 1 N, over the inner 0.8 of the face's radius.
     key
-        Name of its content: probe, box, degrees, step and resolution.
+        Hash of its content: probe, box, degrees, step and resolution.
     """
 
     radius_mm: NDArray[np.float64]
@@ -99,7 +96,7 @@ class FullContactSurrogate:
     key: str
 
     def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Matrix from profiles to values at ``radius_mm``, straight between its radii; (len(radius_mm), n)."""
+        """Matrix from profiles to values at ``radius_mm``, linear between its radii; (len(radius_mm), n)."""
         return hats(self.radius_mm, radius_mm)
 
 
@@ -118,16 +115,15 @@ def build_full_contact_surrogate(
     Parameters
     ----------
     probe, box
-        What presses at small strain, and the ranges of what is pressed.
+        The probe, and the ranges of inclusions and tissues.
     degrees, resolution
         Polynomial degrees, and the mesh density of the model.
     poisson_step
-        Difference of Poisson's ratio that the derivatives are taken over, in [1e-4, 0.1], around that of the box or as
-        close below as 0.495 allows.
+        Step of Poisson's ratio for the derivatives, in [1e-4, 0.1], centred on the box's value or just below 0.495.
     progress
-        Called with (slabs solved, slabs in all) as the work goes on.
+        Called with (slabs solved, slabs in all).
     cached
-        Whether to read and write the disk cache, whose key is the content of all arguments above.
+        Whether to read and write the disk cache; its key is the content of all arguments above.
 
     Raises
     ------
@@ -149,10 +145,8 @@ def build_full_contact_surrogate(
         }
     )
 
-    def solved() -> dict[str, NDArray[np.float64]]:
-        return _solved(probe, box, degrees, poisson_step, resolution, progress)
-
-    result = cached_arrays("covered", key, solved) if cached else solved()
+    solve = partial(_solve, probe, box, degrees, poisson_step, resolution, progress)
+    result = cached_arrays("covered", key, solve) if cached else solve()
     unit, shape, force = _parts(box, result["plain"], result["change"])
     by_unit, by_shape, _ = _parts(box, result["plain_by_poisson"], result["change_by_poisson"])
     return FullContactSurrogate(
@@ -166,7 +160,7 @@ def build_full_contact_surrogate(
     )
 
 
-def _solved(
+def _solve(
     probe: Probe,
     box: Box,
     degrees: Degrees,
@@ -178,13 +172,13 @@ def _solved(
         return partial(SmallStrainSlabs, probe, replace(box, poisson=poisson), resolution, full_contact_rows)
 
     coarse = _at_most(POISSON_DEGREES, degrees)
-    total, solved = _slabs(degrees) + 2 * _slabs(coarse), 0
+    total, solved = _slab_count(degrees) + 2 * _slab_count(coarse), 0
 
-    def solve(poisson: float, these: Degrees) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def solve(poisson: float, counts: Degrees) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         nonlocal solved
         before = solved
-        solved += _slabs(these)
-        return solve_all(box, slabs_at(poisson), these, progress and (lambda done, _: progress(before + done, total)))
+        solved += _slab_count(counts)
+        return solve_all(box, slabs_at(poisson), counts, progress and (lambda done, _: progress(before + done, total)))
 
     reference, change = solve(box.poisson, degrees)
     high = min(box.poisson + poisson_step / 2, LARGEST_POISSON)
@@ -199,8 +193,8 @@ def _solved(
     }
 
 
-def _slabs(degrees: Degrees) -> int:
-    """Slabs with an inclusion that are meshed."""
+def _slab_count(degrees: Degrees) -> int:
+    """Number of meshed slabs with an inclusion."""
     return degrees.diameter * degrees.depth * degrees.thickness
 
 
@@ -232,14 +226,14 @@ def _error(
     reference: NDArray[np.float64],
     change: NDArray[np.float64],
 ) -> float:
-    """Largest error of the pressures, as a share of the mean pressure at 1 N."""
+    """Largest error of the pressures, as a fraction of the mean pressure at 1 N."""
     unit, shape, _ = _parts(box, reference, change)
     parts = [(0, unit)] if shape is None else [(0, unit), (PRESS_OUTPUTS, shape)]
     inside = int(CHECKED_FRACTION * (FACE_POINTS - 1)) + 1
     mean_kpa = MN_PER_N / (np.pi * probe.radius_mm**2)
 
-    def error(spot: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
-        off = [spot.of(part.pressure_kpa)[:inside] - fresh[start : start + inside] for start, part in parts]
-        return float(np.abs(off).max() / mean_kpa)
+    def error(point: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
+        errors = [point.evaluate(part.pressure_kpa)[:inside] - fresh[start : start + inside] for start, part in parts]
+        return float(np.abs(errors).max() / mean_kpa)
 
     return largest_error(box, slabs, error)

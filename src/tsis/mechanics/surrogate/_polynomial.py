@@ -1,7 +1,7 @@
 """The press as a polynomial: Chebyshev tensors in diameter, depth, contrast, tissue modulus and slab thickness.
 
-The change that an inclusion makes is nearly proportional to ``g (d / c)**3`` with the saturation in its modulus
-``g = (Ei - Et) / (Ei + 1.5 Et)`` and the depth of its centre ``c = h + d / 2``; what is interpolated is the change
+The change by an inclusion is nearly proportional to ``g (d / c)**3`` with the saturation in its modulus
+``g = (Ei - Et) / (Ei + 1.5 Et)`` and the depth of its centre ``c = h + d / 2``. The polynomial interpolates the change
 divided by that, which is smooth enough for low degrees. Changes come from solves with and without contrast on one mesh.
 """
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-CHUNK = 512  # inclusions evaluated at a time, so that what lies between the two products stays in the cache
+CHUNK = 512  # inclusions evaluated at a time; the intermediate array fits into the processor's cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """Ranges (low, high) over which a surrogate holds.
+    """Ranges (low, high) over which a surrogate is valid.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Box:
 class Degrees:
     """Chebyshev points along each axis.
 
-    The defaults hold 0.1 % of the peak signal on the default box. Plain tissue costs little, and must be exact
+    The defaults are accurate to 0.1 % of the peak signal on the default box. Tissue without inclusion must be exact
     even against small signals, so it has points of its own: ``baseline`` along tissue and thickness each.
     """
 
@@ -99,26 +99,26 @@ def contrast_from_factor(factor: Any) -> Any:
 
 
 def signal_scale(diameter_mm: Any, depth_mm: Any, factor: Any) -> Any:
-    """What the change is nearly proportional to: g (d / c)**3."""
+    """Scale of the change by an inclusion: g (d / c)**3."""
     return factor * (diameter_mm / (depth_mm + diameter_mm / 2)) ** 3
 
 
 def log_range(interval: tuple[float, float]) -> tuple[float, float]:
-    """Logarithms of both ends: tissue modulus and thickness are interpolated in them."""
+    """Logarithms of both ends; tissue modulus and thickness are interpolated in their logarithm."""
     low, high = interval
     return float(np.log(low)), float(np.log(high))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Surrogate:
-    """Numbers that presses answer with, as polynomials anywhere in a box.
+    """Outputs of presses as polynomials over a box.
 
     Attributes
     ----------
     box
-        Where it holds.
+        Range of validity.
     baseline
-        Answer of plain tissue at Chebyshev points of its own, shape (tissue, thickness, outputs).
+        Outputs without inclusion at Chebyshev points of their own, shape (tissue, thickness, outputs).
     change
         Change by the inclusion over `signal_scale` at the points, shape (diameter, depth, contrast, tissue, thickness,
         outputs).
@@ -129,16 +129,16 @@ class Surrogate:
     change: NDArray[np.float64]
 
     def mapped(self, matrix: NDArray[np.float64]) -> Surrogate:
-        """The same surrogate after a linear map of its outputs; ``matrix`` has shape (new, old)."""
+        """Surrogate with linearly mapped outputs; ``matrix`` has shape (new, old)."""
         return replace(self, baseline=self.baseline @ matrix.T, change=self.change @ matrix.T)
 
     def joined(self, *others: Surrogate) -> Surrogate:
-        """One surrogate with the outputs of this one and then those of ``others``, all over one box."""
-        every = (self, *others)
+        """Surrogate with the outputs of this one, then those of ``others``, all over one box."""
+        parts = (self, *others)
         return replace(
             self,
-            baseline=np.concatenate([item.baseline for item in every], axis=-1),
-            change=np.concatenate([item.change for item in every], axis=-1),
+            baseline=np.concatenate([part.baseline for part in parts], axis=-1),
+            change=np.concatenate([part.change for part in parts], axis=-1),
         )
 
     def at_tissue(self, tissue_young_kpa: float, thickness_mm: float) -> TissueSurrogate:
@@ -153,7 +153,7 @@ class Surrogate:
         )
 
     def baseline_at(self, tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
-        """Answer of plain tissue, shape (outputs,)."""
+        """Outputs without inclusion, shape (outputs,)."""
         mix = self._mix(self.baseline.shape[:2], tissue_young_kpa, thickness_mm)
         return np.asarray(mix @ self.baseline.reshape(mix.size, -1))
 
@@ -174,7 +174,7 @@ class TissueSurrogate:
     change: NDArray[np.float64]
 
     def nodes(self) -> NDArray[np.float64]:
-        """Inclusions (diameter, depth, modulus) at which the change is tabled, shape (d * h * g, 3)."""
+        """Inclusions (diameter, depth, modulus) at the points of ``change``, shape (d * h * g, 3)."""
         nd, nh, ng, _ = self.change.shape
         axes = (
             chebyshev.points(self.box.diameter_mm, nd),
@@ -193,7 +193,7 @@ class TissueSurrogate:
     def __call__(
         self, diameter_mm: NDArray[np.float64], depth_mm: NDArray[np.float64], young_kpa: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Answer for inclusions given by three arrays of shape (n,); shape (n, outputs)."""
+        """Outputs for inclusions, three arrays of shape (n,); shape (n, outputs)."""
         box, (nd, nh, ng, outputs) = self.box, self.change.shape
         factor = contrast_factor(np.asarray(young_kpa) / self.tissue_young_kpa)
         in_d = chebyshev.weights(box.diameter_mm, nd, diameter_mm)
@@ -212,21 +212,21 @@ class TissueSurrogate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressSurrogate:
-    """Surrogates of everything a press at one force answers, around radii of one probe's face.
+    """Surrogates of all outputs of a press at one force, over radii of one probe's face.
 
     Attributes
     ----------
     radius_mm
         Radii of the profiles, evenly spaced from the axis to the edge, shape (n,).
     force_n
-        Force of the presses; the answers of a flat face are proportional to it.
+        Force of the presses; the response of a flat face is proportional to it.
     pressure_kpa, face_displacement_mm, approach_mm
         Surrogates with n, n and 1 outputs.
     error
-        Largest error of the pressure met in fresh presses inside the box, as a share of its mean, over the inner 0.8 of
+        Largest error of the pressure in fresh presses inside the box, as a fraction of its mean, over the inner 0.8 of
         the face's radius.
     key
-        Name of its content: probe, box, force, degrees and resolution.
+        Hash of its content: probe, box, force, degrees and resolution.
     """
 
     radius_mm: NDArray[np.float64]
@@ -238,5 +238,5 @@ class PressSurrogate:
     key: str
 
     def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Matrix from profiles to values at ``radius_mm``, straight between its radii; (len(radius_mm), n)."""
+        """Matrix from profiles to values at ``radius_mm``, linear between its radii; (len(radius_mm), n)."""
         return hats(self.radius_mm, radius_mm)

@@ -1,4 +1,4 @@
-"""Presses on slabs of one thickness as rows of numbers, by either model: what surrogates are made of."""
+"""Presses on slabs of one thickness as rows of numbers, by either model: the input of surrogates."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     from tsis.mechanics.surrogate._polynomial import Box
     from tsis.model import PressField, Probe
 
-    Answer = Callable[[PressKernel, float, NDArray[np.float64] | None], NDArray[np.float64]]
+    RowOfPress = Callable[[PressKernel, float, NDArray[np.float64] | None], NDArray[np.float64]]
 
-FACE_POINTS = 121  # of each profile; between them it is taken as straight
+FACE_POINTS = 121  # of each profile, which is linear between them
 
 
 class Slabs(Protocol):
-    """Slabs of one thickness; a row holds what `rows_at_force` or `full_contact_rows` put there."""
+    """Slabs of one thickness; `rows_at_force` and `full_contact_rows` define the outputs of a row."""
 
     def without_inclusion(self, tissues: list[float]) -> NDArray[np.float64]:
-        """Plain tissue of each modulus in kPa, shape (tissues, outputs)."""
+        """Rows of tissue of each modulus in kPa, shape (tissues, outputs)."""
 
     def changes(
         self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
@@ -44,7 +44,7 @@ class Slabs(Protocol):
 def slabs_of(
     probe: Probe, box: Box, force_n: float, strain: str, resolution: Resolution | FiniteResolution | None
 ) -> tuple[Callable[[float], Slabs], Resolution | FiniteResolution]:
-    """What makes slabs from their thickness in mm, and the mesh density that it uses."""
+    """Function from a thickness in mm to slabs, and its mesh density."""
     if strain == "small":
         coarse = Resolution() if resolution is None else resolution
         if isinstance(coarse, Resolution):
@@ -55,18 +55,18 @@ def slabs_of(
             return lambda thickness: FiniteStrainSlabs(probe, box, force_n, fine, thickness), fine
     else:
         raise InputError(f"strain must be 'small' or 'finite'; got {strain!r}")
-    raise InputError(f"resolution must be that of strain {strain!r}; got a {type(resolution).__name__}")
+    raise InputError(f"resolution must suit strain {strain!r}; got a {type(resolution).__name__}")
 
 
 class SmallStrainSlabs:
-    """Slabs that share the condensed probe and far tissue.
+    """Slabs with one condensed probe and far tissue.
 
-    ``answer`` makes a row of a tissue's modulus in kPa and what an inclusion changes about its compliance, or None.
+    ``row`` computes a row from a tissue's modulus in kPa and the change of its compliance by an inclusion, or None.
     """
 
-    def __init__(self, probe: Probe, box: Box, resolution: Resolution, response: Answer, thickness_mm: float) -> None:
+    def __init__(self, probe: Probe, box: Box, resolution: Resolution, row: RowOfPress, thickness_mm: float) -> None:
         diameter, depth = box.diameter_mm[0], box.depth_mm[0]
-        self._response = response
+        self._row = row
         self._kernel = PressKernel(
             probe,
             thickness_mm=thickness_mm,
@@ -79,7 +79,7 @@ class SmallStrainSlabs:
 
     def without_inclusion(self, tissues: list[float]) -> NDArray[np.float64]:
         """See `Slabs`."""
-        return np.array([self._response(self._kernel, tissue, None) for tissue in tissues])
+        return np.array([self._row(self._kernel, tissue, None) for tissue in tissues])
 
     def changes(
         self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
@@ -90,26 +90,26 @@ class SmallStrainSlabs:
         reference, rows = self.without_inclusion(tissues), []
         for factor in factors:
             change = slab.change(float(contrast_from_factor(factor)))
-            pressed = [self._response(self._kernel, tissue, change) for tissue in tissues]
+            pressed = [self._row(self._kernel, tissue, change) for tissue in tissues]
             rows.append((np.array(pressed) - reference) / signal_scale(diameter, depth, factor))
         return np.array(rows)
 
 
-def rows_at_force(force_n: float) -> Answer:
-    """Presses at one force."""
+def rows_at_force(force_n: float) -> RowOfPress:
+    """Rows of presses at one force: pressures, displacements, approach."""
 
-    def answer(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    def row(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
         result = kernel.press(tissue, force_n * MN_PER_N, change)
         problem = None if change is not None else strain_problem(result.approach_mm, kernel.probe, kernel.thickness_mm)
         if problem is not None:
             raise MechanicsError(f"{problem}: choose a smaller force_n, stiffer tissue_young_kpa, or strain='finite'")
         return _row(result)
 
-    return answer
+    return row
 
 
 def full_contact_rows(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """All presses that cover the face: what a newton adds; of a dome also the rest, and the force from which on."""
+    """Row of all presses that cover the face: unit; of a dome also shape and covering force."""
     result = kernel.covering(tissue, change)
     if result.shape is None:
         return _row(result.unit)
@@ -117,7 +117,7 @@ def full_contact_rows(kernel: PressKernel, tissue: float, change: NDArray[np.flo
 
 
 class FiniteStrainSlabs:
-    """Slabs each of which is walked to its load on its own; seconds a press."""
+    """Slabs at finite strain, one load path each; seconds a press."""
 
     def __init__(
         self, probe: Probe, box: Box, force_n: float, resolution: FiniteResolution, thickness_mm: float
@@ -127,16 +127,8 @@ class FiniteStrainSlabs:
 
     def without_inclusion(self, tissues: list[float]) -> NDArray[np.float64]:
         """See `Slabs`."""
-        return np.array(
-            [
-                _row_of(
-                    press_finite(
-                        self._probe, self._phantom(tissue, None), force_n=self._force_n, resolution=self._resolution
-                    )
-                )
-                for tissue in tissues
-            ]
-        )
+        press = partial(press_finite, self._probe, force_n=self._force_n, resolution=self._resolution)
+        return np.array([_row_of(press(self._phantom(tissue, None))) for tissue in tissues])
 
     def changes(
         self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
@@ -146,19 +138,19 @@ class FiniteStrainSlabs:
 
     def _change(self, sphere: tuple[float, float], factor: float, tissue: float) -> NDArray[np.float64]:
         diameter, depth = sphere
-        lump = Inclusion(
+        inclusion = Inclusion(
             diameter_mm=diameter,
             depth_mm=depth,
             young_kpa=float(contrast_from_factor(factor)) * tissue,
             poisson=self._poisson,
         )
         ((with_it, without),) = press_pairs(
-            self._probe, self._phantom(tissue, lump), forces_n=(self._force_n,), resolution=self._resolution
+            self._probe, self._phantom(tissue, inclusion), forces_n=(self._force_n,), resolution=self._resolution
         )
         return (_row_of(with_it) - _row_of(without)) / float(signal_scale(diameter, depth, factor))
 
-    def _phantom(self, tissue: float, lump: Inclusion | None) -> Phantom:
-        return Phantom(young_kpa=tissue, thickness_mm=self._thickness_mm, poisson=self._poisson, inclusion=lump)
+    def _phantom(self, tissue: float, inclusion: Inclusion | None) -> Phantom:
+        return Phantom(young_kpa=tissue, thickness_mm=self._thickness_mm, poisson=self._poisson, inclusion=inclusion)
 
 
 def _row(press: FacePress) -> NDArray[np.float64]:
@@ -166,10 +158,10 @@ def _row(press: FacePress) -> NDArray[np.float64]:
 
 
 def _row_of(field: PressField) -> NDArray[np.float64]:
-    """A row at fewer radii; each pressure is a mean of means, so that they still sum up to the force."""
+    """A row at fewer radii; each pressure is a mean of means, so that they sum up to the force."""
     fine = field.radius_mm
     coarse = np.linspace(0.0, fine[-1], FACE_POINTS)
-    fraction = hats(coarse, fine) * hat_areas(fine)[:, None]
-    pressure = field.pressure_kpa @ fraction / fraction.sum(axis=0)
+    weight = hats(coarse, fine) * hat_areas(fine)[:, None]
+    pressure = field.pressure_kpa @ weight / weight.sum(axis=0)
     displacement = np.interp(coarse, fine, field.face_displacement_mm)
     return np.concatenate([pressure, displacement, [field.approach_mm]])

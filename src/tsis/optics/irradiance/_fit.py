@@ -1,4 +1,4 @@
-"""From counted rays to smooth light: the lamps' symmetries, polynomials in the slope, splines over the face."""
+"""Smooth light from counted rays: the lamps' symmetries, polynomials in the slope, splines over the face."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ if TYPE_CHECKING:
     from tsis.model import Probe
 
 
-RINGS = (0.1, 0.2, 0.3, 0.4)  # slopes at which tilted faces are watched
-DIRECTIONS = 8  # of them over half a turn: the other half is known from the flux
+RINGS = (0.1, 0.2, 0.3, 0.4)  # slopes of the recorded tilted faces
+DIRECTIONS = 8  # of slopes over half a turn; the flux gives the other half
 POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (4, 0), (3, 1), (2, 2), (1, 3), (0, 4))
 INTERVALS = 16  # of the splines, across the face
-SUBPOINTS = 4  # over which a bin's mean is taken, along each side
-STIFFNESS = 1e-4  # of the splines where no bin lies: against their second differences, relative to the counts
+SUBPOINTS = 4  # of a bin's mean, along each side
+STIFFNESS = 1e-4  # weight of the splines' second differences, relative to the counts
 
 
 def watched_slopes() -> NDArray[np.float64]:
-    """Slopes (x, y) of the faces that are watched, shape (k, 2)."""
-    turns = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
-    return np.concatenate([size * np.column_stack([np.cos(turns), np.sin(turns)]) for size in RINGS])
+    """Slopes (x, y) of the recorded tilted faces, shape (k, 2)."""
+    angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
+    return np.concatenate([size * np.column_stack([np.cos(angles), np.sin(angles)]) for size in RINGS])
 
 
 def powers(slope_x: NDArray[np.float64], slope_y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What the `POWERS` of slopes are, on a first axis."""
+    """The `POWERS` of slopes, along a new first axis."""
     return np.stack([slope_x**i * slope_y**j for i, j in POWERS])
 
 
@@ -37,9 +37,9 @@ def slope_terms(
 ) -> NDArray[np.float64]:
     """Coefficients of the `POWERS` of the slopes, from light (..., n, n), flux (..., 2, n, n) and tilted faces.
 
-    The light of all directions d on a face tilted by s sums ``max(0, 1 + p s)`` of what falls, p being the direction's
-    horizontal part over its drop, and ``max(0, p s - 1)`` of what the face has turned upwards. Both together are
-    ``p s + max(1, |p s|)``: a linear term, which is exactly the flux, and an even one, which is fitted.
+    Let p be a direction's horizontal part over its drop. A face tilted by s receives ``max(0, 1 + p s)`` of the falling
+    light and ``max(0, p s - 1)`` of the light reflected upwards. Their sum is ``p s + max(1, |p s|)``: a linear term,
+    which is exactly the flux, and an even term, which is fitted.
     """
     slopes = watched_slopes()
     even = tilted - level[..., None, :, :] - np.einsum("kp,...pij->...kij", slopes, flux)
@@ -48,20 +48,20 @@ def slope_terms(
 
 
 def symmetries(probe: Probe) -> list[NDArray[np.float64]]:
-    """Turns by right angles and mirrors that leave the lamps as they are, as 2 x 2 matrices."""
-    turn, mirror = np.array([[0.0, -1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
-    candidates = [np.linalg.matrix_power(turn, k) @ flip for k in range(4) for flip in (np.eye(2), mirror)]
+    """Rotations by right angles and mirrors that map the lamps onto themselves, as 2 x 2 matrices."""
+    rotation, mirror = np.array([[0.0, -1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
+    candidates = [np.linalg.matrix_power(rotation, k) @ flip for k in range(4) for flip in (np.eye(2), mirror)]
     lit = [led for led in probe.leds if led.power > 0]
     azimuth = np.radians([led.azimuth_deg for led in lit])
     position = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     kind = [(probe.led_height_mm(led), led.aim_deg, led.half_angle_deg, led.diameter_mm, led.power) for led in lit]
-    correlation = np.array([[item == other for other in kind] for item in kind])
+    equal = np.array([[item == other for other in kind] for item in kind])
 
-    def kept(matrix: NDArray[np.float64]) -> bool:
+    def is_symmetry(matrix: NDArray[np.float64]) -> bool:
         difference = np.abs((position @ matrix.T)[:, None, :] - position[None, :, :]).max(axis=2)
-        return bool(((difference < 1e-9) & correlation).any(axis=1).all())
+        return bool(((difference < 1e-9) & equal).any(axis=1).all())
 
-    return [matrix for matrix in candidates if kept(matrix)]
+    return [matrix for matrix in candidates if is_symmetry(matrix)]
 
 
 def symmetrised(
@@ -70,36 +70,35 @@ def symmetrised(
     tilted: NDArray[np.float64],
     matrices: list[NDArray[np.float64]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Means over symmetries, which move the maps and turn flux and slopes alike."""
+    """Means over symmetries of the maps, the flux and the slopes."""
     slopes, count = watched_slopes(), level.shape[-1]
     x, y = np.meshgrid(*2 * [np.arange(count) - (count - 1) / 2])
-    shifted = []
+    images = []
     for matrix in matrices:
-        # The light at a place is that at the place which the symmetry brings there, on the slope it brings along.
-        came_x, came_y = (
+        # A map at a bin takes the value at the bin that the symmetry maps to it, with its slope.
+        origin_x, origin_y = (
             np.rint(part + (count - 1) / 2).astype(int) for part in np.einsum("qp,qij->pij", matrix, [x, y])
         )
-        came = slopes @ matrix
-        difference = np.abs(came[:, None, None, :] - np.stack([slopes, -slopes])[None]).max(axis=3)
+        origin = slopes @ matrix
+        difference = np.abs(origin[:, None, None, :] - np.stack([slopes, -slopes])[None]).max(axis=3)
         opposite, index = np.divmod(difference.reshape(len(slopes), -1).argmin(axis=1), len(slopes))
-        given = tilted[..., index, :, :] - 2 * opposite[:, None, None] * np.einsum(
-            "kp,...pij->...kij", slopes[index], flux
-        )
-        shifted.append(
+        along = np.einsum("kp,...pij->...kij", slopes[index], flux)
+        light = tilted[..., index, :, :] - 2 * opposite[:, None, None] * along
+        images.append(
             (
-                level[..., came_y, came_x],
-                np.einsum("pq,...qij->...pij", matrix, flux)[..., came_y, came_x],
-                given[..., came_y, came_x],
+                level[..., origin_y, origin_x],
+                np.einsum("pq,...qij->...pij", matrix, flux)[..., origin_y, origin_x],
+                light[..., origin_y, origin_x],
             )
         )
-    first, second, third = (np.mean(part, axis=0) for part in zip(*shifted, strict=True))
+    first, second, third = (np.mean(part, axis=0) for part in zip(*images, strict=True))
     return first, second, third
 
 
 def smooth(maps: NDArray[np.float64], radius_mm: float, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values at ``nodes`` (both ways) of cubic splines whose means over bins fit ``maps`` (..., n, n) best.
+    """Values at ``nodes`` (along x and y) of cubic splines whose means over bins fit ``maps`` (..., n, n).
 
-    Bins that the wall cuts are left out; nodes beyond the wall take the value at the wall.
+    The fit omits bins across the wall; nodes beyond the wall have the value at the wall.
     """
     bins = maps.shape[-1]
     size = 2 * radius_mm / bins

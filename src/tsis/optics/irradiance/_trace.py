@@ -1,4 +1,4 @@
-"""The light on a probe's face by tracing: untouched, raised evenly, and under a few dents; kept on disk."""
+"""The traced light on a probe's face: untouched, evenly raised, and under a few dents; cached on disk."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 2
 RAISED = (0.0, 0.08, 0.16)  # of the layers' thickness
-# Depth over the thickness; tip's radius and the place of its middle over the face's radius.
+# Depth over the thickness; tip's radius and the position of its middle over the face's radius.
 DENTS = ((0.04, 0.4, 0.0, 0.0), (0.08, 0.6, 0.2, 0.1), (0.13, 0.8, 0.0, 0.0), (0.06, 0.5, -0.15, 0.25))
-SATURATION_KPA = 1.0  # the dents' peak pressure: the lift is that of nearly full contact
+SATURATION_KPA = 1.0  # the dents' peak pressure: the lift is fitted at nearly full contact
 BINS, NODES = 48, 49
-GROUPS = 8  # of batches, whose spread is the error
+GROUPS = 8  # of batches; their spread gives the error
 FEWEST_RAYS, MOST_RAYS = 10**5, 10**10
 
 
@@ -57,19 +57,19 @@ def irradiance(
     progress: Callable[[int, int], None] | None = None,
     cached: bool = True,
 ) -> Irradiance:
-    """Trace the light that reaches a probe's face, or load it from the disk cache.
+    """Trace the light on a probe's face, or load it from the disk cache.
 
-    Three quarters of the rays go through the untouched probe and two with an evenly raised face: what they would do
-    to tilted faces is recorded, averaged over the symmetries of the lamps and smoothed by splines. The last quarter
-    goes through a level contact and four dents, to find by one number each how much a contact darkens the face around
-    it and what a dent's flanks throw onto it.
+    Three quarters of the rays go through the untouched probe and two probes with an evenly raised face. Their light on
+    tilted faces is recorded, averaged over the symmetries of the lamps and smoothed by splines. The last quarter goes
+    through a level contact and four dents; it gives one number each for the loss of light by contact and for the
+    reflection from a dent's flanks.
 
     Parameters
     ----------
     probe
-        What is lit, with its lamps.
+        The probe with its lamps.
     rays
-        Rays in all, in [1e5, 1e10].
+        Total number of rays, in [1e5, 1e10].
     seed
         Seed of their starts, a whole number from 0.
     index_outside
@@ -79,12 +79,12 @@ def irradiance(
     progress
         Called with (parts done, parts in all).
     cached
-        Whether to read and write the disk cache, whose key is the content of all arguments above.
+        Whether to read and write the disk cache; its key is the content of all arguments above.
 
     Raises
     ------
     InputError
-        When a value lies outside its range or no light reaches the face.
+        When a value lies outside its range or the face is dark.
     """
     require_type("probe", probe, Probe)
     rays = require_integer("rays", rays, FEWEST_RAYS, MOST_RAYS)
@@ -94,9 +94,9 @@ def irradiance(
         "absorption_per_mm": require_number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
     }
     key = content_key({"format": FORMAT_VERSION, "probe": _optical(probe), "rays": float(rays), "seed": seed, **medium})
-    stored = read_cached_arrays("irradiance", key) if cached else None
-    if stored is not None:
-        fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in stored.items()}
+    arrays = read_cached_arrays("irradiance", key) if cached else None
+    if arrays is not None:
+        fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in arrays.items()}
         return Irradiance(**fields)
     with one_blas_thread():
         result = _traced(probe, rays / (len(RAISED) + 1), seed, medium, progress or (lambda _done, _total: None))
@@ -119,7 +119,7 @@ def _optical(probe: Probe) -> dict[str, Any]:
 def _traced(
     probe: Probe, rays: float, seed: int, medium: dict[str, float], progress: Callable[[int, int], None]
 ) -> Irradiance:
-    """The light by ``rays`` rays for each of the raised faces, and as many for all dents."""
+    """The light from ``rays`` rays for each of the raised faces, and as many for all dents."""
     parts = len(RAISED) + 1 + len(DENTS)
     steps = iter(range(1, parts + 1))
 
@@ -130,12 +130,12 @@ def _traced(
         return result
 
     raised = np.array(RAISED) * probe.thickness_mm
-    watched = [traced(evenly_raised_face(probe.radius_mm, shifted), rays, watched_slopes()) for shifted in raised]
+    levels = [traced(evenly_raised_face(probe.radius_mm, height), rays, watched_slopes()) for height in raised]
     touched = traced(evenly_pressed_face(probe.radius_mm, SATURATION_KPA), rays / len(DENTS), np.empty((0, 2)))
     fraction = real_contact(np.array(SATURATION_KPA), SATURATION_KPA).item()
-    arriving = [result.maps[:, ARRIVING].sum() / len(result.maps) for result in (watched[0], touched)]
+    arriving = [result.maps[:, ARRIVING].sum() / len(result.maps) for result in (levels[0], touched)]
     _check_lit(min(arriving))
-    light = replace(_smoothed(probe, raised, watched), depletion=(arriving[0] / arriving[1] - 1) / fraction)
+    light = replace(_smoothed(probe, raised, levels), depletion=(arriving[0] / arriving[1] - 1) / fraction)
     logs, depths = [], []
     for depth, tip, x, y in DENTS:
         dent = hertz_dent(
@@ -145,19 +145,19 @@ def _traced(
             peak_pressure_kpa=SATURATION_KPA,
             offset_mm=(x * probe.radius_mm, y * probe.radius_mm),
         )
-        left = traced(dent, rays / len(DENTS), np.empty((0, 2))).maps[:, COUPLED].mean(axis=0)
-        model, shifted = leaving_light(light, dent, saturation_kpa=SATURATION_KPA, bins=1)
-        _check_lit(min(left.sum(), model.item()))
-        logs.append(np.log(left.sum() / model.item()))
-        depths.append(shifted.item())
+        coupled = traced(dent, rays / len(DENTS), np.empty((0, 2))).maps[:, COUPLED].mean(axis=0).sum()
+        model, displacement = leaving_light(light, dent, saturation_kpa=SATURATION_KPA, bins=1)
+        _check_lit(min(coupled, model.item()))
+        logs.append(np.log(coupled / model.item()))
+        depths.append(displacement.item())
     return replace(light, lift_per_mm=float(np.dot(depths, logs) / np.dot(depths, depths)))
 
 
-def _smoothed(probe: Probe, raised: NDArray[np.float64], watched: list[Batches]) -> Irradiance:
-    """The light on evenly raised faces, from the rays that met them."""
+def _smoothed(probe: Probe, raised: NDArray[np.float64], levels: list[Batches]) -> Irradiance:
+    """The light on evenly raised faces, from their rays."""
     matrices, nodes = symmetries(probe), np.linspace(-probe.radius_mm, probe.radius_mm, NODES)
     terms = []
-    for result in watched:
+    for result in levels:
         maps, tilted = (_grouped(part) for part in (result.maps, result.tilted))
         flux = maps[:, FLUX_X : FLUX_Y + 1]
         even = symmetrised(maps[:, ARRIVING], flux, tilted, matrices)
@@ -180,7 +180,7 @@ def _smoothed(probe: Probe, raised: NDArray[np.float64], watched: list[Batches])
 
 def _check_lit(light: float) -> None:
     if light <= 0:
-        raise InputError("leds must light the face of the probe; no ray reaches it from inside, or hardly one")
+        raise InputError("leds must light the face of the probe; hardly any ray reaches it from inside")
 
 
 def _grouped(batches: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Waves in a thin guide that is pressed: beam propagation for sweeps, the frequency domain as the referee."""
+"""Waves in a pressed thin guide: beam propagation for sweeps, a frequency-domain solution as reference."""
 
 from tsis.optics.propagation._guide import Dent, ThinGuide, interfaces_um, thin_guide
 from tsis.optics.propagation._power import Powers

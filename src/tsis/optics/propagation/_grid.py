@@ -1,4 +1,4 @@
-"""The grid of cells on which waves are computed: where its lines are, what it absorbs, what its cells hold."""
+"""The grid of cells for waves: its nodes, absorbers, permittivities and matrices."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from tsis.optics.propagation._guide import Dent, ThinGuide
 
 
-SAMPLES = 4  # places along a cell at which the interfaces are taken
-STRENGTH = 4.0  # of the absorber at its end; half of it sends back less along z, and absorbs grazing light less
+SAMPLES = 4  # sections along a cell for the mean over the interfaces
+STRENGTH = 4.0  # of the absorber at its end; half of it reflects less along z, but absorbs grazing light less
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,18 +26,18 @@ class Axis:
     """Equal cells along one direction with an absorber at both ends.
 
     The absorber is a perfectly matched layer: lengths in it are stretched by ``1 + i s``, with ``s`` growing as the
-    fourth power of the way into it, so waves fade there and hardly anything is thrown back.
+    fourth power of the depth, so waves decay there with little reflection.
 
     Attributes
     ----------
     low_um
-        Where the first cell begins, µm.
+        Start of the first cell, µm.
     step_um
         Size of a cell, µm.
     cells
-        Number of cells, those of the absorbers included.
+        Number of cells, absorbers included.
     absorber_cells
-        How many cells at each end absorb.
+        Number of absorbing cells at each end.
     """
 
     low_um: float
@@ -52,7 +52,7 @@ class Axis:
 
     @property
     def inner(self) -> slice:
-        """The nodes between the absorbers, without those on their borders."""
+        """The nodes between the absorbers, without border nodes."""
         border = min(self.absorber_cells, 1)
         return slice(self.absorber_cells + border, self.cells + 1 - self.absorber_cells - border)
 
@@ -65,7 +65,7 @@ class Axis:
 
 
 def axis(low_um: float, high_um: float, *, step_um: float, absorber_um: float) -> Axis:
-    """Divide ``[low, high]`` into cells of about ``step_um``, and put absorbers outside it."""
+    """Divide ``[low, high]`` into cells of about ``step_um``, and add absorbers outside it."""
     cells = max(round((high_um - low_um) / step_um), 1)
     step = (high_um - low_um) / cells
     beyond = round(absorber_um / step)
@@ -77,8 +77,8 @@ def permittivity(
 ) -> NDArray[np.float64]:
     """Mean square of the index in each cell of the grid with these nodes; the dent's middle is at ``z_um = 0``.
 
-    For a field along y the mean over the cell is what the wave sees, so answers do not jump when an interface passes a
-    node. Across the layers the mean is exact, along them it is taken from a few sections of a cell.
+    For a field along y the mean over the cell is effective, so results do not jump when an interface passes a node. The
+    mean is exact across the layers, and over a few sections of a cell along them.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def permittivity(
 def _cell_means(
     at_um: NDArray[np.float64], jumps: NDArray[np.float64], x_um: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Means over the cells of x of steps ``jumps`` at the interfaces, shape (sections, cells)."""
+    """Means of ``jumps`` at the interfaces over the cells of x, shape (sections, cells)."""
     total = sum(
         jump * np.maximum(x_um - position[:, np.newaxis], 0.0) for jump, position in zip(jumps, at_um.T, strict=True)
     )
@@ -119,8 +119,8 @@ def tridiagonal(of_cells: NDArray[np.complex128], element: NDArray[np.float64]) 
     Returns
     -------
     NDArray[np.complex128]
-        Its symmetric tridiagonal matrix as two rows, the diagonal and the neighbour's, shape (2, cells + 1); the last
-        element of the second row is zero.
+        A symmetric tridiagonal matrix as two rows, diagonal and off-diagonal, shape (2, cells + 1); the last element of
+        the second row is zero.
     """
     none = np.zeros_like(of_cells[:1])
     along = np.concatenate((of_cells, none))
@@ -137,9 +137,9 @@ def times(matrix: NDArray[np.complex128], vectors: NDArray[np.complex128]) -> ND
 
 
 def links(step_x_um: float, step_z_um: float, wavenumber_squared: float) -> tuple[float, float]:
-    """Matrix elements of `helmholtz_matrix` from a node to its neighbour across the layers, straight and aslant.
+    """Elements of `helmholtz_matrix` from a node to its neighbour across the layers, straight and diagonal.
 
-    They hold in a uniform medium; two of the latter lead on, to the neighbour's neighbours along z.
+    They are valid in a uniform medium; each node has two diagonal neighbours on that side.
     """
     ratio, area = step_z_um / step_x_um, wavenumber_squared * step_x_um * step_z_um
     next_stiff, same_mass, next_mass = STIFFNESS[0, 1], MASS[0, 0], MASS[0, 1]

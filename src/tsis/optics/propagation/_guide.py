@@ -1,4 +1,4 @@
-"""A thin layered guide and the round dent that a tip presses into it."""
+"""A thin layered guide and the round dent of a tip in it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-THINNEST_LEFT = 0.05  # share of the soft layers that stays under the deepest dent
+THINNEST_LEFT = 0.05  # remaining fraction of the soft layers under the deepest dent
 LARGEST_TIP_UM = 1e4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ThinGuide:
-    """Layers a few micrometres thick in a uniform medium, as in the source's section 3.3 (whose "mm" are µm).
+    """Layers a few micrometres thick in a uniform medium, as in the dissertation's section 3.3 (whose "mm" are µm).
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ class ThinGuide:
     thickness_um
         Thicknesses, µm, shape (layers,).
     rigid_layers
-        How many of the last layers do not yield to a dent: 1 is the glass plate.
+        Number of the last layers that do not yield to a dent; 1 is the glass plate.
     index_outside
-        Refractive index of the medium on both sides, in [1, 5]; it fills the dent too.
+        Refractive index of the medium on both sides and in the dent, in [1, 5].
 
     Raises
     ------
@@ -54,7 +54,7 @@ class ThinGuide:
         object.__setattr__(self, "rigid_layers", rigid)
 
     def __eq__(self, other: object) -> bool:
-        """Equal by content, like every value without arrays."""
+        """Equality by content."""
         return isinstance(other, ThinGuide) and self._content() == other._content()
 
     def __hash__(self) -> int:
@@ -86,7 +86,7 @@ def thin_guide(name: str) -> ThinGuide:
     Raises
     ------
     UnknownNameError
-        When no guide has the name.
+        When there is no guide of that name.
 
     Examples
     --------
@@ -98,14 +98,14 @@ def thin_guide(name: str) -> ThinGuide:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dent:
-    """Where a rigid round tip has been: a cylinder across the guide, its axis along y.
+    """The dent of a rigid round tip: a cylinder across the guide, its axis along y.
 
     Parameters
     ----------
     depth_um
-        How far the tip's lowest line lies below the flat face, µm, in [0, 1e4].
+        Depth of the tip's lowest line below the flat face, µm, in [0, 1e4].
     tip_radius_um
-        Radius of the tip, µm, in [0.1, 1e4]. Above a tip sunk deeper than its radius the walls are upright.
+        Radius of the tip, µm, in [0.1, 1e4]. The walls above a tip deeper than its radius are vertical.
     """
 
     depth_um: float = 0.0
@@ -123,16 +123,16 @@ class Dent:
 
     def at(self, distance_um: ArrayLike) -> NDArray[np.float64]:
         """Depth of the pressed face, µm, at signed distances from the dent's middle along the guide, any shape."""
-        aside = np.abs(np.asarray(distance_um, dtype=float))
-        sagitta = self.tip_radius_um - np.sqrt(np.maximum(self.tip_radius_um**2 - aside**2, 0.0))
-        return np.where(aside < self.tip_radius_um, np.maximum(self.depth_um - sagitta, 0.0), 0.0)
+        distance = np.abs(np.asarray(distance_um, dtype=float))
+        sagitta = self.tip_radius_um - np.sqrt(np.maximum(self.tip_radius_um**2 - distance**2, 0.0))
+        return np.where(distance < self.tip_radius_um, np.maximum(self.depth_um - sagitta, 0.0), 0.0)
 
 
 def interfaces_um(guide: ThinGuide, dent: Dent, distance_um: ArrayLike) -> NDArray[np.float64]:
     """Depths of all interfaces below the flat face, µm, at distances from the dent's middle.
 
-    The rigid layers stay where they are. The soft layers between them and the tip are squeezed in one proportion, so
-    each keeps its share of what is left; their indices stay, and no bulge grows beside the tip.
+    The rigid layers do not move. The soft layers between them and the tip are compressed in proportion to their
+    thickness; their indices do not change, and there is no bulge beside the tip.
 
     Returns
     -------
@@ -142,7 +142,7 @@ def interfaces_um(guide: ThinGuide, dent: Dent, distance_um: ArrayLike) -> NDArr
     Raises
     ------
     InputError
-        When the dent reaches the rigid layers or all but does.
+        When the dent leaves less than 5 % of the soft layers.
 
     Examples
     --------
@@ -152,9 +152,9 @@ def interfaces_um(guide: ThinGuide, dent: Dent, distance_um: ArrayLike) -> NDArr
     deepest = (1 - THINNEST_LEFT) * guide.soft_um
     if dent.depth_um > deepest:
         raise InputError(
-            f"depth_um must be at most {deepest:g}, for the layers that yield are {guide.soft_um:g} um thick;"
+            f"depth_um must be at most {deepest:g}, because the soft layers are {guide.soft_um:g} um thick;"
             f" got {dent.depth_um:g}"
         )
     flat = np.concatenate(([0.0], np.cumsum(guide.thickness_um)))
-    left = np.maximum(1 - flat / guide.soft_um, 0.0)  # of the dent's depth, at each interface
-    return np.asarray(flat + dent.at(distance_um)[..., np.newaxis] * left)
+    fraction = np.maximum(1 - flat / guide.soft_um, 0.0)  # of the dent's depth, at each interface
+    return np.asarray(flat + dent.at(distance_um)[..., np.newaxis] * fraction)

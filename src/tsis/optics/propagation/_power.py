@@ -1,8 +1,8 @@
-"""Where the launched power went, counted on the grid's own terms so that nothing is lost in the counting.
+"""Balance of the launched power, exact on the discrete grid.
 
-Between two nodes joined by the real matrix element ``a`` runs the power ``-a Im(u* v)``. Added up over any border
-without sources inside it is zero, exactly. Light that has not left the guide's sides by the end of the grid runs on in
-a flat guide: there it is a sum of the section's modes, so what leaves up to infinity is a geometric series.
+The power between two nodes with the real matrix element ``a`` is ``-a Im(u* v)``. Its sum over any border without
+sources inside is exactly zero. Light at the end of the grid continues in a flat guide as a sum of the section's modes,
+so the power that leaves up to infinity is a geometric series.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Powers:
-    """Shares of the power of each launched mode, shape (launched,) each.
+    """Fractions of the power of each launched mode, shape (launched,) each.
 
     Attributes
     ----------
     guided, reflected
-        In guided modes that run on and back.
+        In forward and backward guided modes.
     top, bottom
         Out of the pressed side and out of the far side, on the grid or beyond its ends.
     """
@@ -40,13 +40,13 @@ class Powers:
 
     @property
     def balance_error(self) -> NDArray[np.float64]:
-        """By how much the shares miss 1, shape (launched,)."""
+        """Deviation of the sum of the fractions from 1, shape (launched,)."""
         return np.asarray(np.abs(self.guided + self.reflected + self.top + self.bottom - 1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Count:
-    """Counts power through a border between the absorbers of x, on a grid with these modes at its ends."""
+    """Power through a border between the absorbers of x, on a grid with these modes at its ends."""
 
     transverse: Axis
     step_um: float
@@ -58,7 +58,7 @@ class Count:
         return self.modes.flow(np.eye(len(self.modes.separation), count, dtype=complex), self.step_um, self._rows)
 
     def guided(self, amplitudes: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Power of the guided ones among waves that run outwards, shape (columns,)."""
+        """Power of the guided modes among outward waves, shape (columns,)."""
         selected = np.where(np.arange(len(amplitudes)) < self.modes.guided, 1.0, 0.0)
         return self.modes.flow(selected[:, np.newaxis] * amplitudes, self.step_um, self._rows)
 
@@ -74,12 +74,9 @@ class Count:
         return results[0], results[1]
 
     def beyond_end(self, amplitudes: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Power out of the top and of the bottom of the flat guide that goes on for ever after the last node.
+        """Power out of the top and of the bottom of the infinite flat guide after the last node.
 
-        Parameters
-        ----------
-        amplitudes
-            Of all modes on the last node, running outwards, shape (modes, columns).
+        ``amplitudes`` are those of all outward modes on the last node, shape (modes, columns).
         """
         (straight, aslant), onward = self._links, self.modes.onward(self.step_um)
         step = np.outer(onward.conj(), onward)
@@ -112,6 +109,6 @@ class Count:
 def outward(
     modes: SectionModes, step_um: float, here: NDArray[np.complex128], there: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Amplitudes on the node ``here`` of the waves that run from it to ``there``, the next, and not back."""
+    """Amplitudes on the node ``here`` of the waves that run from it towards the next node ``there``."""
     onward = modes.onward(step_um)[:, np.newaxis]
     return np.asarray((modes.amplitudes(here) - onward * modes.amplitudes(there)) / (1 - onward**2))

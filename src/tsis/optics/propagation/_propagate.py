@@ -1,4 +1,4 @@
-"""Waves through a pressed guide: input checked, the method chosen, the answer put together."""
+"""Waves through a pressed guide: input checks, choice of the method, and result."""
 
 from __future__ import annotations
 
@@ -23,47 +23,47 @@ if TYPE_CHECKING:
 
 
 Method = Literal["bpm", "fdfd"]
-CELLS_A_WAVE = {"bpm": 4.75, "fdfd": 9.5}  # of the shortest wavelength; the waves' speed is good to fourth order
+CELLS_A_WAVE = {"bpm": 4.75, "fdfd": 9.5}  # of the shortest wavelength; phase velocities are of fourth order
 COARSEST = 4.0
-AIR_WAVES = 3.6  # wavelengths of the medium outside on either side, and as much absorber
+AIR_WAVES = 3.6  # wavelengths of the medium outside on either side, and the same of absorber
 DENT_MARGIN_UM = 2.0
 LONGEST_UM = 1e4
-MOST_SECTION_NODES = 2000  # all modes of a section are found at once, in time as the cube of its nodes
+MOST_SECTION_NODES = 2000  # all modes of a section take time as the cube of its nodes
 GIB = 2.0**30
 FINE_STEP_UM = 1e-3
-LEAST_FRACTION = 1e-6  # below it nothing leaves but rounding
+LEAST_FRACTION = 1e-6  # smaller fractions are rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Propagation:
-    """What became of the guided modes that were launched, each with unit power, from the left.
+    """Fields and powers of guided modes launched from the left, each with unit power.
 
-    Modes are taken as incoherent with each other: means over them are means of powers.
+    Modes are incoherent with each other: means over them are means of powers.
 
     Attributes
     ----------
     guide, dent, method, wavelength_um
-        What was asked.
+        The arguments of `propagate`.
     x_um
         Depth below the flat pressed face, µm, of the nodes between the absorbers, shape (x,).
     z_um
-        Distance from the dent's middle along the guide, µm, likewise, shape (z,).
+        Distance of these nodes from the dent's middle along the guide, µm, shape (z,).
     index
         Root of the mean square of the index in the cells between these nodes, shape (z - 1, x - 1).
     n_eff
-        Effective indices of the launched modes across this grid, descending, shape (modes,).
+        Effective indices of the launched modes on this grid, descending, shape (modes,).
     clear
-        Which of them have faded before the absorber; near cut-off the powers are less exact, shape (modes,).
+        Whether each mode decays before the absorber; near cut-off the powers are less exact, shape (modes,).
     guided_count
-        How many guided modes the flat guide has.
+        Number of guided modes of the flat guide.
     field
         Complex field of each launched mode, shape (z, x, modes).
     powers
-        Where the power of each mode went.
+        Balance of the power of each mode.
     top_per_um, bottom_per_um
-        Share of the launched power that leaves through the lines x = ``x_um[0]`` and x = ``x_um[-1]``, a µm along z,
-        shape (z, modes); the two end nodes lack a neighbour. Their sums are less than the powers' ``top`` and
-        ``bottom``, which take in what leaves later.
+        Fraction of the launched power that leaves through the lines x = ``x_um[0]`` and x = ``x_um[-1]``, per µm along
+        z, shape (z, modes); the two end nodes lack a neighbour. The powers' ``top`` and ``bottom`` also include light
+        that leaves beyond the grid.
     """
 
     guide: ThinGuide
@@ -89,8 +89,8 @@ class Propagation:
     @property
     def intensity(self) -> NDArray[np.float64]:
         """Mean over the launched modes of the squared field, 1 for unit power on a µm at the index 1; shape (z, x)."""
-        transported = 2 * np.pi / self.wavelength_um * self.n_eff
-        return np.asarray(np.abs(self.field) ** 2 @ (transported / len(transported)))
+        wavenumber = 2 * np.pi / self.wavelength_um * self.n_eff
+        return np.asarray(np.abs(self.field) ** 2 @ (wavenumber / len(wavenumber)))
 
 
 def propagate(
@@ -104,32 +104,32 @@ def propagate(
     step_um: float | None = None,
     memory_gib: float = 2.0,
 ) -> Propagation:
-    """Send the guided modes of a thin guide under a dent, in two dimensions, the electric field along the dent (TE).
+    """Propagate the guided modes of a thin guide under a dent, in two dimensions, with the field along the dent (TE).
 
     Parameters
     ----------
     guide, dent
         The guide, and the dent in the middle of its length; none by default.
     method
-        ``bpm`` marches the wave one way, in a tenth of a second for all modes together; ``fdfd`` solves Helmholtz's
-        equation with waves in all directions, in seconds.
+        ``bpm`` marches the wave in one direction, a tenth of a second for all modes together; ``fdfd`` solves
+        Helmholtz's equation with waves in all directions, in seconds.
     wavelength_um
         Vacuum wavelength, µm, in [0.1, 20].
     modes
-        How many guided modes to launch, the lowest first, at least 1.
+        Number of guided modes to launch, the lowest first, at least 1.
     length_um
         Length of guide on the grid, µm; the dent must fit with 2 µm at either end.
     step_um
         Size of a cell, µm; by default 9.5 cells a wavelength in the highest index for ``fdfd`` and half of that for
-        ``bpm``. At least 4 are needed.
+        ``bpm``; at least 4 cells.
     memory_gib
-        Memory that may be used, GiB, in [0.01, 4096].
+        Limit of the memory, GiB, in [0.01, 4096].
 
     Raises
     ------
     InputError
-        When a value lies outside its range, the guide holds fewer modes than are wanted, the dent is deeper than the
-        layers that yield, or the grid would not fit in the memory.
+        When a value lies outside its range, the guide has fewer guided modes, the dent is deeper than the soft layers,
+        or the grid exceeds the memory.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def propagate(
         "length_um", length_um, 2 * (dent.half_width_um + DENT_MARGIN_UM), LONGEST_UM, hint="the dent must fit"
     )
     layer, along = _axes(guide, method, wavelength_um, length_um, step_um)
-    _refuse_what_does_not_fit(layer, along, method, modes, memory_gib)
+    _refuse_large_grid(layer, along, method, modes, memory_gib)
     with one_blas_thread():
         flat = _modes_of_flat(guide, layer, wavelength_um)
         _refuse_missing_modes(guide, flat, modes)
@@ -158,8 +158,8 @@ def propagate(
             field = march(layer, along, squared, flat.profile[:, :modes], reference)
         else:
             field = solve_launched(layer, along, squared, flat, modes)
-        powers, top, bottom = _account(layer, along, flat, field, float(squared[0, 0]))
-    hidden = LAUNCH_NODES if method == "fdfd" else 0  # where only what is thrown back runs
+        powers, top, bottom = _balance(layer, along, flat, field, float(squared[0, 0]))
+    hidden = LAUNCH_NODES if method == "fdfd" else 0  # nodes with reflected light only
     shown_x, shown_z = layer.inner, slice(along.inner.start + hidden, along.inner.stop)
     return Propagation(
         guide=guide,
@@ -196,7 +196,7 @@ def _axes(
     )
 
 
-def _refuse_what_does_not_fit(layer: Axis, along: Axis, method: Method, modes: int, memory_gib: float) -> None:
+def _refuse_large_grid(layer: Axis, along: Axis, method: Method, modes: int, memory_gib: float) -> None:
     limit = require_number("memory_gib", memory_gib, 0.01, 4096.0)
     rows = layer.cells + 1
     if rows > MOST_SECTION_NODES:
@@ -215,7 +215,7 @@ def _refuse_what_does_not_fit(layer: Axis, along: Axis, method: Method, modes: i
 
 @lru_cache(maxsize=1)  # one entry may fill 64 MB
 def _modes_of_flat(guide: ThinGuide, layer: Axis, wavelength_um: float) -> SectionModes:
-    """Remembered, for a sweep over dents asks for the same flat guide each time."""
+    """Modes of the flat guide, cached for sweeps over dents."""
     any_length = np.array([0.0, 1.0])
     squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, Dent(), layer.nodes_um, any_length)
     air = -layer.low_um - layer.absorber_cells * layer.step_um
@@ -225,21 +225,21 @@ def _modes_of_flat(guide: ThinGuide, layer: Axis, wavelength_um: float) -> Secti
 def _refuse_missing_modes(guide: ThinGuide, flat: SectionModes, modes: int) -> None:
     if flat.guided == 0:
         raise InputError(
-            f"the guide must hold a guided mode; with {guide.index_outside:g} outside, an index above it and enough"
+            f"the guide must have a guided mode; with {guide.index_outside:g} outside, an index above it and enough"
             f" thickness would guide; got at most {guide.index.max():g}"
         )
     if modes > flat.guided:
-        raise InputError(f"modes must lie in [1, {flat.guided}], for the guide holds no more; got {modes}")
+        raise InputError(f"modes must lie in [1, {flat.guided}], the number of guided modes; got {modes}")
 
 
-def _account(
+def _balance(
     layer: Axis, along: Axis, flat: SectionModes, field: NDArray[np.complex128], outside_squared: float
 ) -> tuple[Powers, NDArray[np.float64], NDArray[np.float64]]:
-    """Count the powers, and the share that leaves through either side a µm."""
+    """The powers, and the fraction that leaves through either side per µm."""
     count = field.shape[-1]
     first, last = along.inner.start, along.inner.stop - 1
     both_ways = along.absorber_cells > 0
-    # A wave marched one way runs at the speed of the continuous z, so its powers are those of a very fine step.
+    # A marched wave has the phase velocity of the continuous z, so its powers need a very fine step.
     step = along.step_um if both_ways else FINE_STEP_UM
     ends = Count(transverse=layer, step_um=step, modes=flat, outside_squared=outside_squared)
     launched = ends.launched(count)
@@ -253,7 +253,7 @@ def _account(
     later = [sum(sides) / launched for sides in zip(ends.beyond_end(ahead), ends.beyond_end(back), strict=True)]
     sides = [here.sum(axis=0) + after for here, after in zip((top, bottom), later, strict=True)]
     if not both_ways:
-        scale = _as_marched(ahead[: flat.guided], sides[0] + sides[1])
+        scale = _march_correction(ahead[: flat.guided], sides[0] + sides[1])
         top, bottom, *sides = (scale * item for item in (top, bottom, *sides))
     powers = Powers(
         guided=ends.guided(ahead) / launched,
@@ -264,11 +264,11 @@ def _account(
     return powers, top / along.step_um, bottom / along.step_um
 
 
-def _as_marched(guided: NDArray[np.complex128], leaving: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Factor on the flow out of the sides that makes up for what the march loses of it, shape (columns,).
+def _march_correction(guided: NDArray[np.complex128], leaving: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factor on the flow out of the sides that compensates the march's loss of power, shape (columns,).
 
-    The march keeps the sum of the squared field and not the power, so light that it turns to steep angles carries too
-    little. Of that sum what is not guided has left: the flow then tells through which side.
+    The march preserves the sum of the squared field, not the power, so light at steep angles has too little power. The
+    unguided part of that sum has left the guide; the flow only decides through which side.
     """
-    left = 1 - np.sum(np.abs(guided) ** 2, axis=0)
-    return np.where(leaving > LEAST_FRACTION, left / np.maximum(leaving, LEAST_FRACTION), 1.0)
+    unguided = 1 - np.sum(np.abs(guided) ** 2, axis=0)
+    return np.where(leaving > LEAST_FRACTION, unguided / np.maximum(leaving, LEAST_FRACTION), 1.0)

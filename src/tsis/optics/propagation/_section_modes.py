@@ -1,4 +1,4 @@
-"""All waves of one section of the grid: its guided modes, and the modes into which its absorbers split radiation."""
+"""All modes of one section of the grid: guided modes, and the discrete radiation modes between the absorbers."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from tsis.optics.propagation._grid import Axis
 
 
-CLEAR = 8.0  # a mode is clear of cut-off when it has fallen by exp(-8) at the absorber, its power to 1e-7
-LOSSLESS = 0.01  # guided modes near cut-off lose less than this share of (k0 n)**2 to the absorbers, others more
+CLEAR = 8.0  # a mode is clear of cut-off when it has decayed by exp(-8) at the absorber, its power to 1e-7
+LOSSLESS = 0.01  # guided modes near cut-off lose less than this fraction of (k0 n)**2 to the absorbers, others more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SectionModes:
     """Modes of a section, the guided ones first, each kind with the largest ``beta`` first.
 
-    The grid's own modes, not those of the continuous guide: launched on the grid they pass the flat guide unchanged.
+    They are modes of the grid, not of the continuous guide: on the grid they pass the flat guide unchanged.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class SectionModes:
         return np.asarray(self.profile.T @ times(self.mass, field))
 
     def onward(self, step_um: float) -> NDArray[np.complex128]:
-        """Factor of each mode from node to node along z, shape (modes,)."""
+        """Phase factor of each mode from node to node along z, shape (modes,)."""
         fraction = self.separation * step_um**2 / 12
         return np.asarray(np.exp(1j * np.arccos((1 - 5 * fraction) / (1 + fraction))))
 
@@ -61,9 +61,9 @@ class SectionModes:
         return np.sqrt(self.separation[: self.guided].real) * wavelength_um / (2 * np.pi)
 
     def flow(self, amplitudes: NDArray[np.complex128], step_um: float, rows: slice) -> NDArray[np.float64]:
-        """Power of waves running onwards with these amplitudes, shape (modes, columns), between the nodes ``rows``.
+        """Power of forward waves with these amplitudes, shape (modes, columns), between the nodes ``rows``.
 
-        In units in which a wave of amplitude 1 carries its ``beta``; shape (columns,).
+        A wave of amplitude 1 has the power ``beta``; shape (columns,).
         """
         link = self.separation * step_um / 12 + 1 / step_um
         there = self.profile @ ((link * self.onward(step_um))[:, np.newaxis] * amplitudes)
@@ -72,16 +72,16 @@ class SectionModes:
 
 
 def section_modes(layer: Axis, wavenumber_squared: NDArray[np.float64], *, faded_um: float) -> SectionModes:
-    """Find all modes of a section with ``(k0 n)**2`` in its cells, the first of which lies in the medium outside.
+    """Find all modes of a section.
 
     Parameters
     ----------
     layer
         The axis x.
     wavenumber_squared
-        Of each cell, 1/µm², shape (cells,).
+        ``(k0 n)**2`` of each cell, 1/µm², shape (cells,); the first cell lies in the medium outside.
     faded_um
-        Distance from the guide to the absorber, µm, over which a mode clear of cut-off fades.
+        Distance from the guide to the absorber, µm, over which a mode clear of cut-off decays.
     """
     size = layer.stretch * layer.step_um
     mass = tridiagonal(size, MASS)

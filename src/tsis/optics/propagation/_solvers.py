@@ -1,7 +1,7 @@
-"""Beam propagation: the wave marched along the guide from section to section, without what is thrown back.
+"""Beam propagation without reflections, and the frequency-domain solution with waves in all directions.
 
-One way along z the wave obeys ``du/dz = i sqrt(k**2 + d2/dx2) u``. The square root is replaced by Padé's (1,1) fraction
-around a reference wave number, which stays good to wide angles, and a step becomes one tridiagonal solve for all modes.
+A forward wave obeys ``du/dz = i sqrt(k**2 + d2/dx2) u``. Padé's (1,1) fraction around a reference wave number replaces
+the square root and is accurate to wide angles; a step is then one tridiagonal solve for all modes.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def march(
 ) -> NDArray[np.complex128]:
     """March the columns of ``start`` through all sections.
 
-    With ``X = (k**2 + d2/dx2) / reference**2 - 1`` it takes ``sqrt(1 + X) - 1 = (X / 2) / (1 + X / 4)`` and the
-    trapezoidal rule, which in a flat guide without absorber keeps ``u.T @ mass @ u`` exactly.
+    With ``X = (k**2 + d2/dx2) / reference**2 - 1`` it uses ``sqrt(1 + X) - 1 = (X / 2) / (1 + X / 4)`` and the
+    trapezoidal rule, which preserves ``u.T @ mass @ u`` exactly in a flat guide without absorber.
 
     Parameters
     ----------
@@ -67,17 +67,17 @@ def march(
             explicit = mass + (0.25 + half) * operator
             passed = section
         field[number + 1] = zgttrs(*factors, times(explicit, field[number]))[0]
-    rotated = np.exp(1j * reference * along.step_um * np.arange(along.cells + 1))
-    field *= rotated[:, np.newaxis, np.newaxis]
+    phase = np.exp(1j * reference * along.step_um * np.arange(along.cells + 1))
+    field *= phase[:, np.newaxis, np.newaxis]
     return field
 
 
 LAUNCH_NODES = 2  # nodes of z between the absorber and the launched wave
-BYTES_A_NODE = 140.0  # of the factors, for each doubling of the nodes; beside it 48 for a launched mode
+BYTES_A_NODE = 140.0  # of the factors, for each doubling of the nodes; 48 more for a launched mode
 
 
 def memory_bytes(nodes: int, columns: int) -> float:
-    """Estimate the memory that `solve` takes on so many nodes with so many sources."""
+    """Estimate the memory of `solve` for a number of nodes and sources."""
     return nodes * (BYTES_A_NODE * math.log2(nodes) + 48.0 * columns)
 
 
@@ -92,8 +92,8 @@ def solve_launched(
 ) -> NDArray[np.complex128]:
     """Field of each of the first ``count`` modes, launched at the left end with amplitude 1.
 
-    The launched wave is there right of a line and absent left of it: what the matrix makes of that jump is the source.
-    Left of the line remains what the guide throws back.
+    The launched wave exists right of a line and is absent left of it; the source is the matrix times that jump. The
+    field left of the line is the reflected light.
 
     Returns
     -------

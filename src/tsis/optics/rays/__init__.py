@@ -1,4 +1,4 @@
-"""Rays from the lamps through the probe: a fast tracer, and a readable one to compare it with."""
+"""Rays from the lamps through the probe: a fast tracer, and a readable reference."""
 
 from tsis.optics.rays._face import (
     evenly_pressed_face,

@@ -1,4 +1,4 @@
-"""Where rays start: the numbers that place them on a lamp's face, and the lamp's cosine law."""
+"""Starts of rays: positions on a lamp's face from an even sequence, and the lamp's cosine law."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STRIDES = tuple(int((_GOLDEN**-power % 1.0) * 2**53) << 11 for power in (1, 2, 3
 
 
 class Lamps(NamedTuple):
-    """Lamps that shine, one a row: place (x, y, z), axis (x, y, z), radius, exponent and share of the light."""
+    """Lit lamps, one a row: position (x, y, z), axis (x, y, z), radius, exponent and fraction of the power."""
 
     position: NDArray[np.float64]
     axis: NDArray[np.float64]
@@ -47,7 +47,7 @@ def lamps(probe: Probe) -> Lamps:
 
 @inlined
 def scrambled(number: np.uint64) -> np.uint64:
-    """A number that looks like chance: splitmix64 of Steele, Lea and Flood (2014)."""
+    """Pseudo-random number by splitmix64 (Steele, Lea and Flood 2014)."""
     number = np.uint64(number + np.uint64(0x9E3779B97F4A7C15))
     number = np.uint64((number ^ (number >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9))
     number = np.uint64((number ^ (number >> np.uint64(27))) * np.uint64(0x94D049BB133111EB))
@@ -64,17 +64,17 @@ def unit(number: np.uint64) -> float:
 def emitted(
     lamps: Lamps, lamp: int, u: float, v: float, s: float, t: float
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Place and direction of a ray of a lamp from four numbers in [0, 1)."""
-    out, turn = lamps.radius[lamp] * np.sqrt(u), 2 * np.pi * v
+    """Position and direction of a ray of a lamp from four numbers in [0, 1)."""
+    out, polar = lamps.radius[lamp] * np.sqrt(u), 2 * np.pi * v
     px, py, pz = lamps.position[lamp, 0], lamps.position[lamp, 1], lamps.position[lamp, 2]
     from_axis = np.hypot(px, py)
-    # The emitting face is the plane that touches the wall: it spans z and the horizontal tangent.
-    along, up = out * np.cos(turn), out * np.sin(turn)
+    # The emitting face lies in the wall's tangent plane, which spans z and the horizontal tangent.
+    along, up = out * np.cos(polar), out * np.sin(polar)
     x, y, z = px - along * py / from_axis, py + along * px / from_axis, pz + up
     cosine = (1.0 - s) ** (1.0 / (lamps.exponent[lamp] + 1.0))
     sine, around = np.sqrt(max(0.0, 1.0 - cosine * cosine)), 2 * np.pi * t
     ax, ay, az = lamps.axis[lamp, 0], lamps.axis[lamp, 1], lamps.axis[lamp, 2]
-    # Two directions across the axis: the horizontal one, which exists because no lamp aims upwards, and their product.
+    # Two directions across the axis: a horizontal one, which exists because no lamp aims upwards, and the product.
     flat = np.hypot(ax, ay)
     hx, hy = -ay / flat, ax / flat
     vx, vy, vz = -az * hy, az * hx, ax * hy - ay * hx

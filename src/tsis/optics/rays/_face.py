@@ -20,7 +20,7 @@ MARGIN = 3  # of its points beyond the wall
 
 
 def face_grid(radius_mm: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Coordinates along one side of the tracer's grid, mm, and distances from the axis at it, the wall's beyond it."""
+    """Coordinates along one side of the tracer's grid, mm, and distances from the axis, limited to the wall's."""
     side: NDArray[np.float64] = radius_mm / CELLS * np.arange(-CELLS - MARGIN, CELLS + MARGIN + 1.0)
     return side, np.minimum(np.hypot(side, side[:, None]), radius_mm)
 
@@ -28,13 +28,13 @@ def face_grid(radius_mm: float) -> tuple[NDArray[np.float64], NDArray[np.float64
 def on_face(
     pressed: PressField | PressMap, side: NDArray[np.float64], from_axis: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Displacement and pressure at the tracer's grid; beyond the face those of its edge."""
+    """Displacement and pressure at the tracer's grid, constant beyond the face's edge."""
     if isinstance(pressed, PressField):
-        # Mirrored through the axis, so that the face has no tip there.
-        radius, shifted = pressed.radius_mm, pressed.face_displacement_mm
-        through = CubicSpline(np.concatenate([-radius[:0:-1], radius]), np.concatenate([shifted[:0:-1], shifted]))
+        # Mirrored through the axis, so that the face is smooth there.
+        radius, values = pressed.radius_mm, pressed.face_displacement_mm
+        spline = CubicSpline(np.concatenate([-radius[:0:-1], radius]), np.concatenate([values[:0:-1], values]))
         at = np.minimum(from_axis, radius[-1])
-        return np.asarray(through(at)), np.interp(at, radius, pressed.pressure_kpa)
+        return np.asarray(spline(at)), np.interp(at, radius, pressed.pressure_kpa)
     outside = np.hypot(pressed.x_mm, pressed.y_mm[:, None]) > from_axis.max()
     nearest = distance_transform_edt(outside, return_distances=False, return_indices=True)
 
@@ -56,7 +56,7 @@ def slopes(
 
 
 def evenly_raised_face(radius_mm: float, displacement_mm: float) -> PressField:
-    """A face displaced evenly, and not touched."""
+    """An evenly displaced face without contact."""
     radius = np.linspace(0.0, radius_mm, 9)
     return PressField(
         radius_mm=radius,
@@ -81,12 +81,12 @@ def hertz_dent(
     peak_pressure_kpa: float,
     offset_mm: tuple[float, float] = (0.0, 0.0),
 ) -> PressMap:
-    """The dent of a sphere in a half-space (Hertz), over a face of ``radius_mm``, under a given pressure."""
+    """The dent of a sphere in a half-space (Hertz), over a face of ``radius_mm``, with a peak pressure."""
     side, _ = face_grid(radius_mm)
     radius = np.hypot(side - offset_mm[0], side[:, None] - offset_mm[1])
     contact = np.sqrt(tip_radius_mm * depth_mm)
     out = np.maximum(radius, contact)
-    level = np.sqrt(np.maximum(out**2 - contact**2, 0.0))  # squares of the edge itself may differ by rounding
+    level = np.sqrt(np.maximum(out**2 - contact**2, 0.0))  # rounding may make it negative at the edge
     beyond = (2 * contact**2 - out**2) * np.arcsin(contact / out) + contact * level
     inside = depth_mm - radius**2 / (2 * tip_radius_mm)
     return PressMap(
@@ -102,7 +102,7 @@ def hertz_dent(
 def tip_press(
     radius_mm: NDArray[np.float64], displacement_mm: NDArray[np.float64], *, contact_radius_mm: float, force_n: float
 ) -> PressField:
-    """A sphere pressed on the middle of a face: a displacement that is known, under the pressure of Hertz."""
+    """A sphere pressed on the middle of a face: a given displacement with the pressure of Hertz."""
     peak_kpa = 1.5 * force_n * MN_PER_N / (np.pi * contact_radius_mm**2)
     inside = np.maximum(1 - (radius_mm / contact_radius_mm) ** 2, 0.0)
     return PressField(

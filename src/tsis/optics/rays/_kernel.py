@@ -1,4 +1,4 @@
-"""One meeting of a ray with a wall, the face or an interface: where it is, how it stands, what becomes of the light."""
+"""Following a ray through the probe: intersections with wall, face and interfaces, reflection and refraction."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
 
 Vector = tuple[float, float, float]
-WALL = -1  # what is met, when it is no interface
+WALL = -1  # index of the wall among the intersected surfaces
 
 
 @inlined
 def reflectance(cosine: float, here: float, there: float) -> tuple[float, float]:
-    """Share of unpolarised light that an interface reflects (Fresnel), and the cosine of what goes through."""
+    """Reflected fraction of unpolarised light at an interface (Fresnel), and the cosine of the refracted ray."""
     ratio = here / there
     flat2 = ratio * ratio * (1.0 - cosine * cosine)
     if flat2 >= 1.0:
         return 1.0, 0.0
     through = np.sqrt(1.0 - flat2)
-    # Amplitudes of both polarizations, (a - b) / (a + b) each, over one denominator: divisions take most of the time.
+    # Amplitudes of both polarizations, (a - b) / (a + b) each, with one denominator: divisions are slow.
     s_less, s_more = ratio * cosine - through, ratio * cosine + through
     p_less, p_more = cosine - ratio * through, cosine + ratio * through
     both = s_more * p_more
@@ -38,14 +38,14 @@ def reflectance(cosine: float, here: float, there: float) -> tuple[float, float]
 
 @inlined
 def mirrored(direction: Vector, normal: Vector, cosine: float) -> Vector:
-    """A direction after reflection; the normal points to where the ray came from."""
-    turn = 2.0 * cosine
-    return direction[0] + turn * normal[0], direction[1] + turn * normal[1], direction[2] + turn * normal[2]
+    """A direction after reflection; the normal points to the incident side."""
+    twice = 2.0 * cosine
+    return direction[0] + twice * normal[0], direction[1] + twice * normal[1], direction[2] + twice * normal[2]
 
 
 @inlined
 def refracted(direction: Vector, normal: Vector, cosine: float, through: float, ratio: float) -> Vector:
-    """A direction after refraction (Snell), ``ratio`` being the index before over that behind."""
+    """A direction after refraction (Snell); ``ratio`` is the index before the interface over the index behind it."""
     bend = ratio * cosine - through
     return (
         ratio * direction[0] + bend * normal[0],
@@ -56,7 +56,7 @@ def refracted(direction: Vector, normal: Vector, cosine: float, through: float, 
 
 @inlined
 def next_meeting(scene: Scene, medium: int, last: int, position: Vector, direction: Vector) -> tuple[int, float]:
-    """What a ray in a medium meets first, the wall or an interface, and the way there."""
+    """First surface that a ray in a medium intersects, the wall or an interface, and the distance."""
     x, y, _ = position
     dx, dy, _ = direction
     flat2 = dx * dx + dy * dy
@@ -76,7 +76,7 @@ def next_meeting(scene: Scene, medium: int, last: int, position: Vector, directi
 
 @inlined
 def stand_at(scene: Scene, medium: int, met: int, position: Vector) -> tuple[Vector, Vector, float, float]:
-    """The point that was met, freed of rounding, the normal towards the ray there, and the face's slopes."""
+    """The intersection corrected for rounding, the normal towards the ray, and the face's slopes."""
     x, y, _ = position
     if met == WALL:
         inverse = 1.0 / np.sqrt(x * x + y * y)
@@ -94,13 +94,13 @@ def stand_at(scene: Scene, medium: int, met: int, position: Vector) -> tuple[Vec
 
 @inlined
 def index_behind(scene: Scene, medium: int, met: int) -> float:
-    """Refractive index behind what a ray in a medium meets."""
+    """Refractive index behind the surface that a ray in a medium intersects."""
     if met <= 0 or met == len(scene.indices):
         return scene.outside
     return float(scene.indices[met] if met > medium else scene.indices[met - 1])
 
 
-# Places of the tally, in units of the light that the lamps send out, but for the meetings.
+# Indices of the tally; all but the number of meetings are fractions of the lamps' power.
 MISSED, REFLECTED, SIDE, GLASS, FACE, CONTACT, ABSORBED, CUT, CAMERA, BEYOND, MEETINGS = range(11)
 TALLIES = 11
 # Maps of power over the face.
@@ -110,7 +110,7 @@ _STRIDES = np.array(STRIDES, dtype=np.uint64)
 
 
 class Record(NamedTuple):
-    """What rays leave behind: the tally, maps (5, n, n), light on tilted faces (k, n, n), points of a path (m, 4)."""
+    """Results of rays: the tally, maps (5, n, n), light on tilted faces (k, n, n), points of a path (m, 4)."""
 
     totals: NDArray[np.float64]
     maps: NDArray[np.float64]
@@ -121,7 +121,7 @@ class Record(NamedTuple):
 
 @fused
 def trace_batch(scene: Scene, lamps: Lamps, seed: int, batch: int, rays: int, record: Record) -> None:
-    """Trace ``rays`` rays of every lamp, which start at the points of an even sequence that ``seed`` shifts."""
+    """Trace ``rays`` rays of each lamp; they start at the points of an even sequence, shifted by ``seed``."""
     key = scrambled(np.uint64(scrambled(np.uint64(seed)) + np.uint64(batch)))
     for lamp in range(len(lamps.power_fraction)):
         lamp_key = scrambled(np.uint64(key + np.uint64(lamp)))
@@ -140,7 +140,7 @@ def trace_batch(scene: Scene, lamps: Lamps, seed: int, batch: int, rays: int, re
 
 @inlined
 def follow(scene: Scene, position: Vector, direction: Vector, weight: float, chance: np.uint64, record: Record) -> int:
-    """Follow one ray from a lamp to its end; returns how many points of ``record.path`` are filled."""
+    """Follow one ray from a lamp to its end; returns the number of points in ``record.path``."""
     totals, path = record.totals, record.path
     points = _note(path, 0, position, weight)
     weak = weight * scene.weak
@@ -155,9 +155,9 @@ def follow(scene: Scene, position: Vector, direction: Vector, weight: float, cha
         there = (position[0] + way * direction[0], position[1] + way * direction[1], position[2] + way * direction[2])
         position, normal, slope_x, slope_y = stand_at(scene, medium, met, there)
         if scene.absorption > 0.0:
-            selected = weight * np.exp(-scene.absorption * way)
-            totals[ABSORBED] += weight - selected
-            weight = selected
+            transmitted = weight * np.exp(-scene.absorption * way)
+            totals[ABSORBED] += weight - transmitted
+            weight = transmitted
         before = weight
         last = met
         cosine = max(-(direction[0] * normal[0] + direction[1] * normal[1] + direction[2] * normal[2]), 0.0)
@@ -186,7 +186,7 @@ def follow(scene: Scene, position: Vector, direction: Vector, weight: float, cha
             totals[CUT] -= weight
         direction = mirrored(direction, normal, cosine)
         if met == 0 and len(record.slopes) > 0:
-            _turn_up(scene, record, position, slope_x, slope_y, direction, weight, cosine)
+            _record_reflected(scene, record, position, slope_x, slope_y, direction, weight, cosine)
     totals[CUT] += weight
     return _note(path, points, position, weight)
 
@@ -195,7 +195,7 @@ def follow(scene: Scene, position: Vector, direction: Vector, weight: float, cha
 def _enter(
     scene: Scene, position: Vector, direction: Vector, weight: float, totals: NDArray[np.float64]
 ) -> tuple[int, Vector, Vector, float]:
-    """Through the side wall: the medium, -1 for a ray that passes by, and place, direction and power inside."""
+    """Entry through the side wall: the medium (-1 for a missed probe), and position, direction and power inside."""
     x, y, z = position
     dx, dy, dz = direction
     flat2 = dx * dx + dy * dy
@@ -222,7 +222,7 @@ def _enter(
     totals[REFLECTED] += weight * back
     weight -= weight * back
     direction = refracted(direction, normal, cosine, through, scene.outside / index)
-    # In a flat stack n sin(angle from the axis) stays; a layer on the way down whose index is smaller turns it back.
+    # In a flat stack n sin(angle from the axis) is constant; a lower layer of smaller index reflects the ray.
     if index * index * (1.0 - direction[2] * direction[2]) > scene.thinnest[medium] ** 2:
         totals[BEYOND] += weight
     return medium, (x, y, z), direction, weight
@@ -239,10 +239,10 @@ def _arrive(
     weight: float,
     back: float,
 ) -> float:
-    """Count what arrives at the face and what leaves there, which is returned."""
+    """Record the light that arrives at the face; returns the light that leaves there."""
     row, column = _bin(scene, record, position)
     dx, dy, dz = direction
-    into = dx * slope_x + dy * slope_y - dz  # per area of the face seen along the axis
+    into = dx * slope_x + dy * slope_y - dz  # per area of the face projected along the axis
     record.maps[ARRIVING, row, column] += weight
     record.maps[FLUX_X, row, column] += weight * dx / into
     record.maps[FLUX_Y, row, column] += weight * dy / into
@@ -260,7 +260,7 @@ def _arrive(
 
 
 @inlined
-def _turn_up(
+def _record_reflected(
     scene: Scene,
     record: Record,
     position: Vector,
@@ -270,7 +270,7 @@ def _turn_up(
     weight: float,
     cosine: float,
 ) -> None:
-    """Count what faces steeper than this one would catch of the light that it has turned upwards."""
+    """Record the light on steeper faces from light that this face has reflected upwards."""
     row, column = _bin(scene, record, position)
     dx, dy, dz = direction
     into = cosine * np.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)

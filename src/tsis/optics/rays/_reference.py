@@ -1,8 +1,8 @@
-"""The same light one photon at a time, in plain words: what the fast tracer is compared with.
+"""A readable reference of the fast tracer, one photon at a time.
 
-A photon is never divided: at every meeting chance decides whether it is turned back or goes on, whether contact takes
-it and whether it is absorbed on the way. The face is a cubic spline here, and meetings are found by looking along the
-ray. It shares with the fast tracer the table of heights and the law by which lamps shine, and nothing else.
+A photon is never split: random numbers decide at each surface whether it is reflected, refracted, coupled out by
+contact or absorbed on the way. The face is a cubic spline here, and intersections are searched along the ray. Only the
+table of heights and the lamps' emission law are common with the fast tracer.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
     Vector = NDArray[np.float64]
 
-LOOKS = 200  # along a ray between two walls
-AWAY_MM = 1e-9  # from where a ray starts, so that it does not meet that place again
+SAMPLES = 200  # along a ray between two walls
+AWAY_MM = 1e-9  # offset from a ray's start, so that the start is no intersection
 WAYS_OUT = ("missed", "reflected", "side", "glass", "face", "contact", "absorbed")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Photon:
-    """Where a photon is, where it goes, and which medium it is in, counted from the face; -1 is outside."""
+    """Position, direction and medium of a photon, counted from the face; -1 is outside."""
 
     position: Vector
     direction: Vector
@@ -46,14 +46,14 @@ class Photon:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReferenceSurface:
-    """The face or an interface above it: its height is ``level + pull * height of the face``."""
+    """The face or an interface above it, at the height ``level + pull * height of the face``."""
 
     level: float
     pull: float
     face: RectBivariateSpline
 
     def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height at places of any shape, mm."""
+        """Height at positions of any shape, mm."""
         return np.asarray(self.level + self.pull * self.face(x, y, grid=False))
 
     def upward_normal(self, position: Vector) -> Vector:
@@ -64,17 +64,17 @@ class ReferenceSurface:
         return np.asarray(normal / np.linalg.norm(normal))
 
     def way(self, photon: Photon, longest: float) -> float:
-        """Way to the first crossing that is shorter than ``longest``, else infinity."""
+        """Distance to the first intersection within ``longest``, else infinity."""
 
         def above(way: Any) -> Any:
             x, y, z = (photon.position[i] + way * photon.direction[i] for i in range(3))
             return z - self.height(x, y)
 
-        looks = np.linspace(AWAY_MM, longest, LOOKS)
-        crossed = np.flatnonzero(np.diff(np.sign(above(looks))))
+        samples = np.linspace(AWAY_MM, longest, SAMPLES)
+        crossed = np.flatnonzero(np.diff(np.sign(above(samples))))
         if not len(crossed):
             return np.inf
-        return float(brentq(above, looks[crossed[0]], looks[crossed[0] + 1], xtol=1e-14))
+        return float(brentq(above, samples[crossed[0]], samples[crossed[0] + 1], xtol=1e-14))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,14 +90,14 @@ class ReferenceProbe:
     paths: list[list[Vector]] = field(default_factory=list)
 
     def fate(self, photon: Photon, rng: np.random.Generator) -> str:
-        """Follow a photon from a lamp to its end, one of `WAYS_OUT`; its path is kept."""
+        """Follow a photon from a lamp to its end, one of `WAYS_OUT`, and append its path to ``paths``."""
         path = [photon.position]
         self.paths.append(path)
-        entered = self._enter(photon, rng)
-        while isinstance(entered, Photon):
-            path.append(entered.position)
-            entered = self._go_on(entered, rng)
-        return entered
+        state = self._enter(photon, rng)
+        while isinstance(state, Photon):
+            path.append(state.position)
+            state = self._go_on(state, rng)
+        return state
 
     def _enter(self, photon: Photon, rng: np.random.Generator) -> Photon | str:
         way = self._way_to_wall(photon, nearest=True)
@@ -119,7 +119,7 @@ class ReferenceProbe:
         return float(ways.min() if nearest else ways.max())
 
     def _go_on(self, photon: Photon, rng: np.random.Generator) -> Photon | str:
-        """One meeting: the photon after it, or how it ended."""
+        """The photon after its next intersection, or its end."""
         to_wall = self._way_to_wall(photon, nearest=False)
         below, above = (self.surfaces[k].way(photon, to_wall) for k in (photon.medium, photon.medium + 1))
         way = min(to_wall, below, above)
@@ -138,15 +138,15 @@ class ReferenceProbe:
             behind = -1
         here, there = self.indices[photon.medium], self.outside if behind < 0 else self.indices[behind]
         if rng.random() < reflected(float(photon.direction @ towards), here, there):
-            rotated = photon.direction - 2 * (photon.direction @ towards) * towards
-            return Photon(position=position, direction=rotated, medium=photon.medium)
+            back = photon.direction - 2 * (photon.direction @ towards) * towards
+            return Photon(position=position, direction=back, medium=photon.medium)
         if behind < 0:
             return end
         return Photon(position=position, direction=bent(photon.direction, towards, here, there), medium=behind)
 
 
 def reflected(cosine: float, here: float, there: float) -> float:
-    """Share of unpolarised light that is turned back."""
+    """Reflected fraction of unpolarised light."""
     angle = float(np.degrees(np.arccos(min(max(cosine, 0.0), 1.0))))
     result = snell.fresnel(angle, index_from=here, index_to=there)
     return float(result.reflected_s + result.reflected_p) / 2
@@ -166,12 +166,12 @@ def reference_probe(
     index_outside: float = 1.0,
     absorption_per_mm: float = 0.0,
 ) -> ReferenceProbe:
-    """A probe, dented and touched as ``pressed`` says."""
+    """A probe under the press ``pressed``."""
     side, from_axis = face_grid(probe.radius_mm)
     height, fraction = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
     if pressed is not None:
-        shifted, pressure = on_face(pressed, side, from_axis)
-        height, fraction = height + shifted, real_contact(pressure, saturation_kpa)
+        displacement, pressure = on_face(pressed, side, from_axis)
+        height, fraction = height + displacement, real_contact(pressure, saturation_kpa)
     face = RectBivariateSpline(side, side, height.T)
     indices, levels = media(probe)
     pulls = np.maximum(1 - levels / probe.thickness_mm, 0.0)
@@ -217,7 +217,7 @@ def trace_photons(
     index_outside: float = 1.0,
     absorption_per_mm: float = 0.0,
 ) -> Tally:
-    """Where ``photons`` photons end, as shares."""
+    """Ends of ``photons`` photons, as fractions."""
     scene = reference_probe(
         probe,
         pressed,

@@ -1,4 +1,4 @@
-"""From a probe and what presses on it to what the tracers see."""
+"""The scene of the tracers from a probe and a press."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
     from tsis.optics.rays._surface import Heights
 
 
-THINNEST = 0.05  # share of the layers' thickness that a dent must leave
-WEAK = 0.1  # share of its first power below which chance decides whether a ray goes on, with this share
+THINNEST = 0.05  # least remaining fraction of the layers' thickness under a dent
+WEAK = 0.1  # fraction of its first power below which a ray ends at random or continues with this power
 MOST_MEETINGS = 1000
 APERTURE = 0.1  # numerical, of the camera's lens
 
 
 class Scene(NamedTuple):
-    """The probe as the tracers see it: media from the face up, each between two interfaces, glass last.
+    """The probe for the tracers: media from the face up, each between two interfaces, glass last.
 
-    Interface ``k`` lies at ``level[k] + pull[k] * height``: layers under a dent keep their shares of the thickness.
+    Interface ``k`` lies at ``level[k] + pull[k] * height``: layers under a dent are compressed in proportion.
     """
 
     radius: float
     level: NDArray[np.float64]
     pull: NDArray[np.float64]
     indices: NDArray[np.float64]
-    thinnest: NDArray[np.float64]  # of the indices from the face up to here
+    thinnest: NDArray[np.float64]  # lowest index from the face up to each medium
     outside: float
     absorption: float
     face: Heights
@@ -52,20 +52,20 @@ def scene(
     absorption_per_mm: float = 0.0,
     aperture: float = APERTURE,
 ) -> Scene:
-    """The probe, dented and touched as ``pressed`` says."""
+    """The scene of a probe under the press ``pressed``."""
     require_type("probe", probe, Probe)
     if pressed is not None and not isinstance(pressed, PressField | PressMap):
         raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
     side, from_axis = face_grid(probe.radius_mm)
     height, fraction = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
     if pressed is not None:
-        shifted, pressure = on_face(pressed, side, from_axis)
-        height, fraction = height + shifted, real_contact(pressure, saturation_kpa)
+        displacement, pressure = on_face(pressed, side, from_axis)
+        height, fraction = height + displacement, real_contact(pressure, saturation_kpa)
     thickness = probe.thickness_mm
-    left = float(thickness - height.max())
-    if left < THINNEST * thickness:
+    rest = float(thickness - height.max())
+    if rest < THINNEST * thickness:
         raise InputError(
-            f"face_displacement_mm must leave {THINNEST:.0%} of the layers' {thickness:g} mm; it leaves {left:.3g} mm"
+            f"face_displacement_mm must leave {THINNEST:.0%} of the layers' {thickness:g} mm; it leaves {rest:.3g} mm"
         )
     indices, levels = media(probe)
     return Scene(
@@ -84,7 +84,7 @@ def scene(
 
 
 def media(probe: Probe) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Refractive indices from the face up and the levels between them; neighbours of one index are one medium."""
+    """Refractive indices from the face up and the levels between them; neighbours of equal index are one medium."""
     parts = [(layer.refractive_index, layer.thickness_mm) for layer in probe.layers]
     parts.append((probe.glass.refractive_index, probe.glass.thickness_mm))
     indices: list[float] = []

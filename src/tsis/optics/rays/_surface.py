@@ -1,4 +1,4 @@
-"""Where rays meet the pressed face and the interfaces above it: heights given as a smooth quadratic spline."""
+"""Intersections of rays with the pressed face and the interfaces above it; heights are a quadratic spline."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-SMALLEST_STEP_MM = 0.1  # a ray that dips into a surface over a shorter way passes it by
+SMALLEST_STEP_MM = 0.1  # a ray that cuts a surface over a shorter distance misses it
 AFTER_BOUNCE_MM = 1e-7
 ROUNDING_MM = 1e-11
 POLISHES = 60
 
 
 class Heights(NamedTuple):
-    """The face's height above the plane of its undeformed apex, and the share of real contact, over a square grid."""
+    """The face's height above its undeformed apex, and the fraction of real contact, over a square grid."""
 
     start: float
     spacing: float
@@ -36,8 +36,8 @@ def heights(side_mm: NDArray[np.float64], height_mm: NDArray[np.float64], fracti
     """The smooth surface through heights on an even square grid."""
     spacing = float(side_mm[1] - side_mm[0])
     coefficients = np.ascontiguousarray(ndimage.spline_filter(height_mm, order=2, mode="mirror"))
-    along = np.abs(np.diff(coefficients, axis=1)).max() / spacing
-    layer = np.abs(np.diff(coefficients, axis=0)).max() / spacing
+    along_x = np.abs(np.diff(coefficients, axis=1)).max() / spacing
+    along_y = np.abs(np.diff(coefficients, axis=0)).max() / spacing
     return Heights(
         start=float(side_mm[0]),
         spacing=spacing,
@@ -45,7 +45,7 @@ def heights(side_mm: NDArray[np.float64], height_mm: NDArray[np.float64], fracti
         contact_fraction=np.ascontiguousarray(fraction),
         lowest=float(coefficients.min()),
         highest=float(coefficients.max()),
-        steepest=float(np.hypot(along, layer)),
+        steepest=float(np.hypot(along_x, along_y)),
         touched=bool((fraction > 0).any()),
     )
 
@@ -56,7 +56,7 @@ def height_and_slopes(face: Heights, x: float, y: float) -> tuple[float, float, 
     u, v = (x - face.start) / face.spacing, (y - face.start) / face.spacing
     column, row = int(u + 0.5), int(v + 0.5)
     s, t = u - column, v - row
-    value = along = layer = 0.0
+    value = along_x = along_y = 0.0
     for j in range(-1, 2):
         weight, change = _spline(j, t)
         line = slope = 0.0
@@ -66,9 +66,9 @@ def height_and_slopes(face: Heights, x: float, y: float) -> tuple[float, float, 
             line += here * coefficient
             slope += here_change * coefficient
         value += weight * line
-        along += weight * slope
-        layer += change * line
-    return value, along / face.spacing, layer / face.spacing
+        along_x += weight * slope
+        along_y += change * line
+    return value, along_x / face.spacing, along_y / face.spacing
 
 
 @inlined
@@ -83,7 +83,7 @@ def _spline(part: int, s: float) -> tuple[float, float]:
 
 @inlined
 def contact_fraction(face: Heights, x: float, y: float) -> float:
-    """Share of real contact, linear between grid points."""
+    """Fraction of real contact, linear between grid points."""
     u, v = (x - face.start) / face.spacing, (y - face.start) / face.spacing
     column, row = int(u), int(v)
     s, t = u - column, v - row
@@ -103,9 +103,9 @@ def way_to_surface(
     limit: float,
     leaving: bool,
 ) -> float:
-    """Way along a ray to the surface ``level + pull * height``, infinite when it is longer than ``limit``.
+    """Distance along a ray to the surface ``level + pull * height``, infinite beyond ``limit``.
 
-    ``side`` is 1 for a ray above the surface and -1 for one below it; ``leaving`` says that it starts on it.
+    ``side`` is 1 for a ray above the surface and -1 below it; ``leaving`` is True when the ray starts on it.
     """
     if pull != 0.0 and face.highest > face.lowest:
         return _way_to_curved(face, level, pull, side, position, direction, limit, leaving)
@@ -127,7 +127,7 @@ def _way_to_curved(
     limit: float,
     leaving: bool,
 ) -> float:
-    """The same for a surface that is no plane: steps in which none so steep is crossed twice, then a bracket."""
+    """Distance to a curved surface: steps limited by the steepest slope, then a bracketed search."""
     x, y, z = position
     dx, dy, dz = direction
     closing = -side * dz
@@ -170,10 +170,10 @@ def _crossing(
     below: float,
     gap_below: float,
 ) -> float:
-    """The crossing between two ways, by false position with the Illinois halving."""
+    """The intersection between two distances, by regula falsi (Illinois)."""
     x, y, z = position
     dx, dy, dz = direction
-    selected = 0
+    last = 0
     way = above
     for _ in range(POLISHES):
         way = (above * gap_below - below * gap_above) / (gap_below - gap_above)
@@ -183,12 +183,12 @@ def _crossing(
             break
         if gap > 0.0:
             above, gap_above = way, gap
-            if selected == 1:
+            if last == 1:
                 gap_below *= 0.5
-            selected = 1
+            last = 1
         else:
             below, gap_below = way, gap
-            if selected == -1:
+            if last == -1:
                 gap_above *= 0.5
-            selected = -1
+            last = -1
     return way

@@ -1,4 +1,4 @@
-"""Tracing the light of a probe's lamps: where it goes, and what reaches the face."""
+"""Tracing the light of a probe's lamps: its balance, and the light on the face."""
 
 from __future__ import annotations
 
@@ -24,32 +24,34 @@ if TYPE_CHECKING:
     from tsis.optics.rays._scene import Scene
 
 
-BATCHES = 32  # of independent starts: their spread is the error, and they are what threads share
+BATCHES = 32  # with independent starts: their spread gives the error, and threads process them in parallel
 FEWEST_RAYS, MOST_RAYS = 1000, 10**12
 MOST_BINS = 256
+LONGEST = 200  # points of a path
+MOST_PATHS = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tally:
-    """Where the light went, as shares of what the lamps send out; `missed` to `cut_off` add up to one.
+    """Balance of the light, as fractions of the lamps' power; `missed` to `cut_off` add up to one.
 
     Attributes
     ----------
     missed
-        Passed the probe by.
+        Missed the probe.
     reflected
-        Turned back where it met the side wall from outside.
+        Reflected by the side wall from outside.
     side, glass
         Left through the side wall, and through the glass towards the camera.
     face
-        Left through the face into air; without a dent none does at the indices of silicone.
+        Left through the face into air; zero without a dent at the indices of silicone.
     contact
         Left through real contact.
     absorbed
-        Taken up by layers and glass.
+        Absorbed by layers and glass.
     cut_off
-        Was left in rays that ended by chance because they were weak, less what was added to those that went on; near
-        zero, of either sign.
+        Power of weak rays that ended at random, less the power added to those that continued; near zero, of either
+        sign.
     """
 
     missed: float
@@ -64,34 +66,32 @@ class Tally:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TracedLight:
-    """What rays through a probe found.
+    """Results of tracing rays through a probe.
 
     Attributes
     ----------
     tally, standard_error
-        Where the light went, and the standard errors of those shares.
+        Balance of the light, and the standard errors of its fractions.
     into_camera
-        Share of what the lamps send out that leaves the glass within the camera's numerical aperture.
+        Fraction of the lamps' power that leaves the glass within the camera's numerical aperture.
     out_of_range
-        Share that enters above a layer whose index is below ``n sin(angle from the axis)``: without a dent it never
+        Fraction that enters above a layer whose index is below ``n sin(angle from the axis)``: without a dent it never
         reaches the face.
     meetings
-        Mean number of meetings with walls, interfaces and face of a ray.
+        Mean number of intersections of a ray with walls, interfaces and face.
     rays
-        Rays traced.
+        Number of rays.
     x_mm, y_mm
-        Middles of the maps' bins, shape (n,) each.
+        Centres of the maps' bins, shape (n,) each.
     arriving
-        Light that meets the face from inside in each bin, counted at every meeting, as a share of what the lamps send
-        out, shape (n, n), rows along y.
-    coupled
-        Light that leaves it through contact, likewise.
-    lost
-        Light that leaves it into air, likewise.
+        Light on the face from inside in each bin, counted at each intersection, as a fraction of the lamps' power,
+        shape (n, n), rows along y.
+    coupled, lost
+        Light that leaves the face through contact and into air, as ``arriving``.
     flux_x, flux_y
         Horizontal flux along the face in the bins, per flux into it, times ``arriving``; shape (n, n).
     batches
-        The same maps of every batch, shape (batches, 5, n, n), for errors of anything made from them.
+        The maps of each batch, shape (batches, 5, n, n), for standard errors of derived values.
     """
 
     tally: Tally
@@ -132,46 +132,46 @@ def trace_rays(
 ) -> TracedLight:
     """Trace the light of the lamps through layers and glass to the face and out again.
 
-    Light is unpolarised at every meeting (Fresnel's mean of both polarisations, with total reflection). Layers under a
-    dent keep their shares of the thickness. Of the light that arrives at the face, the share of real contact
-    ``erf(0.886 p / saturation)`` leaves through it; the rest meets air behind a smooth face tilted as the dent is. The
+    Light is unpolarised at each intersection (Fresnel's mean of both polarisations, with total reflection). Layers
+    under a dent are compressed in proportion. Of the light on the face, the fraction of real contact
+    ``erf(0.886 p / saturation)`` leaves through it; the rest meets air behind a smooth face with the dent's slope. The
     same seed gives the same light on any number of threads.
 
     Parameters
     ----------
     probe
-        What is lit, with its lamps.
+        The probe with its lamps.
     pressed
         Displacement of the face and contact pressure; None is an untouched probe.
     rays
-        How many, in [1e3, 1e12]; rounded up to a multiple of lamps and batches.
+        Number of rays, in [1e3, 1e12]; rounded up to a multiple of lamps and batches.
     seed
         Seed of the starts, a whole number from 0.
     bins
         Number of the maps' bins along each side of the square around the face, in [1, 256].
     saturation_kpa
-        Pressure at which the contact would be complete if it went on growing as it starts, in [1e-6, 1e6].
+        Pressure of complete contact by extrapolation of the initial growth, in [1e-6, 1e6].
     index_outside
-        Refractive index around the probe and behind the face where nothing touches, in [1, 5].
+        Refractive index around the probe and behind the face without contact, in [1, 5].
     absorption_per_mm
         Absorption of layers and glass, in [0, 10].
     numerical_aperture
-        That of the camera, which looks along the axis, in [0, 1].
+        Numerical aperture of the camera on the axis, in [0, 1].
     threads
-        Threads that trace, in [1, 256]; one a core when None.
+        Number of threads, in [1, 256]; one a core when None.
     progress
         Called with (batches done, batches in all).
 
     Raises
     ------
     InputError
-        When a value lies outside its range, the dent is deeper than the layers or nothing of the light enters.
+        When a value lies outside its range, the dent is deeper than the layers or no light enters.
 
     Examples
     --------
     >>> import tsis
-    >>> found = trace_rays(tsis.load_probe("tsis-2011"), rays=4000)
-    >>> round(sum(getattr(found.tally, name) for name in found.tally.__slots__), 12), found.tally.contact
+    >>> tally = trace_rays(tsis.load_probe("tsis-2011"), rays=4000).tally
+    >>> round(sum(getattr(tally, name) for name in tally.__slots__), 12), tally.contact
     (1.0, 0.0)
     """
     count = require_integer("rays", rays, FEWEST_RAYS, MOST_RAYS)
@@ -209,30 +209,30 @@ def trace_batches(
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Batches:
-    """Trace batches of rays beside each other; ``slopes`` (k, 2) are those of faces whose light is recorded too."""
+    """Trace batches of rays in parallel; also records the light on tilted faces of ``slopes`` (k, 2)."""
     start = require_integer("seed", seed, 0, LARGEST_SEED)
     workers = require_integer("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256)
     tilts = np.asarray(slopes, dtype=float).reshape(-1, 2)
     shining = lamps(probe)
-    item = int(np.ceil(rays / (BATCHES * len(shining.power_fraction))))
+    rays_a_lamp = int(np.ceil(rays / (BATCHES * len(shining.power_fraction))))
     maps = np.zeros((BATCHES, rays_kernel.MAPS, bins, bins))
     tilted = np.zeros((BATCHES, len(tilts), bins, bins))
     totals = np.zeros((BATCHES, rays_kernel.TALLIES))
 
     def trace(batch: int) -> None:
-        # Counted apart and copied: threads that write to one cache line would wait for each other.
+        # A separate array, copied at the end: threads that write to one cache line wait for each other.
         counted = np.zeros(rays_kernel.TALLIES)
         record = rays_kernel.Record(
             totals=counted, maps=maps[batch], slopes=tilts, tilted=tilted[batch], path=np.empty((0, 4))
         )
-        rays_kernel.trace_batch(view, shining, start, batch, item, record)
+        rays_kernel.trace_batch(view, shining, start, batch, rays_a_lamp, record)
         totals[batch] = counted
 
     with ThreadPoolExecutor(workers) as pool:
         for done, _ in enumerate(pool.map(trace, range(BATCHES)), start=1):
             if progress is not None:
                 progress(done, BATCHES)
-    return Batches(totals=totals, maps=maps, tilted=tilted, rays=item * BATCHES * len(shining.power_fraction))
+    return Batches(totals=totals, maps=maps, tilted=tilted, rays=rays_a_lamp * BATCHES * len(shining.power_fraction))
 
 
 def _light(probe: Probe, view: Scene, batches: Batches) -> TracedLight:
@@ -271,30 +271,26 @@ def _tally(totals: NDArray[np.float64]) -> Tally:
     )
 
 
-LONGEST = 200  # points
-MOST_PATHS = 10_000
-
-
 def trace_paths(
     probe: Probe, pressed: PressField | PressMap | None = None, *, rays: int = 40, seed: int = 1, lamp: int = 0
 ) -> tuple[NDArray[np.float64], ...]:
-    """The ways of some rays of one lamp.
+    """The paths of some rays of one lamp.
 
     Parameters
     ----------
     probe, pressed
-        As `tsis.optics.rays.trace_rays` takes them.
+        Arguments of `tsis.optics.rays.trace_rays`.
     rays
-        How many, in [1, 10000].
+        Number of rays, in [1, 10000].
     seed
-        Seed of their starts and of their choices.
+        Seed of their starts and random choices.
     lamp
-        Which of the lit lamps, counted from 0.
+        Index of the lamp among the lit lamps, from 0.
 
     Returns
     -------
-    For each ray its points, shape (points, 4): x, y, z in mm and the power with which it leaves the point, one at the
-    lamp. At the last point it ends or has left.
+    The points of each ray, shape (points, 4): x, y, z in mm and the power behind the point, 1 at the lamp. At the last
+    point the ray ends or has left.
 
     Raises
     ------
@@ -322,13 +318,12 @@ def trace_paths(
 
 
 def follow_path(view: Scene, position: ArrayLike, direction: ArrayLike, *, chance: int = 1) -> NDArray[np.float64]:
-    """The way of one ray of power one, shape (points, 4)."""
+    """The path of one ray of power 1, shape (points, 4)."""
     points = np.empty((LONGEST, 4))
-    nowhere = np.empty((0, 2))
     record = rays_kernel.Record(
         totals=np.zeros(rays_kernel.TALLIES),
         maps=np.zeros((rays_kernel.MAPS, 1, 1)),
-        slopes=nowhere,
+        slopes=np.empty((0, 2)),
         tilted=np.zeros((0, 1, 1)),
         path=points,
     )

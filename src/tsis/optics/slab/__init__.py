@@ -1,4 +1,4 @@
-"""The layers of a slab as waves see them: phase, field and a slow reference of its guided modes."""
+"""Waves in a slab of layers: phase, field and a slow reference of its guided modes."""
 
 from tsis.optics.slab._field import SlabField, mode_field, nearly_degenerate
 from tsis.optics.slab._layers import SlabLayers, thickness_factor

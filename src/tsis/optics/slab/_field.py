@@ -1,10 +1,10 @@
-"""Field of one guided mode, without loss of digits through layers where it fades away.
+"""Field of one guided mode, without loss of precision through layers where it decays.
 
-Solutions that decay below and above the stack are carried to a layer where the mode is large, and joined there. Modes
-of wells so weakly coupled that rounding mixes them are joined in different wells and made orthogonal.
+Solutions that decay below and above the stack are propagated to a layer where the mode is large, and joined there.
+Modes of wells so weakly coupled that rounding mixes them are joined in different wells and orthogonalised.
 
-The source writes this field region by region as (3.15), (3.16), (3.17), (3.18), (3.19) and (3.20), with the amplitudes
-(3.55), (3.56), (3.57), (3.58) and (3.59). The printed (3.55) must read ``e_1 = e_0 / cos(phi_1)``.
+The dissertation gives this field region by region as (3.15), (3.16), (3.17), (3.18), (3.19) and (3.20), with the
+amplitudes (3.55), (3.56), (3.57), (3.58) and (3.59). The printed (3.55) must read ``e_1 = e_0 / cos(phi_1)``.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from tsis.optics.slab._layers import SlabLayers
 
 
-FLATTEST = 1e-5  # least rate times length: the two waves become one, and errors of 1e-10 either way are balanced
+FLATTEST = 1e-5  # least rate times length, where the two waves merge; it balances errors of 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Waves:
     """``u = a exp(-g s) + b exp(-g (l - s))`` at s from the lower end of a region of length l, in units of 1 / k0.
 
-    Where the mode fades, g is real and each wave dies away from its own end, so none is ever a difference of two large
-    ones; where it oscillates, g is imaginary and the waves travel up and down.
+    Where the mode decays, g is real and each wave decays from its own end, so there is no cancellation of large terms.
+    Where it oscillates, g is imaginary and the waves travel up and down.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Waves:
     rate
         g of each region, complex, (layers + 2,).
     from_lower, from_upper
-        a and b of each region, complex; a is 0 in the half-space below and b in that above.
+        a and b of each region, complex; a is 0 in the half-space below and b in the half-space above.
     """
 
     layers: SlabLayers
@@ -54,12 +54,12 @@ class Waves:
     def between(
         cls, layers: SlabLayers, q: NDArray[np.float64], lower: NDArray[np.float64], upper: NDArray[np.float64]
     ) -> Self:
-        """The waves that have given u and v at the ends of regions, (layers + 2, 2) each, where u'' = -q u."""
+        """The waves with the given u and v at the ends of regions, (layers + 2, 2) each, where u'' = -q u."""
         length = layers.thickness_um * layers.per_um
         floor = np.divide(FLATTEST**2, length**2, out=np.zeros_like(length), where=length > 0)
         rate = np.sqrt(-np.where(q < 0, np.minimum(q, -floor), np.maximum(q, floor)) + 0j)
         through = _through(layers, rate)
-        # Oscillating: from u and u' at the lower end. Fading: from u at both, as u' there is a difference.
+        # Oscillating: from u and u' at the lower end. Decaying: from u at both ends, because u' would cancel.
         slope = layers.weight * lower[:, 1] / rate
         travels = q > 0
         from_lower = np.where(
@@ -77,7 +77,7 @@ class Waves:
         return (up + down).real
 
     def slope(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
-        """V, which is du/dx over k0 p."""
+        """V = du/dx over k0 p."""
         region, up, down = self._parts(x_um)
         return (self.rate[region] / self.layers.weight[region] * (down - up)).real
 
@@ -96,15 +96,15 @@ def overlap_um(waves: Waves, other: Waves) -> float:
     """Integral of the product of two solutions over p, in µm, in closed form."""
     layers, sum_of_rates = waves.layers, waves.rate + other.rate
     length = layers.thickness_um * layers.per_um
-    correlation = waves.from_lower * other.from_lower + waves.from_upper * other.from_upper
+    parallel = waves.from_lower * other.from_lower + waves.from_upper * other.from_upper
     opposed = waves.from_lower * other.from_upper + waves.from_upper * other.from_lower
     fading = (1 - _through(layers, waves.rate) * _through(layers, other.rate)) / sum_of_rates
     beating = length * np.exp(-sum_of_rates * length / 2) * _sinhc((waves.rate - other.rate) * length / 2)
-    return float(np.sum((correlation * fading + opposed * beating) / layers.weight).real) / layers.per_um
+    return float(np.sum((parallel * fading + opposed * beating) / layers.weight).real) / layers.per_um
 
 
 def _through(layers: SlabLayers, rate: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """What is left of a wave at the other end of its region; a half-space has none."""
+    """Factor of a wave across its region; 0 in a half-space."""
     length = layers.thickness_um * layers.per_um
     return np.where(length > 0, np.exp(-rate * length), 0)
 
@@ -115,16 +115,16 @@ def _sinhc(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return np.where(small, 1 + z**2 / 6, np.sinh(safe) / safe)
 
 
-INSEPARABLE = 1e-6  # of the largest q: modes nearer than this mix by more than about 1e-9 as N**2 is rounded
-CROWDED = 0.01  # of the mean distance: modes of a thick guide lie near each other and do not mix
-# In roundings of q: where N**2 hits one well's mode exactly, that mode drowns its twin's, wherever driven.
+INSEPARABLE = 1e-6  # of the largest q: closer modes mix by more than about 1e-9 by the rounding of N**2
+CROWDED = 0.01  # of the mean distance: modes of a thick guide are close and do not mix
+# In roundings of q: where N**2 equals one well's mode exactly, that mode dominates its twin's.
 NUDGES = (0, 8, -8, 64, -64)
-GOOD = 10.0  # roundings of q by which a wave may fail to solve the equations without a search for a better one
+GOOD = 10.0  # largest error of a wave, in roundings of q, without a search for a better one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SlabField:
-    """A sum of solutions, one where the mode stands alone."""
+    """A sum of solutions; a single one for a separate mode."""
 
     waves: tuple[Waves, ...]
     amplitudes: NDArray[np.float64]
@@ -134,7 +134,7 @@ class SlabField:
         return np.asarray(sum(part * wave.wave(x_um) for part, wave in zip(self.amplitudes, self.waves, strict=True)))
 
     def slope(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Its slope v = u' / p by k0 x, continuous too."""
+        """The continuous slope v = u' / p by k0 x."""
         return np.asarray(sum(part * wave.slope(x_um) for part, wave in zip(self.amplitudes, self.waves, strict=True)))
 
 
@@ -150,15 +150,15 @@ def mode_field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.flo
     q
         ``n**2 - N**2`` of each mode in each region, (modes, layers + 2).
     number
-        Which of them.
+        Index of the mode among them.
     """
     waves: list[Waves] = []
-    parts = np.zeros((0, len(q)))  # amplitudes of the waves in each mode found so far, of unit norm
+    parts = np.zeros((0, len(q)))  # amplitudes of the waves in each earlier mode, of unit norm
     for item in q[: number + 1]:
         nudged = (item + nudge * EPSILON * item.max() for nudge in NUDGES)
-        # Nudged past cut-off a mode is none; the first, as it was found, fades on both sides.
+        # A nudge past cut-off gives no mode; the first q, without a nudge, decays on both sides.
         tries = chain.from_iterable(_joined(layers, near) for near in nudged if max(near[0], near[-1]) < 0)
-        best = _best(_beside(waves, parts, wave, jump, EPSILON * item.max()) for wave, jump in tries)
+        best = _best(_orthogonalised(waves, parts, wave, jump, EPSILON * item.max()) for wave, jump in tries)
         waves.append(best.wave)
         parts = np.vstack([parts, best.row])
     row = parts[-1, : len(waves)] / np.sqrt(n_eff[number])
@@ -168,34 +168,34 @@ def mode_field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.flo
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Try:
-    """A wave; what of it and of earlier ones makes a mode orthogonal to the earlier; the error of that mode."""
+    """A wave, its amplitudes with earlier waves in a mode orthogonal to earlier modes, and that mode's error."""
 
     wave: Waves
     row: NDArray[np.float64]
     error: float
 
 
-def _beside(waves: list[Waves], parts: NDArray[np.float64], wave: Waves, jump: float, rounding: float) -> _Try:
-    """Make a wave orthogonal to the modes found so far; its error is in roundings of q."""
+def _orthogonalised(waves: list[Waves], parts: NDArray[np.float64], wave: Waves, jump: float, rounding: float) -> _Try:
+    """Make a wave orthogonal to the earlier modes; its error is in roundings of q."""
     power = overlap_um(wave, wave)
-    shared = np.zeros(parts.shape[1])
-    shared[: len(waves)] = [overlap_um(wave, other) / np.sqrt(power) for other in waves]
-    common = parts @ shared  # with each earlier mode
-    left = float(np.sqrt(max(1.0 - float(common @ common), EPSILON)))
+    overlaps = np.zeros(parts.shape[1])
+    overlaps[: len(waves)] = [overlap_um(wave, other) / np.sqrt(power) for other in waves]
+    common = parts @ overlaps  # with each earlier mode
+    rest = float(np.sqrt(max(1.0 - float(common @ common), EPSILON)))
     row = -common @ parts
     row[len(waves)] = 1 / np.sqrt(power)
-    # What is left grows to full size, and with it what the wave holds of other modes.
-    error = (1 + jump / (power * wave.layers.per_um * rounding)) / left
-    return _Try(wave=wave, row=row / left, error=error)
+    # Normalising the rest amplifies the wave's admixture of other modes.
+    error = (1 + jump / (power * wave.layers.per_um * rounding)) / rest
+    return _Try(wave=wave, row=row / rest, error=error)
 
 
 def _best(tries: Iterator[_Try]) -> _Try:
-    """The first good one, else the one of least error."""
+    """The first good result, else the result of least error."""
     best = next(tries)
-    for result in tries:
+    for candidate in tries:
         if best.error < GOOD:
             break
-        best = min(best, result, key=lambda item: item.error)
+        best = min(best, candidate, key=lambda item: item.error)
     return best
 
 
@@ -211,15 +211,15 @@ def nearly_degenerate(anchor: NDArray[np.float64], offset: NDArray[np.float64], 
 
 
 def _distance(anchor: NDArray[np.float64], offset: NDArray[np.float64], mode: int) -> float:
-    """By how much the squared effective index of a mode exceeds that of the next."""
+    """Difference of the squared effective indices of a mode and the next."""
     a, b = anchor[mode], anchor[mode + 1]
     return float((a - b) * (a + b) + (offset[mode] - offset[mode + 1]))
 
 
 def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves, float]]:
-    """Solutions joined in one layer each, first where the mode is largest; and how badly they join."""
+    """Solutions joined in one layer each, first where the mode is largest, with the error of the joint."""
     (lower_below, upper_below), (upper_above, lower_above) = (_propagated(layers, q, side) for side in (1, -1))
-    # A solution driven from x is as large there as the product of the two that decay on its sides.
+    # The size of a solution driven from x is the product of the two that decay on its sides.
     size = {
         region: _log_size(layers, q, region, upper_below[region]) + _log_size(layers, q, region, upper_above[region])
         for region in np.flatnonzero(q > 0).tolist()
@@ -243,7 +243,7 @@ def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves,
 def _propagated(
     layers: SlabLayers, q: NDArray[np.float64], side: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(u, v, log of a factor) of the solution that decays outside, where it enters and where it leaves each region."""
+    """(u, v, log of a factor) of the solution that decays outside, at the entry and exit of each region."""
     outside, end = (0, len(q) - 1) if side > 0 else (len(q) - 1, 0)
     length, weight = layers.thickness_um * layers.per_um, layers.weight
     enters, leaves = np.zeros((2, len(q), 3))
@@ -262,7 +262,7 @@ def _propagated(
 
 
 def _decay_length_um(layers: SlabLayers, q: NDArray[np.float64], region: int) -> float:
-    """By how much a slope u' can raise u within an oscillating region, in terms of v = u' / p."""
+    """Largest change of u by a slope u' within an oscillating region, in terms of v = u' / p."""
     length = layers.thickness_um[region] * layers.per_um
     return float(layers.weight[region] * min(1 / np.sqrt(q[region]), length))
 

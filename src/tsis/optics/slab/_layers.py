@@ -1,4 +1,4 @@
-"""A stack between two half-spaces, in units in which its waves are easily written."""
+"""A stack between two half-spaces, in units of the wavelength."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class SlabLayers:
     def checked(
         cls, index: Any, thickness_um: Any, wavelength_um: Any, index_below: Any, index_above: Any, polarization: Any
     ) -> Self:
-        """Check what a user gives; see `tsis.optics.guided_modes` for the ranges."""
+        """Check the arguments; see `tsis.optics.guided_modes` for the ranges."""
         indices, thicknesses = inputs.require_stack(index, thickness_um)
         outside = [
             inputs.require_refractive_index(name, value)
@@ -62,21 +62,21 @@ class SlabLayers:
 
     @property
     def surroundings(self) -> float:
-        """The larger index of the two half-spaces: guided modes lie above it."""
+        """The larger index of the two half-spaces; guided modes lie above it."""
         return float(max(self.index[0], self.index[-1]))
 
     @property
     def core(self) -> int:
-        """Region of highest index, where every guided mode oscillates."""
+        """Region of highest index, where all guided modes oscillate."""
         return int(np.argmax(self.index))
 
     @property
     def weight(self) -> NDArray[np.float64]:
-        """By what the field's slope is divided to be continuous: 1 of TE, the squared index of TM."""
+        """Divisor that makes the field's slope continuous: 1 of TE, the squared index of TM."""
         return np.ones_like(self.index) if self.polarization == "TE" else self.index**2
 
     def weight_at(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The weight at heights above the lower face of the first layer; at an interface, that of the layer above."""
+        """The weight at heights above the lower face of the first layer; an interface has that of the layer above."""
         return np.asarray(self.weight[np.searchsorted(self.faces_um, x_um, side="right")])
 
     @property
@@ -85,18 +85,18 @@ class SlabLayers:
         return np.cumsum(self.thickness_um[:-1])
 
     def at(self, anchor: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """What the phase is made from: squares of the indices above ``anchor**2``, weights, thicknesses times k0."""
+        """Input of the phase: squares of the indices less ``anchor**2``, weights, thicknesses times k0."""
         return (self.index - anchor) * (self.index + anchor), self.weight, self.thickness_um * self.per_um
 
     def modes_above(self, anchor: float, offset: float) -> int:
-        """How many modes have a squared effective index above ``anchor**2 + offset``."""
+        """Number of modes with a squared effective index above ``anchor**2 + offset``."""
         return slab_phase.modes_above(*self.at(anchor), offset, self.core)
 
 
 def thickness_factor(layers: SlabLayers) -> float:
-    """The least factor on all thicknesses at which the stack guides a mode, to six digits; at most 1 when it does.
+    """Least factor on all thicknesses at which the stack guides a mode, to six digits; at most 1 for a guiding stack.
 
-    Between unequal surroundings a thin stack guides nothing: it is below cut-off. A layer must exceed the surroundings.
+    Between unequal surroundings a thin stack is below cut-off. A layer's index must exceed the surroundings.
     """
     high = 1.0
     while not _guides(layers, high):

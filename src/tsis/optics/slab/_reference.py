@@ -1,6 +1,6 @@
-"""Guided modes once more, slowly and as plainly as the source writes them; the fast way is tested against this one.
+"""A slow, readable reference of the guided modes, close to the dissertation's notation.
 
-One running angle theta, ``tan(theta) = u / v``, is carried from below to above, and each mode is bisected for.
+One angle theta, ``tan(theta) = u / v``, is propagated from below to above, and each mode is found by bisection.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def effective_indices(
     index_above: float = 1.0,
     polarization: str = "TE",
 ) -> list[float]:
-    """Effective indices of all guided modes, falling; parameters as of `tsis.optics.guided_modes`, unchecked.
+    """Effective indices of all guided modes, descending; parameters as of `tsis.optics.guided_modes`, unchecked.
 
     Examples
     --------
@@ -33,7 +33,7 @@ def effective_indices(
     weights = [1.0 if polarization == "TE" else n**2 for n in regions]
 
     def modes_above(n_eff: float) -> int:
-        """Whole multiples of pi by which the angle has passed the one that decays above."""
+        """Whole multiples of pi of the angle beyond the angle of the solution that decays above."""
         q = [n**2 - n_eff**2 for n in regions]
         theta = math.atan2(weights[0], _rate(q[0]))
         for region, length in enumerate(lengths, start=1):
@@ -46,7 +46,7 @@ def effective_indices(
 
 
 def _through(theta: float, q: float, weight: float, length: float) -> float:
-    """The angle behind a layer, in which u = sin and v = cos of it up to a factor."""
+    """The angle behind a layer, where u = sin and v = cos of it up to a factor."""
     rate = _rate(q)
     if rate * length < 1e-12:  # a straight line
         return _stretched(theta, 1.0, weight * length)
