@@ -18,7 +18,6 @@ from tsis.calibration.force._curves import (
     CLIPPED_FRACTION,
     LoadingRun,
     detectable_n,
-    fit_run,
     loading_hysteresis,
     loading_linearity,
     loading_repeatability,
@@ -84,8 +83,8 @@ def fit_force_line(
             f"a force line needs at least 2 loadings, of two tips or repeats of one, for the lamps' drift hides in the "
             f"slope of a single one; got {len(loadings)}"
         )
-    gauge = require_number("gauge_fraction", gauge_fraction, 0.0, 0.5, hint="a share of one")
-    runs = [run_of(loading) for loading in loadings]
+    gauge = require_number("gauge_fraction", gauge_fraction, 0.0, 0.5, hint="a fraction of 1")
+    runs = [fit_run(loading) for loading in loadings]
     tips = tuple(sorted({run.tip_mm for run in runs}))
     units = _units(runs)
     intercept, slope, covariance = _mean_line(units, gauge)
