@@ -47,7 +47,7 @@ def test_other_presses_are_compared(run_tsis: RunTsis, tmp_path: Path) -> None:
     assert shown.code == 0, shown.err
     text = " ".join(shown.out.split())
     assert "Research use only" in text
-    assert "small strain takes 0.3: press less." in text
+    assert "the limit of small strain is 0.3: press less." in text
     assert not (tmp_path / "tsis-design").exists()
 
 

@@ -160,7 +160,7 @@ def stored_calibration(folder: Path) -> tsis.Calibration:
                 "--reference-force-n",
                 "0.5",
             ],
-            "with a press on plain tissue at its force 1 N within 5 %; got 0.5 N",
+            "with a reference press at its force 1 N within 5 %; got 0.5 N",
         ),
         (["--reference", "untouched.png", "--reference-press", "p1.0.png"], "--reference-press needs --calibration"),
     ],

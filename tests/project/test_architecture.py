@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import statistics
 from collections import defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -130,4 +129,3 @@ def test_files_are_few_and_short() -> None:
     lines = {module_of(path): path.read_text(encoding="utf-8").count("\n") for path in SOURCE.rglob("*.py")}
     assert len(lines) <= MOST_FILES
     assert {name: count for name, count in lines.items() if count > MOST_LINES} == {}
-    assert 80 <= statistics.median(lines.values()) <= 150

@@ -141,7 +141,7 @@ def remove(*, name: Name) -> None:
 def list_logins(*, as_json: AsJson = False) -> None:
     """List the logins of this user's console."""
     logins = _console().Logins()
-    given = {name: logins.given(name) for name in logins.names()}
+    given = {name: logins.created(name) for name in logins.names()}
     if as_json:
         print_json(envelope("logins", logins=[{"name": name, "given": when} for name, when in given.items()]))
         return

@@ -26,7 +26,7 @@ def schemas() -> Any:
 
 def test_a_value_is_described_by_its_docstring(schemas: Any) -> None:
     target = schemas["Target"]
-    assert target["description"] == "One place that was pressed: a phantom, an object, a site on a subject."
+    assert target["description"] == "A site that was pressed: a phantom, an object, a site on a subject."
     assert target["properties"]["version"] == {
         "type": "integer",
         "title": "Version",

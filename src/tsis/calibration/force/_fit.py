@@ -18,6 +18,7 @@ from tsis.calibration.force._curves import (
     CLIPPED_FRACTION,
     LoadingRun,
     detectable_n,
+    fit_run,
     loading_hysteresis,
     loading_linearity,
     loading_repeatability,

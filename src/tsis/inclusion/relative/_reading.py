@@ -126,7 +126,7 @@ class Repeats:
     >>> readings = [RelativeReading(quantity="relative size", value=value, unit="mm", against="plain tissue",
     ...                             assumptions=()) for value in (6.0, 7.0, 8.0)]
     >>> repeats = Repeats(label="8 mm", readings=readings)
-    >>> repeats.mean, repeats.sd, repeats.seen
+    >>> repeats.mean, repeats.sd, repeats.observed
     (7.0, 1.0, 3)
     """
 

@@ -64,7 +64,7 @@ def fraction_text(proportion: Proportion | None) -> str:
     Examples
     --------
     >>> from tsis.detection import Proportion
-    >>> share(Proportion(successes=6, trials=8))
+    >>> fraction_text(Proportion(successes=6, trials=8))
     '75 % (6 of 8)'
     """
     if proportion is None:
@@ -109,7 +109,7 @@ def score_text(score: float, *, probability: bool) -> str:
 
     Examples
     --------
-    >>> score_words(1.0, probability=True), score_words(0.25, probability=True), score_words(1.0, probability=False)
+    >>> score_text(1.0, probability=True), score_text(0.25, probability=True), score_text(1.0, probability=False)
     ('above 0.999', '0.250', '1')
     """
     if not probability:
