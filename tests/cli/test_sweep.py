@@ -41,7 +41,7 @@ def test_a_data_set_is_made_verified_and_kept(run_tsis: RunTsis, tmp_path: Path)
     assert (document["presses"], document["computed"], document["kept"], document["refused"]) == (8, 2, 0, 0)
     assert document["folder"] == str(tmp_path / "data")
     again = run_tsis("sweep", "run", "plan.toml", "--out", "data", "--workers", "1")
-    assert "8 presses in 2 files, 0 computed now, 2 kept." in " ".join(again.out.split())
+    assert "8 presses in 2 files, 0 computed now, 2 already present." in " ".join(again.out.split())
     assert "Research use only" in again.out
     verified = json.loads(run_tsis("sweep", "verify", "data", "--json").out)
     assert (verified["presses"], verified["shards"]) == (8, 2)

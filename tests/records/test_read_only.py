@@ -30,7 +30,7 @@ from tsis.records.store import open_store, verify_store
 try:
     with open_store(sys.argv[1], create=False) as store:
         target = store.target(1)
-        write_bundle(store.dossier(target), sys.argv[2])
+        write_bundle(store.record(target), sys.argv[2])
         found = verify_store(store)
         try:
             store.add_target()

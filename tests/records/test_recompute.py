@@ -57,7 +57,7 @@ def test_right_away_it_is_the_same_bit_for_bit_and_nothing_is_stored(store: Stor
     assert again.same
     assert again.message == "Nothing changed: bit for bit the same."
     assert again.causes == again.notes == again.flags_gained == again.flags_lost == ()
-    assert [(shift.shifted, shift.low_shift, shift.high_shift) for shift in again.shifts] == [(0.0, 0.0, 0.0)]
+    assert [(shift.moved, shift.low_shift, shift.high_shift) for shift in again.shifts] == [(0.0, 0.0, 0.0)]
     for name, values in again.before.estimate.samples.items():
         np.testing.assert_array_equal(again.after.estimate.samples[name], values)
     assert not again.stored
@@ -72,7 +72,7 @@ def test_another_estimator_is_told_with_how_far_it_moved_and_why(store: Store, m
     of_another_time(monkeypatch, code_sha256="f" * 64, libraries=libraries)
     (again,) = recompute(store, target)
     (shift,) = again.shifts
-    assert (shift.shifted, shift.low_shift, shift.high_shift) == pytest.approx((2.0, 2.0, 2.0))
+    assert (shift.moved, shift.low_shift, shift.high_shift) == pytest.approx((2.0, 2.0, 2.0))
     assert again.flags_gained == ("model_does_not_hold",)
     assert again.before.estimate.trusted
     assert not again.after.estimate.trusted
@@ -145,7 +145,7 @@ def test_an_edited_force_is_an_input_that_changed(store: Store) -> None:
     (again,) = recompute(store, target)
     assert not again.same
     assert f"the inputs changed: force_n of {press.name}: 1.2 -> 1.3" in again.causes
-    assert again.shifts[0].shifted != 0.0
+    assert again.shifts[0].moved != 0.0
     assert again.stored
     (settled,) = recompute(store, target)
     assert settled.same

@@ -122,7 +122,7 @@ def test_a_new_user_is_guided_killed_and_goes_on(guide: Callable[..., Guided], t
     assert {name.split("/")[0] for name in before} == {"session.json", "dark", "untouched"}
 
     second = guide()
-    second.hears("Going on with the session in s; its terms hold.")
+    second.hears("Resuming the session in s with its settings.")
     second.hears("done before")
     second.hears("done before")
     for _ in range(3):

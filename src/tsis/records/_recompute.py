@@ -40,7 +40,7 @@ class Shift:
         Posterior means, in the unit of the name.
     interval_before, interval_after
         90 % intervals.
-    shifted, low_shift, high_shift
+    moved, low_shift, high_shift
         Shifts of the mean and of the ends of the interval in old standard deviations; positive is upwards.
     """
 
@@ -49,7 +49,7 @@ class Shift:
     after: float
     interval_before: tuple[float, float]
     interval_after: tuple[float, float]
-    shifted: float
+    moved: float
     low_shift: float
     high_shift: float
 
@@ -212,7 +212,7 @@ def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
             after=means[1][name],
             interval_before=was[name],
             interval_after=now[name],
-            shifted=_in_sd(means[1][name] - means[0][name], sd[name]),
+            moved=_in_sd(means[1][name] - means[0][name], sd[name]),
             low_shift=_in_sd(now[name][0] - was[name][0], sd[name]),
             high_shift=_in_sd(now[name][1] - was[name][1], sd[name]),
         )

@@ -49,7 +49,7 @@ def _shift_rows(recomputation: Recomputation) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for shift in recomputation.shifts:
         (low, high), (now_low, now_high) = shift.interval_before, shift.interval_after
-        means = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.shifted:+.2g}")
+        means = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.moved:+.2g}")
         rows.append((shift.name, *means, f"{low:.3g} to {high:.3g}", f"{now_low:.3g} to {now_high:.3g}"))
     return rows
 

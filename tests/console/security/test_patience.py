@@ -32,7 +32,7 @@ class Hurried(TimeoutProtocol):
     looks = 0
     looked: asyncio.Event
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         super()._check()
         if self.cycle is not None and not self.cycle.response_complete:
             Hurried.looks += 1
