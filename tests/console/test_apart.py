@@ -93,7 +93,7 @@ import os, sys, time
 from tsis.console._worker import WorkerProcess
 
 if __name__ == "__main__":
-    print(WorkerProcess().ask(os.getpid), flush=True)
+    print(WorkerProcess().call(os.getpid), flush=True)
     time.sleep(3600)
 """
 
