@@ -17,7 +17,7 @@ from hypothesis import settings
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-collect_ignore = ["src/tsis/records/migrations/env.py"]  # which Alembic alone can run
+collect_ignore = ["docs/_build", "src/tsis/records/migrations/env.py"]  # which Alembic alone can run
 ROOT = Path(__file__).parent
 CACHES = Path(sys.prefix)  # the environment's own folder: .venv of `make test`
 TABLES = "test-tables"

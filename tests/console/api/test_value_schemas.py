@@ -30,7 +30,7 @@ def test_a_value_is_described_by_its_docstring(schemas: Any) -> None:
     assert target["properties"]["version"] == {
         "type": "integer",
         "title": "Version",
-        "description": "Counts its edits from 1.",
+        "description": "Number of edits plus 1.",
     }
     assert target["required"] == ["number", "kind", "name", "note", "truth", "made", "id", "version"]
     undescribed = [
