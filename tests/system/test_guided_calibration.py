@@ -139,7 +139,7 @@ def test_a_new_user_is_guided_killed_and_goes_on(guide: Callable[..., Guided], t
     second.hears("Mount the tip of 2 mm radius")
     second.answer()
     for force in ("0", "0,5", "soft", "1.5", ""):
-        second.hears("Enter alone ends): ")
+        second.hears("an empty line ends): ")
         second.answer(force)
         if force == "soft":
             second.hears("that is no number")
