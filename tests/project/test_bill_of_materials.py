@@ -97,6 +97,7 @@ def test_what_writes_the_bill_is_pinned() -> None:
     assert not brought - pinned
 
 
+@pytest.mark.system
 def test_the_real_bill_names_every_direct_dependency(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("cyclonedx", "harvesters", "pypylon", "vmbpy"):
         pytest.importorskip(name, reason=f"needs {name}, which `make sbom` installs")
