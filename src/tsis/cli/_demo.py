@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,7 +27,7 @@ from tsis.cli._options import (
 )
 from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progress
 from tsis.cli._progress import progress_bar
-from tsis.cli._saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
+from tsis.cli._saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save, savable_result
 from tsis.errors import InputError
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
@@ -90,10 +91,9 @@ def demo(
         truth=truth,
         provenance=provenance,
     )
-    from tsis.records import SavableResult  # loads the libraries of records
-
     calibration = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
-    savable = SavableResult(
+    savable = partial(
+        savable_result,
         kind="inclusion",
         estimate=result,
         probe=chosen.name,

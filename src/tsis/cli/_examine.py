@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -26,7 +27,15 @@ from tsis.cli._options import (
     target_forces,
 )
 from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progress, publish
-from tsis.cli._saving import KindOption, SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
+from tsis.cli._saving import (
+    KindOption,
+    SaveOption,
+    StoreOption,
+    TargetOption,
+    chosen_destination,
+    publish_and_save,
+    savable_result,
+)
 from tsis.errors import InputError
 from tsis.imaging import match_light
 from tsis.inclusion import InclusionPrior, ring_edges
@@ -179,8 +188,6 @@ def examine(
         outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps, comparison=comparison)
         publish(outcome, out, as_json=as_json)
     else:
-        from tsis.records import SavableResult, require_savable  # loads the libraries of records
-
         reference_presses = reference_presses or []
         reference_force = (
             [None] * len(reference_presses)
@@ -189,6 +196,8 @@ def examine(
         )
         reference_frames = read_frames(reference_presses, reference_force, scale)
         if save:
+            from tsis.records import require_savable  # loads the libraries of records
+
             require_savable([*frames, *reference_frames])
         destination = chosen_destination(save, store, kind, number)
         pressed, response = usable.pressed(frames)
@@ -203,7 +212,8 @@ def examine(
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
         outcome = _inclusion(result, pressed, on_reference, by, assumed, provenance, comparison)
-        savable = SavableResult(
+        savable = partial(
+            savable_result,
             kind="inclusion",
             estimate=result,
             probe=by.name,

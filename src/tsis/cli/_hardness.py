@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,7 +29,15 @@ from tsis.cli._options import (
 )
 from tsis.cli._output import CommandOutcome
 from tsis.cli._progress import progress_bar, waiting
-from tsis.cli._saving import KindOption, SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
+from tsis.cli._saving import (
+    KindOption,
+    SaveOption,
+    StoreOption,
+    TargetOption,
+    chosen_destination,
+    publish_and_save,
+    savable_result,
+)
 from tsis.errors import InputError
 from tsis.hardness import BLUR_MM, DRIFT_SD, HardnessPrior, build_contact_table, estimate, shore
 from tsis.instrument import png_bytes
@@ -127,9 +136,9 @@ def hardness(
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
     raw_balls = read_frames(balls, ball_force_n or (), scale)
-    from tsis.records import SavableResult, require_savable  # loads the libraries of records
-
     if save:
+        from tsis.records import require_savable  # loads the libraries of records
+
         require_savable([*raw, *raw_balls])
     destination = chosen_destination(save, store, kind, number)
     options = {
@@ -140,7 +149,8 @@ def hardness(
         **_options(assumed),
     }
     outcome, result = _outcome(frames, chosen, response, options, cites=known.citation())
-    savable = SavableResult(
+    savable = partial(
+        savable_result,
         kind="hardness",
         estimate=result,
         probe=chosen.name,
@@ -177,8 +187,6 @@ def _virtual(
     rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
     with waiting(f"pressing {name} with the virtual rig"):
         frames = rig.press_path(sphere, forces_n=forces)
-    from tsis.records import SavableResult  # loads the libraries of records
-
     simulated_probe = ProbeCalibration(name=rig.calibration.name, probe=probe.name, response=rig.calibration)
     files = {CALIBRATION_FILE: calibration_bytes(simulated_probe)}
     files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
@@ -187,7 +195,8 @@ def _virtual(
     outcome, result = _outcome(
         frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
     )
-    savable = SavableResult(
+    savable = partial(
+        savable_result,
         kind="hardness",
         estimate=result,
         probe=probe.name,

@@ -24,7 +24,7 @@ from tsis.files._cache import (
     write_cached_arrays,
 )
 from tsis.files._codec import free_to_json, from_json_value, to_json_value
-from tsis.files._csv import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows
+from tsis.files._csv import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows, table_bytes
 from tsis.files._hash_chain import (
     EMPTY_CHAIN,
     FIRST_HASH,
@@ -123,6 +123,7 @@ __all__ = [
     "rows_missing",
     "size_fault",
     "snapshot_stems",
+    "table_bytes",
     "target_folder",
     "text_lines",
     "to_json_value",

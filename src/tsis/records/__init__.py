@@ -1,5 +1,9 @@
 """Stored targets, presses and estimates: durable, verifiable, reproducible, and exported to other programs."""
 
+from tsis.errors import require_extra
+
+require_extra("sqlalchemy", "alembic", feature="the store of records", extra="records")
+
 from tsis.records._deidentify import DAMAGED, deidentified
 from tsis.records._estimate_json import estimate_to_json
 from tsis.records._estimation import PRIORS, REFERENCE_ROLES, EstimationRequest, estimate_stored, require_options
