@@ -1,5 +1,9 @@
 """Stored targets, presses and estimates: durable, verifiable, reproducible, and exported to other programs."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.errors import require_extra
 
 require_extra("sqlalchemy", "alembic", feature="the store of records", extra="records")
@@ -57,3 +61,6 @@ __all__ = [
     "save_results",
     "saved_notes",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["dicom", "export", "importing", "store"])[0]
