@@ -30,7 +30,6 @@ from tsis.model import (
 
 if TYPE_CHECKING:
     from tsis import calibration as calibration
-    from tsis import console as console
     from tsis import detection as detection
     from tsis import hardness as hardness
     from tsis import imaging as imaging

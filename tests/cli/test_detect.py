@@ -125,6 +125,9 @@ def test_it_is_trained_and_applied_as_in_python(run_tsis: RunTsis, phantoms: Pat
     assert "must be a new name" in run_tsis(*training(phantoms)).err
 
 
+OTHER_CODES = {"nowhere": 1}  # of messages that are no wrong input
+
+
 @pytest.mark.parametrize(
     ("more", "message"),
     [
@@ -142,7 +145,7 @@ def test_a_training_that_cannot_be_is_refused(
     run_tsis: RunTsis, phantoms: Path, tmp_path: Path, more: list[str], message: str
 ) -> None:
     finished = run_tsis(*training(phantoms, *more))
-    assert finished.code == 2
+    assert finished.code == next((code for text, code in OTHER_CODES.items() if text in message), 2)
     assert message in finished.err
     assert finished.err.count("\n") == 1
     assert not (tmp_path / "mine.json").exists()

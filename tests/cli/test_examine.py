@@ -161,6 +161,9 @@ def _known(**response: Any) -> bytes:
     return calibration_bytes(ProbeCalibration(name="bench", response=Calibration(**values)))
 
 
+OTHER_CODES = {"hash": 3, "needs the part": 3, "expired": 3}  # of messages that are no wrong input
+
+
 @pytest.mark.usefixtures("frames")
 @pytest.mark.parametrize(
     ("content", "sentence"),
@@ -185,7 +188,7 @@ def test_a_wrong_calibration_is_one_sentence(run_tsis: RunTsis, tmp_path: Path, 
     finished = run_tsis(
         *("examine", "press.png", "--calibration", "calibration.json", "--scale-mm", "0.05", "--force-n", "1")
     )
-    assert finished.code == 2
+    assert finished.code == next((code for text, code in OTHER_CODES.items() if text in sentence), 2)
     assert sentence in finished.err
     assert finished.err.count("\n") == 1
 
@@ -280,7 +283,7 @@ def test_a_calibration_of_another_probe_is_refused(
     (tmp_path / "calibration.json").write_bytes(_known(probe="tsis-domed"))
     options = ("--calibration", "calibration.json", "--force-n", "1", "--scale-mm", "0.05", "--probe", "tsis-2011")
     finished = run_tsis("examine", "press.png", *options)
-    assert finished.code == 2
+    assert finished.code == 3
     assert "calibration must be that of the probe 'tsis-2011'; got one of 'tsis-domed'" in finished.err
 
 

@@ -152,6 +152,9 @@ def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
     assert json.loads(finished.out)["estimates"][0]["same"] is True
 
 
+OTHER_CODES = {"part 'reference'": 3}  # of messages that are no wrong input
+
+
 @pytest.mark.parametrize(
     ("without", "said"),
     [
@@ -165,7 +168,7 @@ def test_what_is_missing_for_a_force_is_named(
     _frame(tmp_path / "a.png", 20.0)
     write_calibration(_known(**without), tmp_path / "calibration.json")
     finished = run_tsis("examine", "a.png", "--calibration", "calibration.json")
-    assert finished.code == 2
+    assert finished.code == next((code for text, code in OTHER_CODES.items() if text in said), 2)
     assert said in finished.err
 
 

@@ -151,7 +151,7 @@ def test_edits_change_what_people_wrote_and_count_versions(run_tsis: RunTsis, re
     edit = ("records", "edit", "2", "--press", press.id[:6], *STORE)
     assert run_tsis(*edit, "--force-n", "0.6", "--flag", "none", "--note", "again", "--version", "1").code == 0
     stale = run_tsis(*edit, "--force-n", "0.7", "--version", "1")
-    assert stale.code == 2
+    assert stale.code == 1
     assert "somebody else has changed it since version 1" in stale.err
     assert run_tsis(*edit, "--force-n", "none", "--role", "untouched", "--json").code == 0
     with open_store(records) as store:
@@ -194,13 +194,25 @@ def test_of_all_targets_one_that_fails_stops_no_other(run_tsis: RunTsis, records
     assert "at least one press on the target" in told["failed"][0]["reason"]
 
 
+OTHER_CODES = {
+    "there is none": 1,
+    "records.sqlite3": 1,
+    "'notes.txt/below' must be a store": 1,
+    "garbage": 1,
+    "store of subjects": 1,
+    "must be PostgreSQL": 1,
+    "must be a URL": 1,
+    "made again": 1,
+}  # of messages that are no wrong input
+
+
 @pytest.mark.usefixtures("records")
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         (["list", "--store", "absent"], "must be a store of records; there is none"),
         (["list", "--store", "records/records.sqlite3"], "records.sqlite3"),
-        (["list", "--store", "notes.txt/below"], "notes.txt"),
+        (["list", "--store", "notes.txt/below"], "'notes.txt/below' must be a store"),
         (["list", "--store", "no-store"], "must be a store of records; there is none"),
         (["list", "--store", "garbage"], "garbage"),
         (["list", "--kind", "subject", *STORE], "must be a store of subjects; it is one of phantoms"),
@@ -259,7 +271,7 @@ def test_wrong_input_is_one_sentence_and_changes_nothing(
     (tmp_path / "garbage").mkdir()
     (tmp_path / "garbage" / "records.sqlite3").write_bytes(b"this is no database" * 100)
     finished = run_tsis("records", *arguments)
-    assert finished.code == 2, finished.out
+    assert finished.code == next((code for text, code in OTHER_CODES.items() if text in sentence), 2), finished.out
     assert sentence.lower() in finished.err.lower()
     assert "secret" not in finished.err
     assert finished.err.count("\n") == 1
@@ -271,7 +283,7 @@ def test_wrong_input_is_one_sentence_and_changes_nothing(
 def test_the_database_may_stand_in_the_environment(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TSIS_RECORDS_DATABASE", "mysql://me:secret@host/base")
     finished = run_tsis("records", "list", *STORE)
-    assert finished.code == 2
+    assert finished.code == 1
     assert "must be PostgreSQL" in finished.err
     assert "secret" not in finished.err
 
@@ -292,7 +304,7 @@ def test_a_full_disk_is_one_sentence_and_what_was_stored_stays(
 
     monkeypatch.setattr(Disk, "write", full)
     finished = run_tsis("records", "import", "Target3", *STORE)
-    assert finished.code == 2
+    assert finished.code == 1
     assert "No space left on device" in finished.err
     assert "1 of 3 presses are stored and stay" in finished.err
     monkeypatch.undo()
@@ -347,7 +359,7 @@ def test_calibrations_that_snapshots_cite_open_the_store_once(
     for path in (tmp_path / "records" / "files").glob("*/*.json"):
         path.write_bytes(path.read_bytes()[:-3])
     damaged = run_tsis("records", "import", "Target3", *STORE)
-    assert damaged.code == 2
+    assert damaged.code == 1
     assert "does not match its name" in damaged.err
 
 

@@ -57,7 +57,7 @@ def test_a_whole_study(run_tsis: RunTsis) -> None:
     assert checked.code == 0
     assert "as it was written" in checked.out
     refused = run_tsis("study", "run", folder, "--operator", "Ben")
-    assert refused.code == 2
+    assert refused.code == 1
     assert "unblinded" in refused.err
     stored = json.loads(run_tsis("records", "list", "--store", "records", "--json").out)
     assert len(stored["targets"]) == 4

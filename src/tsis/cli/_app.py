@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+import traceback
 import warnings
 from functools import cache
 from typing import Annotated, Any, NoReturn, TextIO
@@ -12,9 +13,11 @@ from typing import Annotated, Any, NoReturn, TextIO
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli._exit_codes import BAD_INPUT, INTERRUPTED
+from tsis.cli._exit_codes import BAD_INPUT, FAILED, INTERRUPTED, exit_code_of
 from tsis.cli._lazy import CommandEntry, LazyCommands
+from tsis.cli._progress import verbosity
 from tsis.errors import TsisError, TsisWarning
+from tsis.files import one_line
 
 _show_python_warning = warnings.showwarning
 
@@ -107,6 +110,12 @@ COMMANDS = {
         "app",
         f"Blinded studies: targets under codes, readings, unblinding and analysis; scan plans. {RESEARCH_USE_ONLY}",
     ),
+    "doctor": CommandEntry(
+        "tsis.cli._doctor",
+        "doctor",
+        "Say what is installed, where data lie, which cameras answer, and what is missing with its cure.",
+        "tsis doctor",
+    ),
     "sweep": CommandEntry(
         "tsis.cli._sweep", "app", "Press many phantoms and write the results as one data set of Parquet files."
     ),
@@ -117,6 +126,8 @@ OLD_OPTIONS = {  # each still works, and no help shows it
     "plain": "reference-press",
     "plain-force-n": "reference-force-n",
     "gauge-share": "gauge-uncertainty",
+    "force": "force-n",
+    "radius": "radius-mm",
     "reach": "detection-range",
     "reach-mm": "detection-range-mm",
 }
@@ -127,11 +138,30 @@ def current_name(option: str) -> str:
     return OLD_OPTIONS.get(option, option)
 
 
+HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis demo
+
+Open software for optical tactile imaging.
+{RESEARCH_USE_ONLY}
+
+  measure    acquire, examine, hardness, track, match, detect, network
+             Frames from a camera; inclusions and hardness with intervals; point matching.
+  calibrate  calibrate
+             The calibration of a probe: step by step, from saved frames, or sealed.
+  simulate   demo, simulate, design, optics, sweep, serve
+             The virtual probe, its mechanics and its light; the design of a probe; many presses.
+  records    records, study
+             Targets with their presses and estimates; blinded studies.
+  console    console, login, doctor
+             The instrument in a browser; who may use it; what is installed.
+
+tsis COMMAND --help shows an example and the options. Every command has --quiet and --verbose.
+tsis --version prints the version; tsis --install-completion completes commands in your shell.
+Exit codes: 0 done, 1 failed, 2 wrong input, 3 untrusted or refused, 130 interrupted.
+"""
+
 app = typer.Typer(
     name="tsis",
-    cls=LazyCommands.of(COMMANDS),
-    help=f"Open software for optical tactile imaging. {RESEARCH_USE_ONLY}",
-    epilog="Start with: tsis demo",
+    cls=LazyCommands.of(COMMANDS, HELP),
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": current_name},
 )
@@ -154,7 +184,8 @@ def root(
 
 
 def run() -> None:
-    """Run the program; wrong input gives one message and the exit code 2, never a traceback."""
+    """Run the program; an error gives one message and an exit code, never a traceback unless ``--verbose`` asks."""
+    verbosity.quiet = verbosity.verbose = False
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # characters outside the terminal's encoding are escaped
             stream.reconfigure(errors="backslashreplace")
@@ -162,18 +193,26 @@ def run() -> None:
     try:
         code = _program()(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except TsisError as error:
-        _stop(f"Error: {error}", BAD_INPUT)
+        if verbosity.verbose:
+            traceback.print_exc()
+        _stop(f"Error: {error}", exit_code_of(error))
     except BrokenPipeError:
         # The reader closed the pipe. Without this, Python reports it again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+        sys.exit(FAILED)
     except OSError as error:
-        _stop(f"Error: the result could not be printed or read: {error.strerror or error}", BAD_INPUT)
+        _stop(f"Error: the result could not be printed or read: {error.strerror or error}", FAILED)
     except Exception as error:
         # An error of the parser. Its class is private to typer in some versions and click's in others.
         message = getattr(error, "format_message", None)
         if message is None:
-            raise
+            if verbosity.verbose:
+                raise
+            _stop(
+                f"Error: a defect of tsis, {type(error).__name__}: {one_line(error):.200} (repeat the command with "
+                "--verbose and report what it prints)",
+                FAILED,
+            )
         _stop(f"Error: {message().strip()} (see --help)", BAD_INPUT)
     if code == INTERRUPTED:  # typer turns Ctrl-C into this code
         raise KeyboardInterrupt
@@ -196,7 +235,8 @@ def _show_warning(  # the signature of warnings.showwarning
 ) -> None:
     """Print a warning of tsis as one line, any other as Python does."""
     if issubclass(category, TsisWarning):
-        typer.echo(f"Warning: {message}", err=True)
+        if not verbosity.quiet:
+            typer.echo(f"Warning: {message}", err=True)
     else:
         _show_python_warning(message, category, filename, lineno, file, line)
 

@@ -106,6 +106,7 @@ def demo(
         truth=truth or {},
     )
     outcome = CommandOutcome(
+        trusted=result.trusted,
         document=tsis.report.envelope("demo", **provenance, estimate=tsis.report.estimate_document(result, truth)),
         page=page,
         tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),

@@ -339,6 +339,7 @@ def _inclusion(
     )
     table = estimate_table(result, title=names)
     return CommandOutcome(
+        trusted=result.trusted,
         document=document,
         page=page,
         tables=(table, *_rich(comparison)),

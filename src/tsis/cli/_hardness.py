@@ -59,11 +59,9 @@ def hardness(
     ] = None,
     *,
     force_n: Annotated[
-        list[float] | None, typer.Option("--force-n", "--force", help="Force in newtons, one for each image.")
+        list[float] | None, typer.Option("--force-n", help="Force in newtons, one for each image.")
     ] = None,
-    radius_mm: Annotated[
-        float | None, typer.Option("--radius-mm", "--radius", help="Radius of the object in millimetres.")
-    ] = None,
+    radius_mm: Annotated[float | None, typer.Option("--radius-mm", help="Radius of the object in millimetres.")] = None,
     radius_sd_mm: Annotated[
         float | None, typer.Option(help="Standard deviation of that radius.", show_default="0.03")
     ] = None,
@@ -230,6 +228,7 @@ def _outcome(
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
     readings = asdict(tsis.hardness.shore(result.mean["young_kpa"])) if result.trusted else None
     outcome = CommandOutcome(
+        trusted=result.trusted,
         document=tsis.report.envelope(
             "hardness",
             estimate=tsis.report.estimate_document(result, truth),

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command, get_group
+
+from tsis.cli._progress import verbosity
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +23,9 @@ class CommandEntry:
     module, attribute
         Location of the command's function, or of the group's `typer.Typer`.
     summary
-        Its line in ``tsis --help``: the first paragraph of its own help.
+        The first paragraph of its own help.
     example
-        Command line at the end of a command's help; a group has its own.
+        Command line at the start of a command's help; a group has its own.
     """
 
     module: str
@@ -54,25 +56,42 @@ class LoadedCommands(Mapping[str, Any]):
 def _parser(name: str, entry: CommandEntry) -> Any:
     result = getattr(import_module(entry.module), entry.attribute)
     if isinstance(result, typer.Typer):
-        return get_group(result)
+        return _finished(get_group(result))
     single = typer.Typer(add_completion=False)
     single.command(name, epilog=f"Example: {entry.example}")(result)
-    return get_command(single)
+    return _finished(get_command(single))
+
+
+def _finished(command: Any) -> Any:
+    """The command and its commands: the help begins with the example, and all have the common options."""
+    for part in getattr(command, "commands", {}).values():
+        _finished(part)
+    if command.epilog:
+        command.short_help = (command.help or "").split("\n\n")[0]
+        command.help, command.epilog = f"{command.epilog}\n\n{command.help or ''}", None
+    if not hasattr(command, "commands"):
+        command.params += common_options()
+    return command
 
 
 class LazyCommands(TyperGroup):
-    """A group whose ``commands`` are imported one by one; its help shows only their summaries."""
+    """A group whose ``commands`` are imported one by one; its help is a text that imports none."""
 
     entries: Mapping[str, CommandEntry] = {}
+    text = ""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         self.commands = LoadedCommands(self.entries)  # type: ignore[assignment] # read-only
 
     @classmethod
-    def of(cls, entries: Mapping[str, CommandEntry]) -> type[LazyCommands]:
-        """The group with these commands."""
-        return type("LazyCommands", (cls,), {"entries": entries})
+    def of(cls, entries: Mapping[str, CommandEntry], text: str) -> type[LazyCommands]:
+        """The group with these commands and this help."""
+        return type("LazyCommands", (cls,), {"entries": entries, "text": text})
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help of the program."""
+        formatter.write(self.text)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of the commands, in their order."""
@@ -88,3 +107,40 @@ class LazyCommands(TyperGroup):
         if args and args[0] in self.entries:
             return args[0], self.commands[args[0]], args[1:]
         return super().resolve_command(ctx, args)
+
+
+def common_options() -> list[Any]:
+    """The options ``--quiet`` and ``--verbose``, which every command has."""
+    template = typer.Typer(add_completion=False)
+    template.command()(_common)
+    return list(get_command(template).params)
+
+
+def _be_quiet(requested: bool) -> None:
+    verbosity.quiet |= requested
+
+
+def _be_verbose(context: typer.Context, requested: bool) -> None:
+    verbosity.verbose |= requested
+    if requested:
+        typer.echo(f"{context.command_path} starts", err=True)
+
+
+def _common(
+    *,
+    _quiet: Annotated[
+        bool,
+        typer.Option("--quiet", "-q", help="Show no progress and no warnings.", callback=_be_quiet, expose_value=False),
+    ] = False,
+    _verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose",
+            "-v",
+            help="Say on standard error what starts, and where an error arose.",
+            callback=_be_verbose,
+            expose_value=False,
+        ),
+    ] = False,
+) -> None:
+    """Hold the options."""

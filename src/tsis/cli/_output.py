@@ -15,6 +15,7 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli._exit_codes import WITHHELD
 from tsis.cli._progress import progress_bar
 from tsis.files import json_bytes
 from tsis.model import INTERVAL_LEVEL
@@ -55,18 +56,26 @@ def print_notice(console: Console) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CommandOutcome:
-    """What a command found: for programs, for the folder, and for people."""
+    """What a command found: for programs, for the folder, and for people; the exit code is 3 where it is untrusted."""
 
     document: Mapping[str, Any]
     page: bytes
     tables: tuple[Table, ...]
     notes: tuple[str, ...]
     files: Mapping[str, bytes] = field(default_factory=dict)
+    trusted: bool = True
+
+
+def leave(*, trusted: bool) -> None:
+    """End a command whose result was printed, with the exit code 3 where it must not be trusted."""
+    if not trusted:
+        raise typer.Exit(WITHHELD)
 
 
 def publish(outcome: CommandOutcome, out: Path, *, as_json: bool) -> None:
     """Write the folder ``out`` (or the next free name) and print what is in it."""
     print_outcome(outcome, write_outcome(outcome, out), as_json=as_json)
+    leave(trusted=outcome.trusted)
 
 
 def write_outcome(outcome: CommandOutcome, out: Path) -> Path:

@@ -1,12 +1,24 @@
-"""Progress bars on standard error, for people on a terminal."""
+"""What is written on standard error while a command runs."""
 
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+
+@dataclass(slots=True)
+class Verbosity:
+    """How much the program writes on standard error."""
+
+    quiet: bool = False
+    verbose: bool = False
+
+
+verbosity = Verbosity()
 
 
 @contextmanager
@@ -17,7 +29,9 @@ def progress_bar(description: str) -> Iterator[Callable[[int, int], None]]:
 
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal or verbosity.quiet
+    ) as progress:
         task = progress.add_task(description, total=None, visible=False)
 
         def advance(done: int, total: int) -> None:
@@ -32,7 +46,7 @@ def waiting(description: str) -> Iterator[None]:
     from rich.console import Console
 
     console = Console(stderr=True)
-    if not console.is_terminal:
+    if not console.is_terminal or verbosity.quiet:
         yield
         return
     with console.status(description):

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from tsis.cli._output import RESULT, print_outcome, publish, result_bytes, write_outcome
+from tsis.cli._exit_codes import FAILED
+from tsis.cli._output import RESULT, leave, print_outcome, publish, result_bytes, write_outcome
 from tsis.cli._store import DATABASE, PHANTOM, opened
 from tsis.errors import InputError, TsisError
 from tsis.files import LARGEST_TARGET, write_durably
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from tsis.records import SavableResult
     from tsis.records.store import Store
 
-
-NOT_SAVED = 1  # exit code of a command whose results are in their folder and not in the store
 
 SaveOption = Annotated[
     bool, typer.Option("--save", help="Save frames, calibration and estimate in the store: tsis records list.")
@@ -122,9 +121,10 @@ def publish_and_save(
     except OSError as error:
         outcome = replace(outcome, notes=(*outcome.notes, f"{RESULT} does not tell it: {error.strerror or error}."))
     print_outcome(outcome, folder, as_json=as_json)
+    leave(trusted=outcome.trusted)
 
 
 def stop_not_saved(error: TsisError, location: str) -> NoReturn:
     """End a command whose results are all there but for the store."""
     typer.echo(f"Error: the results are in {location}, but they could not be kept: {error}", err=True)
-    raise typer.Exit(NOT_SAVED)
+    raise typer.Exit(FAILED)

@@ -38,6 +38,7 @@ RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
         "tsis-design": 1,
         "tsis-detect-apply": 1,
         "tsis-detect-train": 1,
+        "tsis-doctor": 1,
         "tsis-examine": 1,
         "tsis-examine-contacts": 1,
         "tsis-hardness": 1,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import tsis
+from tsis.cli._exit_codes import FAILED
 from tsis.cli._force_gauge import force_then
 from tsis.cli._groups import ended_by
 from tsis.cli._output import people, print_json, print_notice
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.gauge import ForceLog
     from tsis.instrument.recording import RecordingReport
-
-
-ENDED_EARLY = 1  # exit code of a recording shorter than requested
 
 
 def take_sequence(
@@ -78,7 +76,7 @@ def take_sequence(
     if report.kept == 0:
         raise CameraError(f"nothing was recorded: {report.ended_by or 'no frame arrived'}")
     if report.ended_by:
-        raise typer.Exit(ENDED_EARLY)
+        raise typer.Exit(FAILED)
 
 
 def _advance(

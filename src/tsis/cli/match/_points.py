@@ -13,7 +13,7 @@ from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import leave, people, print_json, print_notice
 from tsis.cli._progress import waiting
 from tsis.errors import FileInputError, InputError
 from tsis.files import printable_name, printable_path, write_durably
@@ -99,6 +99,7 @@ def _result(
             notes=list(registration.notes),
         )
         print_json(document | {name: str(file) for name, file in names.items() if file is not None})
+        leave(trusted=registration.reliable)
         return
     console = people()
     title = escape(f"{printable_name(source)} ({len(first)} points) to {printable_name(target)} ({len(second)} points)")
@@ -117,6 +118,7 @@ def _result(
         if file is not None:
             console.print(f"Written: {file}", soft_wrap=True, markup=False)
     print_notice(console)
+    leave(trusted=registration.reliable)
 
 
 def _rms_distance(points: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:

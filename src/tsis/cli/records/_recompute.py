@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import tsis
+from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import progress_bar
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
 
     from tsis.records import Recomputation, Target
     from tsis.records.store import Store
-
-
-FAILED = 1  # exit code when a target could not be recomputed
 
 
 def recompute(
@@ -106,9 +104,6 @@ def _show(console: Console, target: Target, recomputation: Recomputation) -> Non
     console.print(tsis.report.recomputation_message(recomputation), markup=False)
 
 
-UNSOUND = 1  # exit code of a damaged store
-
-
 def verify(
     *,
     store: StoreFolder = None,
@@ -132,4 +127,4 @@ def verify(
             console.print(note, markup=False, soft_wrap=True)
         print_notice(console)
     if not result.sound:
-        raise typer.Exit(UNSOUND)
+        raise typer.Exit(FAILED)

@@ -11,6 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
+from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import progress_bar
@@ -93,7 +94,7 @@ def _confirm(study: Study, *, as_json: bool) -> None:
     )
     if not typer.confirm(question, err=True):
         typer.echo("Nothing was unblinded.", err=True)
-        raise typer.Exit(1)
+        raise typer.Exit(FAILED)
 
 
 def _table(device: DeviceAnalysis) -> Table:

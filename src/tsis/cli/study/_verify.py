@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import tsis
+from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli.study._new import StudyFolder
@@ -89,9 +90,6 @@ def _row(device: str, operator: str, count: int, undecided: int) -> dict[str, An
     return {"device": device, "operator": operator, "readings": count, "undecided": undecided}
 
 
-UNSOUND = 1  # exit code of a changed study
-
-
 def verify(
     folder: StudyFolder,
     *,
@@ -129,4 +127,4 @@ def verify(
         console.print(f"Head: {result.head}", soft_wrap=True)
         print_notice(console)
     if not result.sound:
-        raise typer.Exit(UNSOUND)
+        raise typer.Exit(FAILED)
