@@ -1,4 +1,4 @@
-"""The certificate of a console that listens on a network."""
+"""The server of a console: certificate, address, and start until interruption."""
 
 from __future__ import annotations
 

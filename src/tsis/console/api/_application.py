@@ -59,15 +59,7 @@ Numbers are finite; null stands for what nobody knows or nothing bounds. Names c
 
 
 def api_app(instrument: Instrument, reports: Reports) -> FastAPI:
-    """The calls of a bench, to be mounted at `PLACE`.
-
-    Parameters
-    ----------
-    bench
-        What they show and move.
-    reports
-        Makes the reports of its store.
-    """
+    """The calls of an instrument, to be mounted at `PLACE`; ``reports`` builds the reports of its store."""
     application = FastAPI(
         title="tsis console",
         version=__version__,
@@ -92,7 +84,7 @@ def api_app(instrument: Instrument, reports: Reports) -> FastAPI:
 
 
 class NoticeMiddleware:
-    """Says with every answer what the program may be used for, and that nobody on the way keeps a copy."""
+    """Adds the notice of use to every response, and forbids intermediate copies."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def description(application: FastAPI) -> dict[str, Any]:
-    """The description of an application's calls; made once.
+    """The description of an application's calls; built once.
 
-    FastAPI takes the header of acts for optional, for who leaves it out is to read a sentence of ours.
+    FastAPI takes the header of commands for optional, since a request without it gets our own message.
     """
     if application.openapi_schema is None:
         schema = get_openapi(

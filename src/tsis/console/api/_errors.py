@@ -1,4 +1,4 @@
-"""What is answered to a call that cannot be done: one sentence, the kind of the error, and its status."""
+"""Error responses: one message, the kind of the error, and its status."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Marks the scripts that stand in the console's own pages, so that browsers run them and no others."""
+"""Authentication of every request, security headers, and limits of size."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ HTML = b"text/html"
 def with_nonce(send: Send, nonce: str) -> Send:
     """Send pages with ``nonce`` on each of their scripts; anything else as it is.
 
-    The pages' templates hold ``<script`` for scripts alone: text from elsewhere reaches them escaped.
+    The pages' templates contain ``<script`` for scripts alone: text from elsewhere reaches them escaped.
     """
     start: Message | None = None
     parts: list[bytes] = []
@@ -120,11 +120,11 @@ def safe_headers(nonce: str) -> dict[str, str]:
 
 
 def with_safe_headers(send: Send, nonce: str, *, tls: bool, host: str) -> Send:
-    """Add the safe headers to answers, in place of others of their names.
+    """Add the security headers to responses, in place of others of their names.
 
-    Browsers are told to use nothing but TLS from now on where the console does, unless it is called ``localhost``:
-    they would hold every other program of this machine to it too. What says nothing of being kept is not kept, so
-    that nothing is left in a browser whose user has logged out.
+    Over TLS browsers are told to use nothing else, unless the console is called ``localhost``, where they would apply
+    it to every program of this machine. A response without its own caching rule is not cached, so that nothing is left
+    in a browser after logout.
     """
     own = safe_headers(nonce)
     if tls and name_of(host) != "localhost":
@@ -147,14 +147,9 @@ LARGEST_BYTES = 32 * 2**20
 
 
 class CappedBody:
-    """The body of a request up to a size; what reads more of it is told that the sender has gone.
+    """The body of a request up to ``most`` bytes; a larger one reads as a disconnection.
 
-    Parameters
-    ----------
-    receive, send
-        Of the request. What is answered after the body was too large is not sent: the gate answers that.
-    most
-        Bytes.
+    What the application answers after that is not sent: the middleware answers itself.
     """
 
     def __init__(self, receive: Receive, send: Send, *, most: int = LARGEST_BYTES) -> None:
@@ -194,18 +189,9 @@ _log = logging.getLogger(__name__)
 
 
 class AuthMiddleware:
-    """ASGI application that lets through what may pass.
+    """ASGI application that passes authenticated requests to ``inner``.
 
-    Parameters
-    ----------
-    inner
-        The application behind it.
-    access
-        Who has been let in.
-    hosts
-        Names, without port, by which this console may be called.
-    attempts
-        Counts tries to log in.
+    ``hosts`` are the names, without port, by which this console may be called; ``tries`` limits the rate of logins.
     """
 
     def __init__(

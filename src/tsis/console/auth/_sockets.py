@@ -1,4 +1,4 @@
-"""WebSockets that are open: not too many, and none longer than whoever opened it may stay."""
+"""Open WebSockets: limited in number, and closed when their session ends."""
 
 from __future__ import annotations
 
@@ -18,13 +18,7 @@ _log = logging.getLogger(__name__)
 
 
 class OpenSockets:
-    """Counts WebSockets, and cuts those of sessions that are over.
-
-    Parameters
-    ----------
-    most
-        Open at once.
-    """
+    """Counts WebSockets, at most ``most`` at once, and cancels those of sessions that are over."""
 
     def __init__(self, *, most: int = MOST) -> None:
         self._most = most
@@ -37,14 +31,9 @@ class OpenSockets:
         return len(self._open) >= self._most
 
     async def serve(self, served: Awaitable[None], *, stays: Callable[[], bool]) -> bool:
-        """Serve one in the present task until it ends or is cut; whether it was cut.
+        """Serve a WebSocket in the present task until it ends or is cancelled; whether it was cancelled.
 
-        Parameters
-        ----------
-        served
-            What serves it.
-        stays
-            Whether who opened it may stay.
+        ``stays`` says whether its client is still authenticated.
         """
         task = asyncio.current_task()
         assert task is not None

@@ -1,4 +1,4 @@
-"""What an address names."""
+"""Routes of files: pictures of presses, reports and exports."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ MAPS = (GREY, *sorted(COLOUR_MAPS))
 
 
 def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: str) -> bytes:
-    """A frame made small by averaging over its pixels, coloured from black to its full scale, as a PNG file.
+    """A frame reduced by averaging over its pixels, coloured from black to its full scale, as a PNG file.
 
     Parameters
     ----------
@@ -81,16 +81,9 @@ def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: s
     full_scale
         Grey level of the map's upper end.
     size
-        Of the longer side in pixels, in [16, 1024]; a frame that is smaller stays as it is.
+        Longer side in pixels, in [16, 1024], else `InputError`; a smaller frame stays as it is.
     name
-        ``"grey"``, ``"cividis"``, ``"inferno"`` or ``"viridis"``.
-
-    Raises
-    ------
-    InputError
-        When the size lies outside its range.
-    UnknownNameError
-        When no map has that name.
+        ``"grey"``, ``"cividis"``, ``"inferno"`` or ``"viridis"``, else `UnknownNameError`.
     """
     require_integer("size", size, SMALLEST_PX, LARGEST_PX, hint="pixels of the longer side")
     require_one_of("colour map", name, MAPS)
@@ -119,7 +112,7 @@ Given = ParamSpec("Given")
 def files_router(store: Store, reports: Reports | None = None, studies: StudyRepository | None = None) -> APIRouter:
     """Pictures of presses, reports and exports of targets of a store, reports of studies.
 
-    Each answers with the file, or with one sentence as plain text. Without ``reports`` they are made here; without
+    Each responds with the file, or with a message as plain text. Without ``reports`` they are built here; without
     ``studies`` there are none of those.
     """
     router = APIRouter(prefix="/files", include_in_schema=False)

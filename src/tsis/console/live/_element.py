@@ -21,8 +21,8 @@ ADDRESS = "/live"
 class FrameElement(Element, esm={"tsis-live": "browser"}):
     """An element that shows frames.
 
-    Props that are no plain words are JSON: whenever one of them changes all are sent, and the browser would take a list
-    for a new one each time, and draw anew.
+    Props other than text are JSON: all props are sent when one changes, and the browser would take an equal list for a
+    new one and redraw.
     """
 
     def __init__(self) -> None:
@@ -35,15 +35,7 @@ class FrameElement(Element, esm={"tsis-live": "browser"}):
 
 
 class ColouredFrames(FrameElement):
-    """An element that shows frames in colours, with the scale of a pixel.
-
-    Parameters
-    ----------
-    map_name
-        One of `tsis.console.live._hub.MAPS`.
-    ends
-        As `ends`.
-    """
+    """An element that shows frames in a colour map of `MAPS`, with the scale of a pixel."""
 
     def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__()
@@ -52,22 +44,13 @@ class ColouredFrames(FrameElement):
         self.ends(ends)
 
     def colour(self, map_name: str) -> None:
-        """Choose the colour map; the frames sent stay the same.
-
-        Raises
-        ------
-        UnknownNameError
-            When there is none of that name.
-        """
+        """Choose the colour map; the frames sent stay the same. Raises `UnknownNameError`."""
         self._set("map", json.dumps(packed_colours(map_name)))
 
     def ends(self, ends: str | tuple[float, float]) -> None:
-        """Choose the levels of 255 that get the map's two end colours; ``"auto"`` follows what the frames hold.
+        """Choose the levels of 255 that get the map's two end colours; ``"auto"`` follows the frames.
 
-        Raises
-        ------
-        InputError
-            When they lie outside [0, 255], or the upper one does not exceed the lower one.
+        Raises `InputError` when they lie outside [0, 255], or the upper one does not exceed the lower one.
         """
         self._set("range", json.dumps(checked_ends(ends)))
 
@@ -111,13 +94,7 @@ class SurfaceView(ColouredFrames, component="surface_view.js"):
 
 
 class Histogram(FrameElement, component="histogram.js"):
-    """Shows how many pixels have which grey level, and what is wrong with the exposure.
-
-    Parameters
-    ----------
-    log
-        Whether the numbers of pixels are drawn by their logarithm at first.
-    """
+    """Shows the number of pixels per grey level, logarithmic at first with ``log``, and problems of the exposure."""
 
     def __init__(self, *, log: bool = True) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Colour maps as the browser takes them: 256 words of 4 bytes, and the levels of their two ends."""
+"""Frames as the browser takes them, and the thread that distributes the newest one to all viewers."""
 
 from __future__ import annotations
 
@@ -48,13 +48,7 @@ def packed_colours(map_name: str) -> tuple[int, ...]:
 
 
 def checked_ends(ends: str | tuple[float, float]) -> str | list[float]:
-    """The two ends of a colour map in levels of 255, or ``"auto"``.
-
-    Raises
-    ------
-    InputError
-        When they are neither, or lie outside [0, 255], or the upper one does not exceed the lower one.
-    """
+    """The two ends of a colour map in levels of 255, or ``"auto"``; `InputError` for anything else."""
     if isinstance(ends, str):
         return require_one_of("ends", ends, (AUTO,))
     low, high = (require_number(name, end, 0.0, FULL) for name, end in zip(("low", "high"), ends, strict=True))
@@ -76,18 +70,9 @@ def is_as_shown(frame: ReceivedFrame) -> bool:
 
 
 def packet(frame: ReceivedFrame, *, number: int, came_ms: float, jpeg_quality: int | None = None) -> bytes:
-    """The newest frame for a viewer.
+    """The newest frame for a viewer, with its number and the time of its arrival in ms since 1970.
 
-    Parameters
-    ----------
-    frame
-        The frame, and when it came.
-    number
-        How many frames had come with it.
-    came_ms
-        When it came, on the clock of the wall, ms since 1970: the browser subtracts it from its own.
-    jpeg_quality
-        In [1, 100]; raw pixels when None.
+    Raw pixels, or a JPEG of a quality in [1, 100].
     """
     levels = display_levels(frame)
     rows, columns = levels.shape
@@ -126,28 +111,14 @@ REST_S = 0.1  # while no camera runs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NewestFrame:
-    """The newest frame.
-
-    Attributes
-    ----------
-    received
-        The frame, and when it came.
-    number
-        How many frames had come with it.
-    """
+    """The newest frame, and how many frames had come with it."""
 
     received: ReceivedFrame
     number: int
 
 
 class LiveHub:
-    """A thread that waits for frames and notifies the clients in an event loop.
-
-    Parameters
-    ----------
-    acquisition
-        Gives the running acquisition; None while there is none.
-    """
+    """A thread that waits for frames of the running ``acquisition()`` and notifies the clients in an event loop."""
 
     def __init__(self, acquisition: Callable[[], Acquisition | None]) -> None:
         self._acquisition = acquisition

@@ -27,21 +27,11 @@ _log = logging.getLogger(__name__)
 
 
 async def live_view(socket: WebSocket, *, instrument: Instrument, hub: LiveHub, timeout_s: float = PATIENCE_S) -> None:
-    """Send the latest frame and what it shows each time that the viewer has drawn the one before.
+    """Send the latest frame and its analysis each time that the viewer has drawn the one before.
 
     ``?jpeg=70`` asks for pictures of that quality, ``?jpeg=0`` for raw pixels; by default viewers on this machine get
-    raw pixels and others pictures. Whatever the viewer sends counts as an acknowledgement.
-
-    Parameters
-    ----------
-    socket
-        Not yet accepted.
-    instrument
-        Tells what the frames show.
-    hub
-        Brings the frames.
-    timeout_s
-        How long an acknowledgement is waited for, s; then the socket is closed.
+    raw pixels and others pictures. Whatever the viewer sends counts as an acknowledgement; without one within
+    ``timeout_s`` seconds the socket is closed.
     """
     await socket.accept()
     drawn = asyncio.Event()

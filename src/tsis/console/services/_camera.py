@@ -1,4 +1,4 @@
-"""The camera's present settings, read in a thread: drivers are slow, and settings change elsewhere."""
+"""The camera controller: one camera at a time, its settings, and what is pressed."""
 
 from __future__ import annotations
 
@@ -27,18 +27,10 @@ LOOK_S = 1.0  # for which a reading waits for another one, which may be stuck in
 
 
 class SettingsCache:
-    """Caches the camera's settings.
+    """Caches the camera's settings, read in a thread every ``every_s`` seconds: drivers are slow.
 
-    The force of the virtual probe is left out: no camera has such a setting.
-
-    Parameters
-    ----------
-    acquisition
-        Gives the running acquisition; None while there is none.
-    changed
-        Called when a setting has changed since the last reading.
-    every_s
-        Time between two readings, s.
+    Settings may also change elsewhere; ``changed`` is called then. The force of the virtual probe is left out: no
+    camera has such a setting.
     """
 
     def __init__(
@@ -96,18 +88,10 @@ PATIENT_S = 60.0  # the virtual probe is never unplugged: its silence is a busy 
 
 
 class CameraController:
-    """Holds one camera at a time, and knows what is pressed.
+    """Controls one camera at a time, and knows what is pressed.
 
-    Acts come one at a time, as `Acts` lets them; everything can be read, and `close` called, from any thread meanwhile.
-
-    Parameters
-    ----------
-    choice
-        What to begin with; nothing is connected before `start`.
-    changed
-        Called when a setting of the camera was changed, here or elsewhere.
-    connect_to
-        Gives a live camera by its name, as `tsis.instrument.connect`.
+    Commands come one at a time (`Commands`); meanwhile everything can be read, and `close` called, from any thread.
+    Nothing is connected before `start`. ``changed`` is called after a change of a setting, here or elsewhere.
 
     Attributes
     ----------
@@ -118,7 +102,7 @@ class CameraController:
     acquisition
         The running camera; None while it is stopped.
     role, force_n
-        What is pressed, and how hard: as the virtual probe holds it or as a person says, None where nobody does.
+        What is pressed, and how hard: of the virtual probe or as typed, None where unknown.
     """
 
     def __init__(
@@ -163,13 +147,7 @@ class CameraController:
         self._as_it_came, self._requested = (), {}
 
     def start(self) -> None:
-        """Connect and begin to stream; when it runs already, nothing happens.
-
-        Raises
-        ------
-        TsisError
-            As `Acquisition.start`; it can be started again.
-        """
+        """Connect and begin to stream; nothing happens when it runs already. Errors as `Acquisition.start`."""
         if self.acquisition is not None:
             return
         connector = self._connector()
@@ -236,19 +214,9 @@ class CameraController:
             self.adjust(setting, value)
 
     def completed(self, role: str | None, force_n: float | None, *, forget: bool = False) -> tuple[str, float | None]:
-        """Role and force that somebody means who names only what changes.
+        """Role and force in newtons after a change that names only one of them; ``forget`` makes the force unknown.
 
-        Parameters
-        ----------
-        role, force_n
-            What is to be pressed, and the force in newtons; None for those at present.
-        forget
-            Whether nobody knows the force any more.
-
-        Raises
-        ------
-        InputError
-            When a force is given and to be forgotten, or that of the virtual probe is to be forgotten.
+        Raises `InputError` for a force together with ``forget``, or ``forget`` with the virtual probe.
         """
         if forget and force_n is not None:
             raise InputError(f"force_n must be given or forgotten, not both; got {force_n!r:.40} and forget")
@@ -258,14 +226,10 @@ class CameraController:
         return self.role if role is None else role, present if force_n is None else force_n
 
     def hold(self, role: str, force_n: float | None) -> None:
-        """Say what is pressed and how hard, or that nobody knows it; the virtual probe is moved there.
+        """Set what is pressed and how hard, or that the force is unknown; the virtual probe moves there.
 
-        Raises
-        ------
-        InputError
-            When there is nothing of that role, or the force lies outside its range.
-        MechanicsError
-            When the tissue cannot be pressed so hard; the press is as it was.
+        Raises `InputError` for an unknown role or a force outside its range, and `MechanicsError` when the tissue
+        cannot be pressed so hard; the press then stays as it was.
         """
         require_one_of("role", role, self.roles)
         if self.choice.is_virtual or force_n is not None:
@@ -279,10 +243,7 @@ class CameraController:
     def fresh(self) -> ReceivedFrame:
         """The newest frame that was begun after the last change.
 
-        Raises
-        ------
-        CameraError
-            When the camera is stopped or away, or brings none in time.
+        Raises `CameraError` when the camera is stopped or away, or delivers none in time.
         """
         acquisition = self._streaming()
         period_s = _period_s(acquisition)

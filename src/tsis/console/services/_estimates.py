@@ -30,10 +30,8 @@ def estimate_target(
 
     Parameters
     ----------
-    store
-        Where the target is.
-    number
-        Of the target.
+    store, number
+        The target's store and number.
     kind
         ``"inclusion"`` or ``"hardness"``.
     presses
@@ -41,13 +39,13 @@ def estimate_target(
     options
         As of `tsis.records.EstimationRequest`.
     progress
-        Told (done, all) while the mechanics of a new probe are solved, and (1, 1) before the answer is stored; what it
-        raises ends the estimate, and nothing is stored.
+        Called with (done, all) while the mechanics of a new probe are solved, and (1, 1) before the result is stored;
+        what it raises ends the estimate, and nothing is stored.
 
     Raises
     ------
     RecordsError
-        When the target has no press to estimate from, or one that was named is none of it.
+        When the target has no press to estimate from, or a named press is not one of its presses.
     InputError, CalibrationError, NotCalibratedError
         As the estimates themselves.
     """
@@ -107,10 +105,10 @@ def estimate_title(number: int) -> str:
 
 
 def newest_presses(record: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
-    """Of each role and force the newest press, of those with the probe and the calibration of the newest one.
+    """The newest press of each role and force, among those with the probe and the calibration of the newest one.
 
-    Presses whose force nobody wrote down are all taken: the force line tells them apart. Those at 0 N touch nothing,
-    and no estimate can use them.
+    Presses of unknown force are all used: the force line distinguishes them. Presses at 0 N touch nothing, and no
+    estimate can use them.
     """
     roles = ("target", REFERENCE_ROLES[kind])
     used = [press for press in record.presses if press.role in roles and press.force_n != 0]

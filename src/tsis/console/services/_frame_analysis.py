@@ -93,20 +93,9 @@ def analyse_frame(
     force: PressForce | None,
     untouched: NDArray[np.float64] | None,
 ) -> tuple[FrameAnalysis, WatchState]:
-    """Analyse a frame.
+    """Analyse frame ``number`` with the press guard and its state; returns the analysis and the next state.
 
-    Parameters
-    ----------
-    watch, state
-        The press guard, and its state.
-    frame
-        As the camera delivered it.
-    number
-        How many frames have come.
-    force
-        Of the press.
-    untouched
-        Grey levels of the untouched probe, `reduced`; None when unknown.
+    ``untouched`` are grey levels of the untouched probe, `reduced`; None when unknown.
     """
     flags, after = watch.step(state, frame, None if force is None else force.value_n)
     counts = histogram(frame)

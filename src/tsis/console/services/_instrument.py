@@ -173,12 +173,8 @@ class Instrument:
     def hold(self, *, role: str | None = None, force_n: float | None = None, forget: bool = False, by: str) -> None:
         """Set role and force of the press; the virtual probe moves there.
 
-        Raises
-        ------
-        InputError, MechanicsError
-            When it cannot be pressed so; the press is as it was.
-        ControlError
-            When it would be another role than that of the sequence under way.
+        Raises `InputError` or `MechanicsError` when it cannot be pressed so, and the press stays as it was;
+        `ControlError` for another role than that of the running sequence.
         """
         with self._commands.act(
             by, "moving the probe" if self.camera_controller.choice.is_virtual else "noting the press"
@@ -198,10 +194,7 @@ class Instrument:
     def use_calibration(self, calibration: UsableCalibration | None, *, by: str) -> None:
         """Activate a calibration; None for the virtual probe's own, or none.
 
-        Raises
-        ------
-        CalibrationError
-            When it is expired, or of another probe, camera, setting or size of frames than what runs.
+        Raises `CalibrationError` when it is expired, or of another probe, camera, setting or size of frames.
         """
         with self._commands.act(
             by, "putting a calibration in force", instead="another calibration can be put in force"
@@ -219,16 +212,8 @@ class Instrument:
     def snapshot(self, *, by: str, map_name: str = "viridis") -> SavedPress:
         """Save the present press: its files, and the press in the store.
 
-        Raises
-        ------
-        CameraError
-            When no frame comes.
-        GaugeError
-            When a gauge gives no force.
-        FileInputError
-            When the files cannot be written; nothing is saved then.
-        RecordsError
-            When the store refuses the press; its files stay.
+        Raises `CameraError` without a frame, `GaugeError` without a force of the gauge, `FileInputError` when the files
+        cannot be written (nothing is saved then), `RecordsError` when the store refuses the press (its files stay).
         """
         require_one_of("colour map", map_name, COLOUR_MAPS)
         with self._commands.act(by, "keeping a press"):
@@ -248,12 +233,7 @@ class Instrument:
     def begin_sequence(self, *, seconds: float | None = None, frames: int | None = None, by: str) -> Job:
         """Record every frame for a number of frames or seconds; it continues when the browser closes.
 
-        Raises
-        ------
-        InputError, CameraError, FileInputError
-            As `SequenceRequest` and `begin_sequence`.
-        ControlError
-            When a sequence is under way.
+        Errors as `SequenceRequest` and `begin_sequence`; `ControlError` while a sequence runs.
         """
         with self._commands.act(by, "beginning a sequence", instead="another sequence can begin"):
             self._commands.sequence = sequence = begin_sequence(
@@ -274,15 +254,7 @@ class Instrument:
             self._commands.sequence.end()
 
     def end_job(self, identity: str, *, by: str) -> Job:
-        """Cancel a job; a job of the camera only by its owner.
-
-        Raises
-        ------
-        InputError
-            When there is no such job.
-        ControlError
-            When somebody else holds the camera that it follows.
-        """
+        """Cancel a job; a job of the camera only by its owner, else `ControlError`. `InputError` for an unknown job."""
         job = self.jobs.get(identity)
         if job.follows_camera:
             self.control.require(by)

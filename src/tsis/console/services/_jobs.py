@@ -63,16 +63,10 @@ class JobState:
 
 
 class Job:
-    """One piece of work under way or done; safe for several threads.
+    """One piece of work, running or finished; safe for several threads.
 
-    Parameters
-    ----------
-    title
-        What people see.
-    follows_camera
-        Whether it takes frames, so that who holds the camera alone may end it.
-    after
-        Called once it is over, however it ended, also before its first step.
+    A job that ``follows_camera`` may be ended by the camera's owner only. ``after`` is called once it is over, however
+    it ended, also before its first step.
     """
 
     def __init__(self, title: str, *, follows_camera: bool = False, after: Callable[[], object] = lambda: None) -> None:
@@ -131,13 +125,7 @@ class Job:
             self._message = message
 
     def advance(self, done: int, total: int) -> None:
-        """Report (steps done, all steps), and raise after cancellation: the ``progress`` of calls.
-
-        Raises
-        ------
-        Ended
-            When somebody asked it to end.
-        """
+        """Report (steps done, all steps), and raise `JobCancelled` after cancellation: the ``progress`` of calls."""
         self.report(done, total)
         if self._ending.is_set():
             raise JobCancelled
@@ -172,7 +160,7 @@ class Job:
 class Jobs:
     """The jobs of a console: limited in number at once; the last ones and fewer results stay; safe for several threads.
 
-    Threads of jobs do not keep the program from ending: what they store is whole or absent whenever that happens.
+    Threads of jobs do not keep the program from ending: what they store is whole or absent at any moment.
     """
 
     def __init__(self) -> None:
@@ -191,23 +179,11 @@ class Jobs:
         at_once: bool = False,
         after: Callable[[], object] = lambda: None,
     ) -> Job:
-        """Begin work; it is called with its `Job`.
+        """Begin work: it is called with its `Job`, and its return value becomes the job's result.
 
-        Parameters
-        ----------
-        title
-            What people see.
-        work
-            What is done; what it returns becomes the job's result.
-        at_once
-            Whether it follows the camera: it begins now, whatever is under way, and is of who holds the camera.
-        after
-            Called once it is over, however it ended; never where it was not begun.
-
-        Raises
-        ------
-        ControlError
-            When too much waits already, or the console is being ended.
+        With ``at_once`` it follows the camera: it begins immediately, and belongs to the camera's owner. ``after`` is
+        called once it is over, however it ended; never where it was not begun. Raises `ControlError` when too many jobs
+        wait already, or the console is closing.
         """
         job = Job(title, follows_camera=at_once, after=after)
         with self._lock:

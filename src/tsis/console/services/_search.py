@@ -18,10 +18,7 @@ TITLE = "search for cameras"
 class CameraSearch:
     """Searches as a job; a call during a search returns the running job.
 
-    Parameters
-    ----------
-    jobs
-        Where it is done.
+    ``findings`` are those of the last search; None before the first is over.
     """
 
     def __init__(self, jobs: Jobs) -> None:

@@ -28,19 +28,9 @@ GAUGE_WAIT_S = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceRequest:
-    """What is to be recorded.
+    """A sequence of a target: its end after seconds, in [0.1, 3600], or after frames, in [1, 200000].
 
-    Parameters
-    ----------
-    target
-        Number of the target.
-    seconds, frames
-        Its one end: after so long, in [0.1, 3600] s, or so many frames, in [1, 200000].
-
-    Raises
-    ------
-    InputError
-        When neither or both ends are given, or one lies outside its range.
+    Raises `InputError` when neither or both ends are given, or one lies outside its range.
     """
 
     target: int
@@ -66,32 +56,24 @@ def begin_sequence(
     typed_n: Callable[[], float | None],
     about: Callable[[], Mapping[str, Any]],
 ) -> Job:
-    """Begin to record; the job's result is a mapping of ``folder`` and the report of the recording.
+    """Begin to record into a new folder of the target; the job's result maps ``folder`` and the recording's ``report``.
 
-    Beside each frame the index says the force, where one is known: of the gauge, the virtual probe, or as typed.
+    The index gives the force of each frame where known: of the gauge, the virtual probe, or as typed.
 
     Parameters
     ----------
-    jobs
-        Where it is done.
-    acquisition
-        The running camera.
-    terms
-        What is to be recorded.
-    workspace
-        Holds the targets' folders; the sequence gets a new one in its target's.
     gauge, typed_n
-        As of `force_at`; the typed force is asked for at each frame, for it may be typed anew meanwhile.
+        As of `force_at`; the typed force is read at each frame, since it may change meanwhile.
     about
-        Asked at the beginning what else the report's file should hold, and again at the end: what differs then, as a
-        calibration that another setting has put out of force, is told beside it as ``..._at_end``.
+        Read at the beginning for further entries of the report's file, and again at the end: what differs then, as a
+        calibration that another setting has deactivated, is entered as ``..._at_end``.
 
     Raises
     ------
     CameraError
         When the camera does not run.
     FileInputError
-        When the folder cannot be made.
+        When the folder cannot be created.
     """
     if acquisition is None:
         raise CameraError("the camera must run to record a sequence; it is stopped (start it)")

@@ -34,60 +34,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressToSave:
-    """A press to save.
-
-    Attributes
-    ----------
-    frame
-        As the camera gave it.
-    when
-        When it came, with the zone of this place.
-    image
-        The same with scale and force.
-    force
-        That of the press; None where unknown.
-    role
-        What was pressed.
-    probe
-        Name of the probe; empty where nobody said.
-    calibration
-        Active calibration; None without one.
-    reference
-        What the press guard compares with.
-    name, truth
-        Of a new target.
-    virtual
-        Whether the virtual probe made the press.
-    """
+    """A press to save."""
 
     frame: Frame
-    when: datetime
-    image: TactileImage
+    when: datetime  # arrival, in the local time zone
+    image: TactileImage  # the frame with scale and force
     force: PressForce | None
     role: str
-    probe: str
+    probe: str  # empty where unknown
     calibration: UsableCalibration | None
-    reference: GuardReference
-    name: str
+    reference: GuardReference  # of the press guard
+    name: str  # of a new target, as its truth
     truth: Mapping[str, float]
-    virtual: bool = False
+    virtual: bool = False  # whether the virtual probe made the press
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedPress:
-    """A press that is on the disk and in the store.
-
-    Attributes
-    ----------
-    files
-        Its files in the workspace.
-    target, press
-        In the store.
-    flags
-        Its flags.
-    notes
-        Notes.
-    """
+    """A press that is on the disk and in the store, with its files in the workspace."""
 
     files: Snapshot
     target: Target
@@ -102,11 +66,11 @@ def save_press(taken: PressToSave, *, number: int, workspace: Path, store: Store
     Raises
     ------
     ControlError
-        When the virtual probe is on another phantom than the target, or the store is of subjects; nothing is kept then.
+        When the virtual probe is on another phantom than the target, or the store is of subjects; nothing is saved.
     FileInputError
-        When the files cannot be written; nothing is left of them then.
+        When the files cannot be written; none of them is left then.
     RecordsError
-        When the store does not take the press. Its files stay, for nobody can press the same again; the sentence names
+        When the store refuses the press. Its files stay, since the press cannot be repeated; the message names
         them, and ``tsis records import`` enters them.
     """
     if taken.virtual:  # which can press the same again; a press of a real probe is kept whatever is known of its target
@@ -142,7 +106,7 @@ def save_press(taken: PressToSave, *, number: int, workspace: Path, store: Store
 def press_to_save(
     frame: ReceivedFrame, *, camera_controller: CameraController, in_force: ActiveCalibration, force: PressForce | None
 ) -> PressToSave:
-    """A frame that came as a press of what the desk holds, under the calibration in force."""
+    """A received frame as a press of the controller's role, under the active calibration."""
     subject = camera_controller.subject
     return PressToSave(
         frame=frame.frame,

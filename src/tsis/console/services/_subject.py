@@ -140,18 +140,7 @@ TRUTHS = ("diameter_mm", "depth_mm", "young_kpa")
 
 
 class VirtualSubject:
-    """A virtual rig with what lies before it, by the role of a press on it.
-
-    Parameters
-    ----------
-    choice
-        Probe, phantom or sphere, and seed.
-
-    Raises
-    ------
-    InputError
-        When the phantom's values lie outside their ranges.
-    """
+    """A virtual rig with the objects before it, by the role of a press; `InputError` for a phantom out of range."""
 
     def __init__(self, choice: CameraChoice) -> None:
         self._rng, self._roles = np.random.default_rng(choice.seed), choice.roles
@@ -216,14 +205,10 @@ class VirtualSubject:
         return camera
 
     def hold(self, role: str, force_n: float) -> None:
-        """Lift the probe and hold it on something, or again; it shows once the mechanics are solved: on return.
+        """Press an object with a force in newtons; it is visible once the mechanics are solved: on return.
 
-        Raises
-        ------
-        InputError
-            When there is nothing of that role, or the force lies outside its range.
-        MechanicsError
-            When the tissue cannot be pressed so hard; the press is as it was.
+        Raises `InputError` for an unknown role or a force outside its range, and `MechanicsError` when the tissue
+        cannot be pressed so hard; the press then stays as it was.
         """
         require_one_of("role", role, self.roles)
         require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")

@@ -1,4 +1,4 @@
-"""Looks at the newest frame a few times a second, for everybody who watches."""
+"""Analysis of the newest frame a few times a second, for all clients."""
 
 from __future__ import annotations
 
@@ -27,16 +27,10 @@ _log = logging.getLogger(__name__)
 
 
 class Watcher:
-    """A thread that looks at frames until it is closed.
+    """A thread that analyses frames until it is closed.
 
-    Parameters
-    ----------
-    acquisition
-        Gives the running acquisition; None while there is none.
-    reference
-        Gives what the press guard compares frames with, and their scale (x, y) in mm per pixel or None.
-    force
-        Gives the force at a frame.
+    ``acquisition`` gives the running acquisition, ``reference`` the press guard's reference and its scale (x, y) in mm
+    per pixel, ``force`` the force at a frame; acquisition, scale and force may be None.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""How this program is cited, and on what terms it may be used."""
+"""The page About: calibration, camera, storage, versions, citation and licence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choose a calibration session, or begin a new one."""
+"""The pages of calibration sessions: their list, and one session with its steps."""
 
 from __future__ import annotations
 
@@ -90,19 +90,7 @@ ICONS = {"open": "radio_button_unchecked", "under way": "hourglass_top", "done":
 
 
 class StepList:
-    """Choice of a step, and a button that takes all steps of the virtual rig.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    session
-        Whose steps.
-    operated
-        Takes the button.
-    choose
-        Called with the name of a step that was clicked.
-    """
+    """Choice of a step, and a button that takes all steps of the virtual rig."""
 
     def __init__(
         self,

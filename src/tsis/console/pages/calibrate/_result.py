@@ -1,4 +1,4 @@
-"""Results of a session's calibration: its numbers, and figures of the residuals."""
+"""The calibration of a session: buttons, numbers, and figures of the residuals."""
 
 from __future__ import annotations
 
@@ -37,20 +37,7 @@ if TYPE_CHECKING:
 
 
 class CalibrationResultPanel:
-    """Shows the calibration, also one from before the program's start.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    session
-        Whose calibration.
-
-    Attributes
-    ----------
-    identity
-        Of what is shown; empty while nothing was made.
-    """
+    """Shows the calibration, also one from before the program's start; ``identity`` is empty without one."""
 
     def __init__(self, viewer: Viewer, session: CalibrationSession) -> None:
         self._viewer, self._session = viewer, session
@@ -116,19 +103,7 @@ EXERCISE = (
 
 
 class Making:
-    """Buttons that make the calibration, put it in force and download it.
-
-    Parameters
-    ----------
-    bench
-        Where it is put in force.
-    viewer
-        Who looks.
-    session
-        Whose frames.
-    operated
-        Takes the button that puts it in force.
-    """
+    """Buttons that compute the calibration, activate it and download it."""
 
     def __init__(
         self, instrument: Instrument, viewer: Viewer, session: CalibrationSession, operated: OperatorControls

@@ -1,4 +1,4 @@
-"""The terms of a new session, as a person types them."""
+"""The form of a new session."""
 
 from __future__ import annotations
 
@@ -35,17 +35,7 @@ WORDS = {
 
 
 class TermsForm:
-    """Asks for the terms and begins the session.
-
-    Parameters
-    ----------
-    bench
-        Where it is begun.
-    viewer
-        Who does so.
-    operated
-        Takes the button.
-    """
+    """Asks for the terms and begins the session."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer

@@ -1,4 +1,4 @@
-"""A question before something is taken away."""
+"""The present step of a session: instruction, commands, typed forces, and a saved frame."""
 
 from __future__ import annotations
 
@@ -48,15 +48,7 @@ SIZE_PX = 560  # of its longer side
 
 
 class SavedFrame:
-    """The frame in the middle of a step, in loadings near the largest force.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    session
-        Whose frames.
-    """
+    """The frame in the middle of a step, in loadings near the largest force."""
 
     def __init__(self, viewer: Viewer, session: CalibrationSession) -> None:
         self._viewer, self._session = viewer, session
@@ -93,17 +85,7 @@ class SavedFrame:
 
 
 class TypedLoading:
-    """The field for the next force, and the table of those so far.
-
-    Parameters
-    ----------
-    viewer
-        Who types.
-    session, step
-        Which loading.
-    operated
-        Takes the controls.
-    """
+    """The field for the next force, and the table of those so far."""
 
     def __init__(self, viewer: Viewer, session: CalibrationSession, operated: OperatorControls, step: str) -> None:
         self._viewer, self._session, self._step = viewer, session, step
@@ -150,17 +132,7 @@ class TypedLoading:
 
 
 class StepCard:
-    """Shows the step that is looked at.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    session
-        Whose steps.
-    operated
-        Takes the controls.
-    """
+    """Shows the present step."""
 
     def __init__(self, viewer: Viewer, session: CalibrationSession, operated: OperatorControls) -> None:
         self._viewer, self._session, self._operated = viewer, session, operated

@@ -1,4 +1,4 @@
-"""The camera in use: its name, whether it runs, and its mode."""
+"""The page of the camera: the one in use, and the search for others."""
 
 from __future__ import annotations
 
@@ -27,17 +27,7 @@ if TYPE_CHECKING:
 
 
 class ChosenPanel:
-    """The present camera.
-
-    Parameters
-    ----------
-    bench
-        Whose camera it is.
-    viewer
-        Who looks.
-    operated
-        Takes the controls.
-    """
+    """The present camera."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
@@ -87,13 +77,7 @@ def streaming_text(camera: CameraState) -> str:
 
 
 class FoundPanel:
-    """Search for cameras, and use one of them.
-
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `ChosenPanel`.
-    """
+    """Search for cameras, and use one of them."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer, self._operated = instrument, viewer, operated

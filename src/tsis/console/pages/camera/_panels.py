@@ -1,4 +1,4 @@
-"""Change of the camera: chosen and started in one command."""
+"""Panels of the active calibration, the force gauge and the virtual probe."""
 
 from __future__ import annotations
 
@@ -35,15 +35,7 @@ if TYPE_CHECKING:
 
 
 def choose_and_start(instrument: Instrument, choice: CameraChoice, *, by: str) -> None:
-    """Choose another camera and start it; a camera that does not start stays chosen.
-
-    Raises
-    ------
-    ControlError
-        When somebody else holds the camera, or a sequence is being recorded.
-    TsisError
-        When it does not start.
-    """
+    """Choose another camera and start it; a camera that does not start stays chosen."""
     instrument.choose(choice, by=by)
     instrument.start(by=by)
 
@@ -52,13 +44,7 @@ SHORT = 12
 
 
 class CalibrationPanel:
-    """Show and change the calibration in force.
-
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `ChosenPanel`.
-    """
+    """Show and change the active calibration."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer, self._calibration = instrument, viewer, CalibrationMemory(instrument)
@@ -116,13 +102,7 @@ FASTEST = 4_000_000
 
 
 class GaugePanel:
-    """Connect a gauge and let go of it; only there for real cameras.
-
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `ChosenPanel`.
-    """
+    """Connect and disconnect a gauge; only there for real cameras."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
@@ -184,13 +164,7 @@ CHANGED = {"diameter_mm": ("Diameter", "mm"), "depth_mm": ("Depth", "mm"), "youn
 
 
 class VirtualPanel:
-    """Choose the virtual probe and its subject; a button applies the choice.
-
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `ChosenPanel`.
-    """
+    """Choose the virtual probe and its subject; a button applies the choice."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer

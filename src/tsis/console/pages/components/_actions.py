@@ -1,4 +1,4 @@
-"""A button that turns while what it began is under way, and cannot be clicked meanwhile."""
+"""Buttons and controls of commands, and the progress of jobs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def loading(button: ui.button) -> Iterator[None]:
-    """Have a button turn until this is over, however it ends."""
+    """Show a button as busy until the block ends."""
     button.props(add="loading")
     try:
         yield
@@ -66,13 +66,7 @@ Control = TypeVar("Control", bound="DisableableElement")
 
 
 class OperatorControls:
-    """The controls of one page.
-
-    Parameters
-    ----------
-    viewer
-        Who looks at the page.
-    """
+    """The controls of one page, enabled for the camera's owner."""
 
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
@@ -101,13 +95,7 @@ class OperatorControls:
 
 
 class ProgressBar:
-    """Progress bar of a running job.
-
-    Parameters
-    ----------
-    label
-        What the bar is to readers of the screen.
-    """
+    """Progress bar of a running job, with a label for screen readers."""
 
     def __init__(self, label: str) -> None:
         self._bar = ui.linear_progress(0.0, show_value=False, size="6px").props("instant-feedback")
@@ -122,15 +110,7 @@ class ProgressBar:
 
 
 class RunButton:
-    """Start or Stop.
-
-    Parameters
-    ----------
-    bench
-        Whose camera.
-    viewer
-        Who clicks.
-    """
+    """Start or Stop of the camera."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer

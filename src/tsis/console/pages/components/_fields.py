@@ -1,4 +1,4 @@
-"""Fields: errors are shown with the labels of the page."""
+"""Fields of numbers and choices; errors are shown with the labels of the page."""
 
 from __future__ import annotations
 
@@ -47,12 +47,7 @@ _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re
 
 
 def typed_number(name: str, text: str) -> float:
-    """The typed number, infinite where it is too large.
-
-    Raises
-    ------
-    InputError
-        When it is none.
+    """The typed number, infinite where it is too large; `InputError` for other text.
 
     Examples
     --------
@@ -77,14 +72,7 @@ def number_text_of_field(value: float | None) -> str:
 def unit_field(label: str, value: str = "", *, unit: str = "", keys: str = "decimal") -> ui.input:
     """Place a field that is read when a button is clicked.
 
-    Parameters
-    ----------
-    label, value
-        What it is, and what is in it at first.
-    unit
-        Shown behind what is typed.
-    keys
-        Of a telephone: ``"decimal"``, ``"numeric"`` or ``"text"``.
+    ``keys`` are those of a telephone: ``"decimal"``, ``"numeric"`` or ``"text"``.
     """
     field = ui.input(label, value=value).props("dense outlined hide-bottom-space autocomplete=off")
     field.props["inputmode"] = keys
@@ -97,21 +85,9 @@ def unit_field(label: str, value: str = "", *, unit: str = "", keys: str = "deci
 class NumberField:
     """A field for one number of the instrument.
 
-    What is typed but not yet done stays as it is, whatever the bench says meanwhile; Escape gives it up. What is no
-    number, or is refused, is said in a sentence, and the field shows the bench's number again.
-
-    Parameters
-    ----------
-    viewer
-        Who types.
-    label
-        What it is.
-    act
-        Done with the number, away from the event loop; its errors are told.
-    unit
-        Of the number, shown behind it.
-    emptied
-        Done when the field is left empty; nothing is accepted but a number when None.
+    A number that is being typed stays, whatever the instrument's state; Escape restores the field. ``act`` is called
+    with the number, outside the event loop; after an error the field shows the instrument's number again. ``emptied``
+    is called when the field is left empty; without it only numbers are accepted.
     """
 
     def __init__(
@@ -176,15 +152,7 @@ class NumberField:
 class ChoiceField:
     """Synchronises a select or a toggle with the instrument.
 
-    Parameters
-    ----------
-    viewer
-        Who chooses.
-    element
-        The select or toggle.
-    act
-        Done with what was chosen, away from the event loop; when it fails, its sentence is told and the bench's choice
-        is shown again.
+    ``act`` is called with the choice, outside the event loop; after an error the instrument's choice is shown again.
     """
 
     def __init__(self, viewer: Viewer, element: ChoiceElement, act: Callable[[str], object]) -> None:

@@ -1,4 +1,4 @@
-"""A class of a style sheet that an element has or has not."""
+"""Titles, lists, tables, cards and figures of all pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Texts of all pages: a force, a time, a press."""
+"""Texts of all pages, the shared reading of the state, and values of browser tabs."""
 
 from __future__ import annotations
 
@@ -47,13 +47,7 @@ Seen = TypeVar("Seen")
 
 
 class StatePoller:
-    """Reads the instrument's state in a thread, since cameras may be slow; used in one event loop.
-
-    Parameters
-    ----------
-    bench
-        What is looked at.
-    """
+    """Reads the instrument's state in a thread, since cameras may be slow; used in one event loop."""
 
     def __init__(self, instrument: Instrument) -> None:
         self._state = _Shared(lambda: instrument.state(), FRESH_S)
@@ -64,10 +58,7 @@ class StatePoller:
         return await self._state.seen()
 
     async def entries(self) -> int | None:
-        """How many entries the store's audit had at most 0.4 s ago, which grow with every change of whatever program.
-
-        None at the very end; errors as of the store.
-        """
+        """Entries in the store's audit, at most 0.4 s old, which grow with every change; None at the end."""
         return await self._entries.seen()
 
 

@@ -29,24 +29,7 @@ Thing = TypeVar("Thing")
 
 
 class Viewer:
-    """The client of an open page.
-
-    Parameters
-    ----------
-    client
-        The open page.
-    bench
-        What it shows.
-    glance
-        The bench's state, looked at for all pages together.
-    tabs
-        What browsers are called, and what their tabs keep.
-
-    Attributes
-    ----------
-    visible
-        Whether the page can be seen now, and is not behind another tab.
-    """
+    """The client of an open page; ``visible`` while the page is not behind another tab."""
 
     def __init__(self, client: Client, instrument: Instrument, glance: StatePoller, tabs: Tabs) -> None:
         self._client, self._instrument, self._summary, self._tabs = client, instrument, glance, tabs
@@ -99,22 +82,11 @@ class Viewer:
             ui.notify(sentence, type="positive", multi_line=True)
 
     async def entries(self) -> int | None:
-        """How often the store was changed, by whom ever: what of it is shown is read anew when this is another number.
-
-        None while the program ends; errors as of the store.
-        """
+        """Number of changes of the store by any program; None while the console closes. Errors as of the store."""
         return await self._summary.entries()
 
     def every(self, seconds: float, look: Callable[[], Awaitable[None]]) -> None:
-        """Repeat a call while the present part of the page exists and is visible.
-
-        Parameters
-        ----------
-        seconds
-            Between two looks; the next one waits for the one before.
-        look
-            What is done.
-        """
+        """Repeat a call every so many seconds while the present part of the page exists and is visible."""
         begun = False
 
         async def seen() -> None:
@@ -129,7 +101,7 @@ class Viewer:
     def follow(self, show: Callable[[InstrumentState], Any]) -> None:
         """Show the instrument's state now and after each change, while the present part of the page exists.
 
-        A page that nobody sees, because another tab is before it, is not changed until it is seen again.
+        A page behind another tab is updated when it is visible again.
         """
         shown: list[InstrumentState] = []
 
@@ -144,13 +116,7 @@ class Viewer:
 
 
 class CalibrationMemory:
-    """Caches the calibration of the last state, which the instrument checks at each call.
-
-    Parameters
-    ----------
-    bench
-        Where it is in force.
-    """
+    """Caches the active calibration, which the instrument checks at each call."""
 
     def __init__(self, instrument: Instrument) -> None:
         self._instrument = instrument
@@ -169,7 +135,7 @@ _changes_log = logging.getLogger(__name__)
 
 
 def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
-    """Call ``changed`` now and after every change of the store, while the present part of the page is seen."""
+    """Call ``changed`` now and after every change of the store, while the present part of the page is visible."""
     observed: list[int | None] = []
 
     async def look() -> None:

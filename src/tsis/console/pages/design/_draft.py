@@ -1,4 +1,4 @@
-"""Fields that are validated while typed, with messages below each group."""
+"""Drafts of a probe and of a question about it, validated while they are typed."""
 
 from __future__ import annotations
 
@@ -51,22 +51,8 @@ def typed_field(
 ) -> None:
     """A field for a number.
 
-    Parameters
-    ----------
-    label
-        What it is; its name for readers of the screen where it is not shown.
-    text
-        What is in it.
-    take
-        Told what was typed.
-    fault
-        Says then what is wrong with it; empty when nothing is.
-    sentences
-        Where that is said.
-    shown
-        Whether the label is shown in the field.
-    empty
-        What holds when nothing is typed.
+    ``take`` receives the typed text, and ``fault`` then returns its error, which ``sentences`` shows; ``empty`` is the
+    value of an empty field. A label that is not ``shown`` is for screen readers only.
     """
 
     def judge(typed: str | None) -> str | None:
@@ -95,13 +81,7 @@ NEW_LAYER = {"thickness_mm": "2", "young_kpa": "50", "poisson": "0.49", "refract
 
 @dataclass(slots=True)
 class ProbeDraft:
-    """Contents of the probe's fields.
-
-    Parameters
-    ----------
-    start
-        The probe of the catalog that the fields were filled from.
-    """
+    """Contents of the probe's fields, filled from the probe ``start`` of the catalog."""
 
     start: Probe
     radius_mm: str = ""
@@ -125,13 +105,7 @@ class ProbeDraft:
         }
 
     def probe(self) -> Probe:
-        """The probe of the fields; the catalog's probe when nothing was changed.
-
-        Raises
-        ------
-        InputError
-            When a field holds no number, or one outside its range.
-        """
+        """The probe of the fields; the catalog's probe when nothing was changed. `InputError` for an invalid field."""
         with field_messages(WORDS):
             created = replace(
                 self.start,

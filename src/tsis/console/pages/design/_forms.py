@@ -1,4 +1,4 @@
-"""The fields of presses and question."""
+"""The fields of a probe and of the question about it."""
 
 from __future__ import annotations
 
@@ -31,13 +31,7 @@ if TYPE_CHECKING:
 
 
 class QuestionForm:
-    """Presses, comparisons and criterion.
-
-    Parameters
-    ----------
-    desk
-        What is filled.
-    """
+    """Presses, comparisons and criterion."""
 
     def __init__(self, desk: ProbeEditor) -> None:
         self._editor, draft = desk, desk.question
@@ -117,15 +111,7 @@ HEADINGS = ("Layer", "Thickness / mm", "Modulus / kPa", "Poisson", "Index", "Ord
 
 
 class LayerTable:
-    """A row a layer, with buttons that move, take out and add one.
-
-    Parameters
-    ----------
-    draft
-        Whose layers.
-    changed
-        Called after each change.
-    """
+    """One row per layer, with buttons that move, remove and add layers."""
 
     def __init__(self, draft: ProbeDraft, changed: Callable[[], object]) -> None:
         self._draft, self._changed = draft, changed
@@ -200,15 +186,7 @@ LAMP_LABELS = {"height_mm": "Height / mm", "aim_deg": "Aim / °", "half_angle_de
 
 
 class ProbeForm:
-    """All fields of the probe, filled from a probe of the catalog.
-
-    Parameters
-    ----------
-    desk
-        What they fill.
-    changed
-        Called after each change.
-    """
+    """All fields of the probe, filled from a probe of the catalog."""
 
     def __init__(self, desk: ProbeEditor, changed: Callable[[], object]) -> None:
         self._editor, self._changed = desk, changed

@@ -1,4 +1,4 @@
-"""Analysis of a design: the job, its progress and its result."""
+"""The page Design: a probe, a question about it, and the analysis as a job."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class DesignResult:
 
 
 def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
-    """The work of answering a question; a search that is ended leaves what was compared before."""
+    """The work of a job that answers a question; a cancelled search leaves the comparisons before it."""
 
     def work(job: Job) -> DesignResult:
         result = compared_designs(question, progress=job.advance)
@@ -58,17 +58,7 @@ def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
 
 
 class DesignResultPanel:
-    """Button, progress and result.
-
-    Parameters
-    ----------
-    bench
-        Whose jobs.
-    viewer
-        Who asks.
-    desk
-        What is asked about.
-    """
+    """Button, progress and result."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, desk: ProbeEditor) -> None:
         self._instrument, self._viewer, self._editor = instrument, viewer, desk

@@ -26,15 +26,7 @@ LEAST_IN, MOST_IN = 1.8, 4.5  # of its height
 
 
 class Section:
-    """The probe from the side; with a wrong field its message and the last valid probe.
-
-    Parameters
-    ----------
-    desk
-        Whose probe.
-    viewer
-        Who looks.
-    """
+    """The probe from the side; with a wrong field its message and the last valid probe."""
 
     def __init__(self, desk: ProbeEditor, viewer: Viewer) -> None:
         self._editor, self._viewer = desk, viewer

@@ -36,13 +36,7 @@ LOOK_S = 1.0  # between two looks into the store
 
 
 class EstimatePanel:
-    """Presses of the target, the button, and what came out.
-
-    Parameters
-    ----------
-    bench, viewer
-        As of `PressPanel`.
-    """
+    """Saved presses of the target, the button of an estimate, and its result."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer

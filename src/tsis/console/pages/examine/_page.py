@@ -1,4 +1,4 @@
-"""Keys of the page Examine: space, the arrows and F."""
+"""The page Examine: live image, press, estimate, settings and sequence."""
 
 from __future__ import annotations
 
@@ -27,17 +27,7 @@ KEYS = {"Space": "save a snapshot", "←": "target before", "→": "target after
 
 
 class Keys(Element, component="keys.js"):
-    """Hears keys wherever the page has the focus but in a field.
-
-    Parameters
-    ----------
-    snapshot
-        Called at space.
-    step
-        Called with -1 or 1 at the arrows.
-    alone
-        What F shows alone, over the whole screen.
-    """
+    """Receives keys while the page has the focus outside its fields; F shows ``alone`` over the whole screen."""
 
     def __init__(
         self, *, snapshot: Callable[[], Awaitable[Any]], step: Callable[[int], Awaitable[Any]], alone: Element

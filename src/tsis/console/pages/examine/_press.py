@@ -1,4 +1,4 @@
-"""The saved presses of the examined target, and the controls of a press."""
+"""The controls of a press and of a sequence, and the saved presses of the target."""
 
 from __future__ import annotations
 
@@ -37,30 +37,14 @@ SHOWN = 8  # presses, the newest
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedTarget:
-    """A target's number and its stored record.
-
-    Attributes
-    ----------
-    number
-        Of the target.
-    target
-        None while nothing is kept of it.
-    count
-        How many presses there are in all.
-    presses
-        The newest ones, the newest first.
-    estimates
-        Those in force.
-    damaged
-        A sentence for each thing that cannot be shown.
-    """
+    """A target's number and its stored record."""
 
     number: int
-    target: Target | None = None
-    count: int = 0
-    presses: tuple[StoredPress, ...] = ()
-    estimates: tuple[StoredEstimate, ...] = ()
-    damaged: tuple[str, ...] = ()
+    target: Target | None = None  # None while nothing is stored
+    count: int = 0  # of all presses
+    presses: tuple[StoredPress, ...] = ()  # the newest ones, the newest first
+    estimates: tuple[StoredEstimate, ...] = ()  # the current ones
+    damaged: tuple[str, ...] = ()  # a message for each record that cannot be shown
 
 
 def saved_target(store: Store, number: int) -> SavedTarget:
@@ -81,17 +65,7 @@ def saved_target(store: Store, number: int) -> SavedTarget:
 
 
 class PressPanel:
-    """Controls of a press.
-
-    Parameters
-    ----------
-    bench
-        Whose press it is.
-    viewer
-        Who looks.
-    operated
-        Takes the controls.
-    """
+    """Controls of a press."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer, self._saving = instrument, viewer, False
@@ -165,13 +139,7 @@ FIRST_LENGTH = 10.0
 
 
 class SequencePanel:
-    """Begin and end a sequence.
-
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `PressPanel`.
-    """
+    """Begin and end a sequence."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer

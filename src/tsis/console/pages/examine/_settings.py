@@ -1,4 +1,4 @@
-"""One setting of the camera: a slider where its range is known, and a field for the exact number."""
+"""The camera's settings: a slider where the range is known, and a field for the exact number."""
 
 from __future__ import annotations
 
@@ -26,17 +26,7 @@ UNITS_IN_NAMES = ("_ms", "_db", "_s", "_n")
 
 
 class SettingLine:
-    """A setting as people read and change it.
-
-    Parameters
-    ----------
-    setting
-        With its range and unit.
-    adjust
-        Changes it.
-    viewer, operated
-        Who looks; takes the controls.
-    """
+    """One setting of the camera, changed by ``adjust``."""
 
     def __init__(
         self, setting: Setting, adjust: Callable[[float], object], viewer: Viewer, operated: OperatorControls
@@ -90,13 +80,7 @@ PRESET_WORDS = {"default": "As the camera came", "minimal": "As dark as it goes"
 
 
 class SettingsPanel:
-    """One slider and one field a setting; what is changed elsewhere appears.
-
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `PressPanel`.
-    """
+    """One slider and one field per setting; changes from elsewhere appear."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer, self._operated = instrument, viewer, operated

@@ -20,24 +20,12 @@ PRESSES = 2  # at different forces, of which the second tests what the first tol
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedPresses:
-    """The stored presses of the object.
+    """The stored presses of the object."""
 
-    Attributes
-    ----------
-    number
-        Of its target.
-    record
-        All of it; None while there is nothing.
-    presses
-        Those that an estimate would rest on: of each force the newest.
-    estimate
-        The hardness in force; None before the first.
-    """
-
-    number: int
-    record: TargetRecord | None = None
-    presses: tuple[StoredPress, ...] = ()
-    estimate: StoredEstimate | None = None
+    number: int  # of the target
+    record: TargetRecord | None = None  # None while nothing is stored
+    presses: tuple[StoredPress, ...] = ()  # those of the next estimate: the newest of each force
+    estimate: StoredEstimate | None = None  # the current hardness
 
     @property
     def on_object(self) -> tuple[StoredPress, ...]:
@@ -75,12 +63,7 @@ def next_free(store: Store, number: int) -> int:
 def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
     """Messages of what an estimate still needs; empty when it can run.
 
-    Parameters
-    ----------
-    state
-        Of the bench.
-    scaled, responds
-        Whether the calibration in force tells the size of a pixel, and the answer to pressure.
+    ``scaled`` and ``responds`` say whether the active calibration has the size of a pixel and the response to pressure.
     """
     camera = state.camera
     if camera.choice.is_virtual:

@@ -1,4 +1,4 @@
-"""The button of the estimate, and how far it is."""
+"""The page Hardness: object, presses, estimate and result."""
 
 from __future__ import annotations
 
@@ -47,15 +47,7 @@ WORDS = {
 
 
 class Estimating:
-    """Begins the estimate.
-
-    Parameters
-    ----------
-    bench, viewer
-        As of the page's other parts.
-    radius, ball_radius
-        Tell what was typed; `InputError` when it is none.
-    """
+    """Begins the estimate, with the typed radii."""
 
     def __init__(
         self,

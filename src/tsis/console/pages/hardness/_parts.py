@@ -1,4 +1,4 @@
-"""The object: a virtual sphere laid under the probe, or a real one with its radius, and the target that it becomes."""
+"""The object, virtual or real, with its radius and target; and the presses on it."""
 
 from __future__ import annotations
 
@@ -47,13 +47,7 @@ class TypedRadius:
 
 
 class ObjectPart:
-    """Says what is measured.
-
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of the page's other parts.
-    """
+    """Shows and changes the measured object."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
@@ -150,13 +144,7 @@ FORCES_N = ("0.7", "1.2")  # that are offered
 
 
 class PressPart:
-    """Takes presses and shows the saved ones.
-
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of the page's other parts.
-    """
+    """Takes presses and shows the saved ones."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer

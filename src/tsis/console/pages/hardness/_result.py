@@ -20,13 +20,7 @@ if TYPE_CHECKING:
 
 
 class HardnessPanel:
-    """Shows the hardness in force.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    """
+    """Shows the current hardness."""
 
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer

@@ -1,4 +1,4 @@
-"""Contents of a target's page, read at once."""
+"""Contents of a target's page, read at once, and its downloads and jobs."""
 
 from __future__ import annotations
 
@@ -30,23 +30,13 @@ UNKNOWN_FLAG = "a flag that tsis does not know"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TargetView:
-    """A target as it is stored now.
-
-    Attributes
-    ----------
-    target
-        As it is stored.
-    record
-        Its estimates and calibrations as they may be shown, without presses: of a subject the pseudonym only.
-    presses, offset, total
-        A sheet of its presses, how many come before it, and how many there are.
-    """
+    """A target as it is stored now."""
 
     target: Target
-    record: TargetRecord
-    presses: tuple[StoredPress, ...]
-    offset: int
-    total: int
+    record: TargetRecord  # without presses; of a subject the pseudonym only
+    presses: tuple[StoredPress, ...]  # one page of them
+    offset: int  # presses before that page
+    total: int  # of all presses
 
     @property
     def private(self) -> bool:
@@ -67,14 +57,9 @@ class TargetView:
 
 
 def read_target(store: Store, number: str, offset: int) -> TargetView:
-    """Read a target; ``offset`` behind its presses becomes that of the last sheet.
+    """Read a target; ``offset`` behind its presses becomes that of the last page of presses.
 
-    Raises
-    ------
-    InputError
-        When there is no target of that number.
-    RecordsError
-        When the store cannot be read.
+    Raises `InputError` when there is no target of that number, and `RecordsError` when the store cannot be read.
     """
     target = target_of(store, number)
     total = store.press_count(target)
@@ -109,15 +94,7 @@ class ChosenPresses(Protocol):
 
 
 class TargetContext(Protocol):
-    """The open page of a target, as its parts see it.
-
-    Attributes
-    ----------
-    instrument, viewer
-        Whose store it is, and the browser tab.
-    below, dialogs, compared
-        Where messages, dialogs and a comparison are drawn.
-    """
+    """The open page of a target, as its parts use it; ``below``, ``dialogs`` and ``compared`` are places on it."""
 
     instrument: Instrument
     viewer: Viewer
@@ -166,17 +143,7 @@ EVERY_S = 0.3
 
 
 def follow_job(job: Job, place: ui.element, done: Callable[[], None]) -> None:
-    """Show a job in ``place`` until it is over, then clear the place and call ``done`` there, or say what went wrong.
-
-    Parameters
-    ----------
-    job
-        Under way.
-    place
-        Where it is shown; what was in it goes.
-    done
-        Shows what came out.
-    """
+    """Show a running job in ``place`` until it is over; then call ``done`` in its stead, or say why it failed."""
     place.clear()
     with place, ui.element("div").classes("job").props('role="status"'):
         ui.label(job.title)

@@ -1,4 +1,4 @@
-"""Dialogs of edits, and of conflicts with another editor."""
+"""Dialogs that show and edit a press or a target, and conflicts with another editor."""
 
 from __future__ import annotations
 
@@ -42,21 +42,11 @@ Record = TypeVar("Record")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edited(Generic[Record]):
-    """Result of a change.
-
-    Attributes
-    ----------
-    record
-        As it is stored now, with the change or with that of somebody else.
-    refused
-        Why it was not changed; empty when it was.
-    differences
-        One sentence for each field that somebody else has changed.
-    """
+    """Result of a change: the record as stored now; where it was refused, why, and the other editor's changes."""
 
     record: Record
-    refused: str = ""
-    differences: tuple[str, ...] = ()
+    refused: str = ""  # why it was not changed; empty when it was
+    differences: tuple[str, ...] = ()  # one message for each field that another editor has changed
 
 
 def edit_target(store: Store, target: Target, changes: Mapping[str, Any]) -> Edited[Target]:
@@ -114,17 +104,7 @@ def number_text(value: float) -> str:
 
 
 class Editing(ABC, Generic[Record]):
-    """The fields of a record in a dialog.
-
-    Parameters
-    ----------
-    page, dialog
-        Where it is open.
-    record
-        As it was read.
-    leave
-        What the button says that changes nothing.
-    """
+    """The fields of a record in a dialog; ``leave`` labels the button that changes nothing."""
 
     def __init__(self, page: TargetContext, record: Record, dialog: ui.dialog, *, leave: str) -> None:
         self._page, self._record, self._dialog = page, record, dialog
@@ -198,7 +178,7 @@ def open_press(page: TargetContext, seen: TargetView, press: StoredPress) -> Non
 
 
 async def _tell_why(page: TargetContext, seen: TargetView, press: StoredPress, place: ui.label) -> None:
-    """Say why the frame of a press cannot be shown; of a subject without the place, whose name may tell whose it is."""
+    """Show why the frame of a press cannot be read; of a subject without the path, which may identify the person."""
     message = await run.io_bound(fault_of, page.instrument.store, press)
     place.text = DAMAGED if seen.private and message else message
 

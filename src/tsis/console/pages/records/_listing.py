@@ -37,26 +37,14 @@ KEYS: dict[str, Callable[[TargetSummary], Any]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """The request of a list.
-
-    Attributes
-    ----------
-    search
-        Part of a name, or how a number begins; case does not matter.
-    kind
-        ``"all"``, ``"estimated"`` or ``"not estimated"``.
-    column, descending
-        By what to sort, and in which direction.
-    sheet, rows
-        Which sheet, from 1, and rows of one.
-    """
+    """The request of a list: part of a name or the start of a number, kind, order and page."""
 
     search: str = ""
-    kind: str = ALL
+    kind: str = ALL  # one of KINDS
     column: str = "number"
     descending: bool = False
-    sheet: int = 1
-    rows: int = SHEETS[1]
+    sheet: int = 1  # page, from 1
+    rows: int = SHEETS[1]  # of a page
 
     @classmethod
     def requested(cls, pagination: Mapping[str, Any], *, search: str, kind: str) -> Order:

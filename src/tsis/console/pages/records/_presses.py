@@ -1,4 +1,4 @@
-"""Presses of a target as small pictures, a sheet at a time; some of them chosen."""
+"""Presses of a target as small pictures, a page at a time; and the comparison of two."""
 
 from __future__ import annotations
 
@@ -31,15 +31,7 @@ NO_PICTURE = "This frame cannot be shown: open the press to see why."
 
 
 class Presses:
-    """The presses on the page of a target.
-
-    Parameters
-    ----------
-    page
-        Whose they are.
-    place
-        Where they are shown.
-    """
+    """The presses on the page of a target."""
 
     def __init__(self, page: TargetContext, place: ui.element) -> None:
         self._page, self._container = page, place
@@ -49,9 +41,9 @@ class Presses:
         self._compare: ui.button | None = None
 
     def show(self, seen: TargetView) -> None:
-        """Show a sheet of presses.
+        """Show a page of presses.
 
-        A sheet that shows them already stays: who is just choosing one would click on a box that is being replaced.
+        An unchanged page stays: a click on a box that is being replaced would be lost.
         """
         self.offset = seen.offset
         if self._sheet != seen.sheet:

@@ -40,15 +40,7 @@ def show_target(instrument: Instrument, viewer: Viewer, number: str) -> None:
 
 
 class TargetPage:
-    """The open page of a target.
-
-    Parameters
-    ----------
-    instrument, viewer
-        Whose store it is, and who looks.
-    number
-        As it stands in the address, whatever that is.
-    """
+    """The open page of the target whose number stands in the address."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, number: str) -> None:
         self.instrument, self.viewer, self.number = instrument, viewer, number

@@ -1,4 +1,4 @@
-"""A target in the forms that people and other programs read."""
+"""Export and import of targets, and verification of the store."""
 
 from __future__ import annotations
 

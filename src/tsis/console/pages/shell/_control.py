@@ -19,13 +19,7 @@ if TYPE_CHECKING:
 
 
 class Notices:
-    """The banner below the header; empty when all is well.
-
-    Parameters
-    ----------
-    viewer
-        Who reads it.
-    """
+    """The banner below the header; empty without problems."""
 
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
@@ -53,13 +47,7 @@ class Notices:
 
 
 class PageVisibility(Element, component="presence.js"):
-    """Tells the viewer when his page comes into sight and when it goes.
-
-    Parameters
-    ----------
-    viewer
-        Who is told.
-    """
+    """Reports to the viewer when the page becomes visible or hidden."""
 
     def __init__(self, viewer: Viewer) -> None:
         super().__init__()
@@ -78,13 +66,6 @@ class ControlButtons:
     """Buttons that take and release the camera.
 
     They are two, so that a click does what the button said when it was clicked, whatever changes meanwhile.
-
-    Parameters
-    ----------
-    bench
-        Whose camera.
-    viewer
-        Who takes it.
     """
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:

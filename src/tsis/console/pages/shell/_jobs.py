@@ -1,4 +1,4 @@
-"""Longer work under way, in the header: how far it is, what came of the last, and how to end it."""
+"""Jobs in the header: progress, results, and cancellation."""
 
 from __future__ import annotations
 
@@ -21,15 +21,7 @@ SHOWN = 8  # the newest
 
 
 class JobList:
-    """A button that shows running jobs, and their list.
-
-    Parameters
-    ----------
-    bench
-        Whose jobs.
-    viewer
-        Who looks; whoever holds the camera may end jobs.
-    """
+    """A button that shows running jobs, and their list; the camera's owner may end jobs."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer

@@ -1,4 +1,4 @@
-"""Light, dark, or as the system has it: chosen in the browser and remembered there, nowhere else."""
+"""The frame of every page: navigation, colours, header and footer."""
 
 from __future__ import annotations
 
@@ -141,13 +141,7 @@ MAIN = "page"  # identity of the element that holds the page, for the link that 
 
 
 class Shell:
-    """Builds the page of every tab of a console.
-
-    Parameters
-    ----------
-    bench
-        What the pages show.
-    """
+    """Builds the page of every tab of a console."""
 
     def __init__(self, instrument: Instrument) -> None:
         self._instrument, self._summary, self._tabs = instrument, StatePoller(instrument), Tabs()

@@ -99,15 +99,7 @@ def _told(study: Study) -> StudyResult:
 
 
 class StudyContext(Protocol):
-    """The open page of a study, as its parts see it.
-
-    Attributes
-    ----------
-    jobs, viewer, repository
-        What runs, the browser tab, and the folder of studies.
-    name
-        As it stands in the address, whatever that is.
-    """
+    """The open page of a study, as its parts use it."""
 
     jobs: Jobs
     viewer: Viewer
@@ -116,17 +108,7 @@ class StudyContext(Protocol):
 
 
 def who_field(viewer: Viewer, label: str, before: str = "") -> ui.input:
-    """Place a field for the name, with that of the viewer in it; of a login it cannot be another.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    label
-        What he would be.
-    before
-        Who was it before, for whom this may be gone on with.
-    """
+    """Place a field for a person's name: the login's, else ``before``, who did it last, or the browser's."""
     field = unit_field(label, viewer.name if viewer.logged_in else before or viewer.name, keys="text")
     return field.props("readonly") if viewer.logged_in else field
 

@@ -1,4 +1,4 @@
-"""Every target by its code, in the order of reading: what is read and what is left, and after the end what is true."""
+"""The list of studies, the form of a new one, and the table of a study's targets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of an unblinded study: numbers with intervals, curves, and a link to the report."""
+"""Unblinding and verification of a study, and its results with the report."""
 
 from __future__ import annotations
 
@@ -18,13 +18,7 @@ if TYPE_CHECKING:
 
 
 class Outcome:
-    """A panel that is there once the study is unblinded.
-
-    Parameters
-    ----------
-    page
-        Of the study.
-    """
+    """A panel that is there once the study is unblinded."""
 
     def __init__(self, page: StudyContext) -> None:
         self._page = page
@@ -81,13 +75,7 @@ FAULTY = "The study is not as it was written; that is entered too:"
 
 
 class Unblinding:
-    """The button, and its dialog.
-
-    Parameters
-    ----------
-    page
-        Of the study.
-    """
+    """The button, and its dialog."""
 
     def __init__(self, page: StudyContext) -> None:
         self._page, self._blind = page, True

@@ -61,13 +61,7 @@ async def _export(page: StudyContext, device: str) -> None:
 
 
 class JobProgress:
-    """Progress, sentence and a button that ends it.
-
-    Parameters
-    ----------
-    page
-        Of the study.
-    """
+    """Progress, message and a button that ends the job."""
 
     def __init__(self, page: StudyContext) -> None:
         self._page = page
@@ -103,13 +97,7 @@ MEANT = (
 
 
 class Running:
-    """Operator and button.
-
-    Parameters
-    ----------
-    page
-        Of the study.
-    """
+    """Operator and button."""
 
     def __init__(self, page: StudyContext) -> None:
         self._page = page

@@ -28,15 +28,7 @@ def show_study(instrument: Instrument, viewer: Viewer, name: str) -> None:
 
 
 class StudyPage:
-    """The open page of a study.
-
-    Parameters
-    ----------
-    bench, viewer
-        Whose jobs, and who looks.
-    name
-        As it stands in the address, whatever that is.
-    """
+    """The open page of the study whose name stands in the address."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, name: str) -> None:
         self.jobs, self.viewer, self.name = instrument.jobs, viewer, name

@@ -1,4 +1,4 @@
-"""How far a step of a calibration is."""
+"""A calibration session: its steps, typed loadings, and the calibration computed from its frames."""
 
 from __future__ import annotations
 
@@ -28,24 +28,12 @@ OPEN, UNDER_WAY, DONE, LEFT_OUT = "open", "under way", "done", "left out"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepState:
-    """A step as people see it.
-
-    Attributes
-    ----------
-    step
-        What is done.
-    status
-        ``"open"``, ``"under way"``, ``"done"`` or ``"left out"``.
-    frames
-        How many are kept.
-    forces_n
-        Forces that were typed so far in a loading which is not done, newtons.
-    """
+    """A step and its progress."""
 
     step: CalibrationStep
-    status: str
-    frames: int = 0
-    forces_n: tuple[float, ...] = ()
+    status: str  # OPEN, UNDER_WAY, DONE or LEFT_OUT
+    frames: int = 0  # saved
+    forces_n: tuple[float, ...] = ()  # typed so far in an unfinished loading, newtons
 
 
 MOST_TYPED = 100  # presses of one loading
@@ -53,13 +41,7 @@ MOST_TYPED_BYTES = 2**30  # of the frames of all loadings that were typed and no
 
 
 class TypedLoadings:
-    """The presses of each loading, by the name of its step; changed by one thread at a time, read by any.
-
-    Parameters
-    ----------
-    most_bytes
-        Of all frames together.
-    """
+    """The presses of each loading, by the name of its step; changed by one thread at a time, read by any."""
 
     def __init__(self, *, most_bytes: int = MOST_TYPED_BYTES) -> None:
         self._most_bytes = most_bytes
@@ -83,14 +65,9 @@ class TypedLoadings:
         require_integer("presses of a loading", len(self.shots(step)) + 1, 1, MOST_TYPED, hint="keep what there is")
 
     def add(self, step: str, shot: CalibrationFrame) -> int:
-        """Add a press, and say how many there are.
+        """Add a press, and return how many there are.
 
-        Raises
-        ------
-        InputError
-            When the loading has too many.
-        CalibrationError
-            When the frames would take too much memory.
+        Raises `InputError` for too many, and `CalibrationError` when the frames would take too much memory.
         """
         self.require_room(step)
         stored = sum(shot.image.grey.nbytes for shots in self._shots.values() for shot in shots)
@@ -126,23 +103,10 @@ class CalibrationResult:
 
 
 class CalibrationSession:
-    """A session at the bench; safe for several threads. One step is taken at a time.
+    """A session; safe for several threads. One step is taken at a time.
 
-    Parameters
-    ----------
-    folder
-        Of its frames.
-    rig
-        Takes them.
-    control, jobs
-        Of the bench.
-
-    Attributes
-    ----------
-    job, making
-        The steps that are taken or were taken last; the calibration that is made. None before.
-    result
-        What was made from the frames as they are, while this program runs; its `file` stays longer.
+    ``job`` is the step that runs or ran last, ``making`` the computation of the calibration; None before. ``result``
+    was computed from the present frames while this program runs; its `file` stays longer.
     """
 
     def __init__(self, folder: SessionFolder, *, rig: CalibrationRig, control: ControlLock, jobs: Jobs) -> None:
@@ -189,14 +153,10 @@ class CalibrationSession:
         return self.folder.missing()
 
     def take(self, name: str, *, by: str) -> Job:
-        """Take the frames of a step in the background; all of them are kept, or none.
+        """Take the frames of a step in the background; all of them are saved, or none.
 
-        Raises
-        ------
-        ControlError
-            When another step is being taken, or somebody else holds the camera.
-        CalibrationError, CameraError
-            When the step is done, or the camera is not that of the session.
+        Raises `ControlError` when another step runs or somebody else has the camera, and `CalibrationError` or
+        `CameraError` when the step is done or the camera is not that of the session.
         """
         return self._begin([self._open(name)], by)
 
@@ -221,12 +181,9 @@ class CalibrationSession:
             self.job.end()
 
     def press(self, name: str, force_n: float, *, by: str) -> int:
-        """Take the next frame of a loading at a typed force, and say how many there are now.
+        """Take the next frame of a loading at a typed force, and return how many there are now.
 
-        Raises
-        ------
-        InputError, CameraError, ControlError, CalibrationError
-            When the force is none, no frame comes, or the step cannot be taken; what was typed before is as it was.
+        Errors of the force, the camera and the step leave what was typed before as it was.
         """
         step = self._open(name)
         if not step.is_loading:
