@@ -13,6 +13,7 @@ from tsis.console.pages.components import (
     ChoiceField,
     OperatorControls,
     ProgressBar,
+    Redrawn,
     RunButton,
     cell,
     panel_title,
@@ -41,8 +42,7 @@ class ChosenPanel:
             self._mode = ChoiceField(viewer, select, self._in_mode)
             self._run = RunButton(instrument, viewer)
             ui.link("Examine", "/")
-        operated.add(select)
-        operated.add(self._run.element)
+        operated.add(select, self._run.element)
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's state."""
@@ -76,12 +76,11 @@ def streaming_text(camera: CameraState) -> str:
     return f"runs at {camera.frames_per_s:.0f} frames/s, {camera.columns} x {camera.rows} pixels"
 
 
-class FoundPanel:
+class SearchPanel:
     """Search for cameras, and use one of them."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer, self._operated = instrument, viewer, operated
-        self._shown: tuple[str, str] | None = None
         with ui.element("section").classes("panel stack tight"):
             with ui.element("div").classes("row"):
                 panel_title("Cameras")
@@ -89,7 +88,7 @@ class FoundPanel:
                 self._search = ui.button("Search", icon="search", on_click=self._begin).props("no-caps outline")
             self._bar = ProgressBar("Search")
             self._message = ui.label().classes("muted").props("role=status")
-            self._container = ui.element("div").classes("stack")
+            self._cameras = Redrawn(ui.element("div").classes("stack"))
 
     def show(self, _: InstrumentState) -> None:
         """Show the last search."""
@@ -97,14 +96,11 @@ class FoundPanel:
         self._bar.show(job)
         self._search.set_enabled(job is None or not job.running)
         self._message.text = search_text(job)
-        now = None if job is None else (job.identity, job.status)
-        if now != self._shown:
-            self._shown = now
-            self._container.clear()
-            findings = self._instrument.search.findings
-            if job is not None and job.status == DONE and findings is not None:
-                with self._container:
-                    self._show_cameras(findings)
+        changed = self._cameras.changes_to(None if job is None else (job.identity, job.status))
+        findings = self._instrument.search.findings
+        if changed and job is not None and job.status == DONE and findings is not None:
+            with self._cameras.element:
+                self._show_cameras(findings)
 
     async def _begin(self) -> None:
         await self._viewer.attempt(self._instrument.search.begin)
@@ -157,11 +153,11 @@ def camera_page(instrument: Instrument, viewer: Viewer) -> None:
             virtual = VirtualPanel(instrument, viewer, operated)
             calibration = CalibrationPanel(instrument, viewer, operated)
         with ui.element("div").classes("stack"):
-            panel = FoundPanel(instrument, viewer, operated)
+            search = SearchPanel(instrument, viewer, operated)
             gauge = GaugePanel(instrument, viewer, operated)
 
     def show(state: InstrumentState) -> None:
-        for part in (chosen, virtual, panel, calibration, gauge, operated):
+        for part in (chosen, virtual, search, calibration, gauge, operated):
             part.show(state)
 
     viewer.follow(show)

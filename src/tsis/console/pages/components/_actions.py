@@ -28,7 +28,7 @@ def loading(button: ui.button) -> Iterator[None]:
         button.props(remove="loading")
 
 
-PATIENT = 2  # states that may still be from before
+STALE_STATES = 2  # states that may still be from before
 
 
 class UndoMemory:
@@ -51,10 +51,10 @@ class UndoMemory:
 
     def replaced(self, before: object) -> None:
         """Take note that this value was replaced now."""
-        self._before, self._left = before, PATIENT
+        self._before, self._left = before, STALE_STATES
 
     def is_old(self, value: object) -> bool:
-        """Whether a state with this value is probably from before; at most `PATIENT` times in a row."""
+        """Whether a state with this value is probably from before; at most `STALE_STATES` times in a row."""
         if self._left and value == self._before:
             self._left -= 1
             return True
@@ -71,12 +71,14 @@ class OperatorControls:
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
         self._controls: list[DisableableElement] = []
-        self._flags = False  # before the first look nothing that controls say is true yet
+        self._shown = False  # before the first state the controls do not show the instrument's
 
-    def add(self, control: Control) -> Control:
-        """Hold a control back from those who watch."""
-        self._controls.append(control)
-        control.set_enabled(self._flags and self._viewer.commands)
+    def add(self, control: Control, *others: DisableableElement) -> Control:
+        """Disable controls for everybody but the owner; returns the first."""
+        controls: tuple[DisableableElement, ...] = (control, *others)
+        self._controls += controls
+        for item in controls:
+            item.set_enabled(self._shown and self._viewer.commands)
         return control
 
     def why(self) -> None:
@@ -85,11 +87,10 @@ class OperatorControls:
 
     def show(self, _: InstrumentState) -> None:
         """Enable the controls for the camera's owner."""
-        commands, self._flags = self._viewer.commands, True
+        commands, self._shown = self._viewer.commands, True
         self._controls = [control for control in self._controls if not control.is_deleted]
         for control in self._controls:
-            if control.enabled != commands:
-                control.set_enabled(commands)
+            control.set_enabled(commands)
         self._message.set_visibility(not commands)
         self._message.text = "You watch: take the camera, at the top of the page, to use what is grey here."
 
@@ -126,11 +127,8 @@ class RunButton:
     async def _clicked(self) -> None:
         if self._runs is None:
             return
-        act = (
-            self._instrument.stop if self._runs else self._instrument.start
-        )  # a second click on Start starts nothing more
-        with loading(self.element):
-            await self._viewer.attempt(act, by=self._viewer.identity)
+        with loading(self.element):  # a second click on Start starts nothing more
+            await self._viewer.command(self._instrument.stop if self._runs else self._instrument.start)()
 
 
 def estimate_job(state: InstrumentState) -> JobState | None:

@@ -21,9 +21,9 @@ _NAME = """
 """  # the field may come a moment after this
 
 
-def name_parts(upload: Upload, words: str) -> None:
+def name_parts(upload: Upload, name: str) -> None:
     """Name the field's button and input for screen readers: its library gives them icons alone."""
-    upload.client.run_javascript(_NAME % (upload.id, json.dumps(words)))
+    upload.client.run_javascript(_NAME % (upload.id, json.dumps(name)))
 
 
 LARGEST_MIB = 31  # what the gate lets pass, less what is around a file

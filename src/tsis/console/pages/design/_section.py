@@ -28,8 +28,8 @@ LEAST_IN, MOST_IN = 1.8, 4.5  # of its height
 class Section:
     """The probe from the side; with a wrong field its message and the last valid probe."""
 
-    def __init__(self, desk: ProbeEditor, viewer: Viewer) -> None:
-        self._editor, self._viewer = desk, viewer
+    def __init__(self, editor: ProbeEditor, viewer: Viewer) -> None:
+        self._editor, self._viewer = editor, viewer
         self._requested = 0
         panel_title("Seen from the side")
         with ui.element("div").classes("section"):
