@@ -59,7 +59,7 @@ def test_of_each_force_the_newest_press_counts(store: Store) -> None:
     found = saved_presses(store, 4)
     assert [press.force_n for press in found.on_object] == [1.2, 0.7]
     assert found.on_object[1].taken == NOON + timedelta(minutes=3)
-    assert [press.force_n for press in found.on_ball] == [1.0]
+    assert [press.force_n for press in found.presses if press.role == "ball"] == [1.0]
     assert found.estimate is None
     assert not found.is_current
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from tests.console.bench.places import ANN, lit_bench
 from tests.console.pages.open_page import Told, on_a_page, texts
 
-from tsis.console.pages.hardness._page import _Measurement
+from tsis.console.pages.hardness._page import HardnessPage
 from tsis.errors import RecordsError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def test_a_target_that_was_not_read_is_said_to_be_read(tmp_path: Path) -> None:
     with lit_bench(tmp_path) as bench:
 
         async def changed(viewer: Told) -> None:
-            page = _Measurement(bench, viewer)
+            page = HardnessPage(bench, viewer)
             page._show(bench.state())
             assert "Target 1 is being read." in texts(viewer)
             await page._refresh()
@@ -44,7 +44,7 @@ def test_why_the_store_was_not_read_stays_until_it_is(tmp_path: Path, monkeypatc
     with lit_bench(tmp_path) as bench:
 
         async def troubled(viewer: Told) -> None:
-            page = _Measurement(bench, viewer)
+            page = HardnessPage(bench, viewer)
             page._show(bench.state())
             with monkeypatch.context() as patched:
                 patched.setattr(bench.store, "entries", broken)

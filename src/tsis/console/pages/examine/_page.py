@@ -38,11 +38,6 @@ class Keys(Element, component="keys.js"):
         self.on("step", lambda event: step(1 if event.args == 1 else -1))
 
 
-def show_alone(button: ui.button) -> None:
-    """Have a button do what F does; in the browser, for only at a click a page may fill the screen."""
-    button.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
-
-
 def key_help() -> None:
     """The keys and what they do."""
     with ui.element("dl").classes("keys"):
@@ -81,12 +76,14 @@ class LivePanel:
             ui.switch("Contact", value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
             ui.switch("3-D", value=False, on_change=self._three)
             ui.element("div").classes("spring")
-            show_alone(ui.button(icon="fullscreen").props('flat dense round aria-label="Full screen"'))
+            alone = ui.button(icon="fullscreen").props('flat dense round aria-label="Full screen"')
+            # What F does too; in the browser, where only a click may fill the screen.
+            alone.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
             with ui.button(icon="keyboard").props('flat dense round aria-label="Keys"'), ui.menu():
                 key_help()
 
     def show(self, state: InstrumentState) -> None:
-        """Show how the camera is; the frames come by a way of their own."""
+        """Show the camera's state; the frames come over their own connection."""
         self.view.update_state(state)
         self.histogram.update_state(state)
         if self._surface is not None:
@@ -110,7 +107,7 @@ class LivePanel:
 
 
 def camera_line(camera: CameraState) -> str:
-    """Name, rate, losses and size, as the camera brings them."""
+    """Name, rate, losses and size of the camera's frames."""
     if not camera.running:
         return "The camera is stopped."
     size = f", {camera.columns} x {camera.rows} pixels" if camera.columns else ""

@@ -27,7 +27,7 @@ from tsis.records.importing import target_by_number
 
 if TYPE_CHECKING:
     from tsis.console.pages.components import OperatorControls, Viewer
-    from tsis.console.services import Instrument, InstrumentState, JobState, SavedPress
+    from tsis.console.services import Instrument, InstrumentState, Job, JobState, SavedPress
     from tsis.records import StoredEstimate, StoredPress, Target
     from tsis.records.store import Store
 
@@ -84,8 +84,7 @@ class PressPanel:
             self._force = NumberField(
                 viewer, "Force", self._hold, unit="N", emptied=lambda: instrument.forget_force(by=viewer.identity)
             )
-        for control in (self._run.element, self._save, back, on, self._target.element, choice, self._force.element):
-            operated.add(control)
+        operated.add(self._run.element, self._save, back, on, self._target.element, choice, self._force.element)
 
     def show(self, state: InstrumentState) -> None:
         """Show the instrument's press."""
@@ -124,14 +123,13 @@ class PressPanel:
         return button
 
 
-def snapshot_text(kept: SavedPress) -> str:
+def snapshot_text(saved: SavedPress) -> str:
     """Text of a snapshot."""
-    press = kept.press
+    press = saved.press
     against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
-    notes = "".join(f" {note}." for note in kept.notes)
-    return (
-        f"Saved for target {kept.target.number}: {ROLE_NAMES[press.role]}, {force_text(press.force_n)}{against}.{notes}"
-    )
+    notes = "".join(f" {note}." for note in saved.notes)
+    role, force = ROLE_NAMES[press.role], force_text(press.force_n)
+    return f"Saved for target {saved.target.number}: {role}, {force}{against}.{notes}"
 
 
 SECONDS, FRAMES = "seconds", "frames"
@@ -149,14 +147,13 @@ class SequencePanel:
             self._unit.props('role=group aria-label="Unit of the length"')
             self._begin = ui.button("Record", icon="fiber_manual_record", on_click=self._record)
             self._begin.props("no-caps outline")
-            self._end = ui.button("End", icon="stop", on_click=self._ended).props("no-caps outline")
+            self._end = ui.button("End", icon="stop", on_click=viewer.command(instrument.end_sequence))
         self._bar = ProgressBar("Progress of the sequence")
         self._message = ui.label().classes("muted wordy").props("role=status")
         ui.label(
             "Every frame is saved unchanged in the workspace; the recording continues when this page is closed."
         ).classes("muted")
-        for control in (self._length, self._unit, self._begin, self._end):
-            operated.add(control)
+        operated.add(self._length, self._unit, self._begin, self._end.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
         """Show how far the sequence is."""
@@ -168,19 +165,14 @@ class SequencePanel:
         self._message.text = sequence_text(sequence)
 
     async def _record(self) -> None:
-        await self._viewer.attempt(self._recorded)
+        def begin() -> Job:
+            length = typed_number("length", self._length.value)
+            if self._unit.value == SECONDS:
+                return self._instrument.begin_sequence(seconds=length, by=self._viewer.identity)
+            frames = require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES)
+            return self._instrument.begin_sequence(frames=frames, by=self._viewer.identity)
 
-    def _recorded(self) -> None:
-        length = typed_number("length", str(self._length.value or ""))
-        if self._unit.value == FRAMES:
-            self._instrument.begin_sequence(
-                frames=require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES), by=self._viewer.identity
-            )
-        else:
-            self._instrument.begin_sequence(seconds=length, by=self._viewer.identity)
-
-    async def _ended(self) -> None:
-        await self._viewer.attempt(self._instrument.end_sequence, by=self._viewer.identity)
+        await self._viewer.attempt(begin)
 
 
 def sequence_text(sequence: JobState | None) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import NumberField, field_messages
+from tsis.console.pages.components import NumberField, Redrawn, field_messages
 from tsis.instrument import PRESETS
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def setting_label(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
 
-PRESET_WORDS = {"default": "As the camera came", "minimal": "As dark as it goes"}
+PRESET_TEXTS = {"default": "As the camera came", "minimal": "As dark as it goes"}
 
 
 class SettingsPanel:
@@ -85,25 +85,20 @@ class SettingsPanel:
     def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._instrument, self._viewer, self._operated = instrument, viewer, operated
         self._lines: dict[str, SettingLine] = {}
-        self._shape: tuple[object, ...] | None = None
         with ui.element("div").classes("row"):
             for name in PRESETS:
-                button = ui.button(name.capitalize(), on_click=partial(self._preset, name)).props(
-                    "outline dense no-caps"
-                )
-                with operated.add(button):
-                    ui.tooltip(PRESET_WORDS[name])
-        self._container = ui.element("div").classes("settings")
+                button = ui.button(name.capitalize(), on_click=viewer.command(instrument.preset, name))
+                with operated.add(button.props("outline dense no-caps")):
+                    ui.tooltip(PRESET_TEXTS[name])
+        self._container = Redrawn(ui.element("div").classes("settings"))
         self._none = ui.label("Start the camera to adjust it.").classes("muted")
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's settings."""
         settings = state.camera.settings
         shape = tuple((setting.name, setting.low, setting.high, setting.unit) for setting in settings)
-        if shape != self._shape:
-            self._shape = shape
-            self._container.clear()
-            with self._container:
+        if self._container.changes_to(shape):
+            with self._container.element:
                 self._lines = {
                     setting.name: SettingLine(
                         setting, partial(self._adjust, setting.name), self._viewer, self._operated
@@ -114,9 +109,6 @@ class SettingsPanel:
         self._none.text = "The camera is away." if state.camera.lost else "Start the camera to adjust it."
         for setting in settings:
             self._lines[setting.name].show(setting.value)
-
-    async def _preset(self, name: str) -> None:
-        await self._viewer.attempt(self._instrument.preset, name, by=self._viewer.identity)
 
     def _adjust(self, name: str, value: float) -> None:
         with field_messages({name: setting_label(name).lower()}):

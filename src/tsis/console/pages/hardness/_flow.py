@@ -33,11 +33,6 @@ class SavedPresses:
         return tuple(press for press in self.presses if press.role == TARGET)
 
     @property
-    def on_ball(self) -> tuple[StoredPress, ...]:
-        """Presses on the rigid ball."""
-        return tuple(press for press in self.presses if press.role == BALL)
-
-    @property
     def is_current(self) -> bool:
         """Whether the estimate rests on these very presses."""
         return self.estimate is not None and set(self.estimate.presses) == {press.id for press in self.presses}
@@ -54,7 +49,7 @@ def saved_presses(store: Store, number: int) -> SavedPresses:
 
 
 def next_free(store: Store, number: int) -> int:
-    """``number`` where nothing is kept of it, else the next after all."""
+    """``number`` while nothing is stored of it, else the next after all targets."""
     if target_by_number(store, number) is None:
         return number
     return max(target.target.number for target in store.targets()) + 1
@@ -82,12 +77,12 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     return tuple(results)
 
 
-def next_step_text(found: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:
+def next_step_text(saved: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:
     """The next step, or the state, as a message."""
-    count = len(found.on_object)
+    count = len(saved.on_object)
     if estimating:
         return "The estimate is running."
-    if found.is_current:
+    if saved.is_current:
         return "Done. Press again at another force to test it, or begin with another object."
     if missing and count < PRESSES:
         return f"Next: {missing[0]}"
