@@ -113,7 +113,16 @@ class RecordsWarning(TsisWarning):
 
 
 # Product names that differ from import names; Netgen is part of NGSolve.
-PRODUCT_NAMES = {"ngsolve": "NGSolve", "netgen": "NGSolve", "sklearn": "scikit-learn"}
+PRODUCT_NAMES = {
+    "alembic": "Alembic",
+    "cv2": "OpenCV",
+    "netgen": "NGSolve",
+    "ngsolve": "NGSolve",
+    "nicegui": "NiceGUI",
+    "reportlab": "ReportLab",
+    "sklearn": "scikit-learn",
+    "sqlalchemy": "SQLAlchemy",
+}
 
 
 def import_extra(name: str, *, feature: str, extra: str) -> Any:

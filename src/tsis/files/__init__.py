@@ -42,6 +42,7 @@ from tsis.files._image_checks import LARGEST_PIXELS, image_fault, png_fault, row
 from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_or_none, json_bytes, parse_canonical
 from tsis.files._names import LARGEST_TARGET, snapshot_stems, target_folder
 from tsis.files._packed import require_bounded_arrays, without_packed_arrays
+from tsis.files._pictures import QUICK_PNG, decode_grey_png, encode_picture
 from tsis.files._reading import (
     as_path,
     file_size,
@@ -68,6 +69,7 @@ __all__ = [
     "LARGEST_TARGET",
     "PRIVATE_FILE",
     "PRIVATE_FOLDER",
+    "QUICK_PNG",
     "SHA256",
     "UNFINISHED",
     "CsvRow",
@@ -85,8 +87,10 @@ __all__ = [
     "canonical",
     "content_key",
     "content_sha256",
+    "decode_grey_png",
     "digest",
     "digest_or_none",
+    "encode_picture",
     "file_size",
     "free_to_json",
     "from_json_value",

@@ -10,7 +10,7 @@ from tsis.instrument._discovery import (
     connect,
     find_cameras,
 )
-from tsis.instrument._image_files import QUICK_PNG, png_bytes, read_colour, read_image, whole_levels
+from tsis.instrument._image_files import png_bytes, read_colour, read_image, whole_levels
 from tsis.instrument._quiet import quiet_decoders
 from tsis.instrument._snapshot import FORMATS, SIDECAR_FORMAT, SIDECAR_VERSION, Snapshot, save_snapshot
 
@@ -19,7 +19,6 @@ __all__ = [
     "LATE_FRAMES",
     "LIVE_SOURCES",
     "PRESETS",
-    "QUICK_PNG",
     "SIDECAR_FORMAT",
     "SIDECAR_VERSION",
     "SOURCES",
