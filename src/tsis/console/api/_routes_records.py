@@ -53,7 +53,7 @@ from tsis.console.api._query import (
 from tsis.console.api._responses import estimate_item, job_result
 from tsis.errors import InputError
 from tsis.files import QUICK_PNG, encode_picture
-from tsis.records import PRIORS, environment, recompute
+from tsis.records import PRIORS, environment
 
 if TYPE_CHECKING:
     from tsis.console.services import Instrument, Job
@@ -155,12 +155,8 @@ def recompute_target(
     instrument: TheInstrument, number: TargetNumber, given: Annotated[RecomputeRequest | None, Body()] = None
 ) -> JobResponse:
     """Make the estimates in force again with the code of today, and store those that came out otherwise."""
-    target, dry_run = find_target(instrument, number), given is not None and given.dry_run
-    job = instrument.jobs.begin(
-        f"recomputation of target {number}",
-        lambda job: recompute(instrument.store, target, dry_run=dry_run, progress=job.advance),
-    )
-    return JobResponse(job=job.state())
+    dry_run = given is not None and given.dry_run
+    return JobResponse(job=instrument.recompute(find_target(instrument, number), dry_run=dry_run).state())
 
 
 @estimates_router.get(

@@ -22,6 +22,7 @@ from tsis.files import LARGEST_TARGET
 from tsis.imaging import COLOUR_MAPS
 from tsis.instrument import connect
 from tsis.model import require_integer, require_one_of
+from tsis.records import recompute
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from tsis.instrument import Camera
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.gauge import ForceLog
+    from tsis.records import Target
     from tsis.records.store import Store
 
 
@@ -274,6 +276,13 @@ class Instrument:
         Parameters as of `estimate_target`; `InputError` when there is no such target or kind, or an option is unknown.
         """
         return begin_estimate(self.jobs, self.store, number, kind=kind, presses=presses, options=options)
+
+    def recompute(self, target: Target, *, dry_run: bool) -> Job:
+        """Recompute the current estimates of a target in the background; the result is the `Recomputation` of each."""
+        return self.jobs.begin(
+            f"recomputation of target {target.number}",
+            lambda job: recompute(self.store, target, dry_run=dry_run, progress=job.advance),
+        )
 
     def _about(self) -> dict[str, Any]:
         """What is recorded, as the camera is set now."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -9,7 +10,7 @@ from nicegui import ui
 from tsis.report import address
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Iterator
 
     from nicegui.element import Element
     from nicegui.elements.label import Label
@@ -27,6 +28,23 @@ def panel_title(text: str, *, level: int = 2) -> Label:
     title = ui.label(text).classes("panel-title").props("role=heading")
     title.props["aria-level"] = level
     return title
+
+
+@contextmanager
+def open_dialog(place: Element, title: str, *, look: str = "asked") -> Iterator[ui.dialog]:
+    """Open a dialog in a place of the page; it is deleted when it is closed."""
+    with place, ui.dialog(value=True) as dialog, ui.card().classes(look):
+        panel_title(title)
+        yield dialog
+    dialog.on("hide", dialog.delete)
+
+
+def dialog_buttons(dialog: ui.dialog, text: str, act: Callable[[], object], *, leave: str = "Cancel") -> ui.button:
+    """Place the button of a dialog, which is returned, and the one that closes it."""
+    with ui.element("div").classes("row"):
+        button = ui.button(text, on_click=act).props("no-caps dense unelevated")
+        ui.button(leave, on_click=dialog.close).props("no-caps dense flat")
+    return button
 
 
 class Redrawn:

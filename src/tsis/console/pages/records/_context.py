@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from nicegui import ui
 
@@ -51,9 +51,9 @@ class TargetView:
     @property
     def fingerprint(self) -> tuple[object, ...]:
         """Fingerprint of the whole page: equal ones have the same view."""
-        given = self.record
-        created = tuple(estimate.id for estimate in given.estimates)
-        return self.target, self.sheet, created, tuple(given.calibrations), given.damaged
+        record = self.record
+        estimates = tuple(estimate.id for estimate in record.estimates)
+        return self.target, self.sheet, estimates, tuple(record.calibrations), record.damaged
 
 
 def read_target(store: Store, number: str, offset: int) -> TargetView:
@@ -109,7 +109,7 @@ class TargetContext(Protocol):
     async def load(self) -> None:
         """Read the target anew and show it."""
 
-    async def compare(self, seen: TargetView) -> None:
+    async def compare(self, view: TargetView) -> None:
         """Show the two chosen presses beside each other."""
 
 
@@ -142,8 +142,14 @@ async def fetch_file(viewer: Viewer, address: str) -> bool:
 EVERY_S = 0.3
 
 
-def follow_job(job: Job, place: ui.element, done: Callable[[], None]) -> None:
-    """Show a running job in ``place`` until it is over; then call ``done`` in its stead, or say why it failed."""
+async def follow_job(viewer: Viewer, place: ui.element, begin: Callable[[], Job], show: Callable[[Any], None]) -> bool:
+    """Begin a job and show it in ``place`` until it is over; then ``show`` its result there, or say why it failed.
+
+    False, after a message, when it cannot begin.
+    """
+    job = await viewer.attempt(begin)
+    if job is None:
+        return False
     place.clear()
     with place, ui.element("div").classes("job").props('role="status"'):
         ui.label(job.title)
@@ -151,19 +157,20 @@ def follow_job(job: Job, place: ui.element, done: Callable[[], None]) -> None:
         count = ui.label().classes("muted")
         ui.button("End", on_click=job.end).props("dense no-caps outline")
 
-    def look() -> None:
+    def refresh() -> None:
         state = job.state()
-        if not state.running:
-            timer.cancel()
-            place.clear()
-            with place:
-                if state.status == DONE:
-                    done()
-                else:
-                    ui.label(state.sentence).classes("flag").props('role="alert"')
+        if state.running:
+            bar.show(state)
+            count.text = f"{state.done} of {state.total}" if state.total else "under way"
             return
-        bar.show(state)
-        count.text = f"{state.done} of {state.total}" if state.total else "under way"
+        timer.cancel()
+        place.clear()
+        with place:
+            if state.status == DONE:
+                show(job.result)
+            else:
+                ui.label(state.sentence).classes("flag").props('role="alert"')
 
     with place:
-        timer = ui.timer(EVERY_S, look)
+        timer = ui.timer(EVERY_S, refresh)
+    return True
