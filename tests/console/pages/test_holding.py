@@ -41,7 +41,7 @@ def after(act: Callable[[ControlButtons], Any]) -> tuple[str, list[str]]:
 
 
 def test_a_page_that_is_open_takes_it_from_nobody() -> None:
-    assert after(ControlButtons.heard) == ("Bob", [])
+    assert after(ControlButtons.report_open) == ("Bob", [])
 
 
 def test_a_click_on_a_free_camera_takes_it_from_nobody() -> None:

@@ -118,9 +118,9 @@ class StudyRepository:
             raise RecordsError(f"the folder of studies must be writable; got: {error.strerror or error}") from error
         return new_study(self._folder / name, targets, **terms)
 
-    def glimpses(self) -> tuple[StudySummary, ...]:
+    def summaries(self) -> tuple[StudySummary, ...]:
         """All studies; one that cannot be read says why."""
-        return tuple(self._preview(name) for name in self.names())
+        return tuple(self._summary(name) for name in self.names())
 
     def stamp(self, name: str) -> tuple[int, int]:
         """Another pair of numbers whenever the log of a study has changed; zeros where there is none."""
@@ -134,7 +134,7 @@ class StudyRepository:
         """The same of all studies, by their names."""
         return tuple((name, self.stamp(name)) for name in self.names())
 
-    def _preview(self, name: str) -> StudySummary:
+    def _summary(self, name: str) -> StudySummary:
         try:
             study = self.study(name)
         except TsisError as error:

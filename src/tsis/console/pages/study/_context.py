@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from tsis.study import Study
 
 
-KEPT = 4  # studies whose numbers are kept
-_kept: OrderedDict[tuple[Path, str], StudyResult] = OrderedDict()
-_one = Lock()
+MOST_RESULTS = 4
+_results: OrderedDict[tuple[Path, str], StudyResult] = OrderedDict()
+_lock = Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,18 +60,17 @@ class StudyView:
     reported: bool
 
 
-def view_study(shelf: StudyRepository, name: str) -> StudyView:
+def view_study(repository: StudyRepository, name: str) -> StudyView:
     """Read a study; errors as `StudyRepository.study`."""
-    study = shelf.study(name)
+    study = repository.study(name)
     counter = Counter((reading.device, reading.operator) for reading in study.readings)
     undecided = Counter((reading.device, reading.operator) for reading in study.readings if reading.undecided)
-    requested = len(study.plan.codes) * study.plan.repeats
     devices = [
         DeviceProgress(
             device=device,
             operator=operator,
             read=count,
-            expected=requested,
+            expected=len(study.plan.codes) * study.plan.repeats,
             undecided=undecided[device, operator],
             threshold=study.threshold_of(device),
         )
@@ -83,19 +82,15 @@ def view_study(shelf: StudyRepository, name: str) -> StudyView:
 def study_result(study: Study) -> StudyResult:
     """Results of an unblinded study, cached until the log grows."""
     key = (study.folder.resolve(), study.chain.head)
-    with _one:
-        if key not in _kept:
-            _kept[key] = _told(study)
-            while len(_kept) > KEPT:
-                _kept.popitem(last=False)
-        return _kept[key]
-
-
-def _told(study: Study) -> StudyResult:
-    analysis = analyse(study)
-    page = study_page(analysis)
-    drawn = any(device.curve is not None for device in analysis.devices)
-    return StudyResult(page=page, curves=address(page.pictures[0]) if drawn else "", targets=targets_table(analysis))
+    with _lock:
+        if key not in _results:
+            analysis = analyse(study)
+            page, drawn = study_page(analysis), any(device.curve is not None for device in analysis.devices)
+            curves = address(page.pictures[0]) if drawn else ""
+            _results[key] = StudyResult(page=page, curves=curves, targets=targets_table(analysis))
+            if len(_results) > MOST_RESULTS:
+                _results.popitem(last=False)
+        return _results[key]
 
 
 class StudyContext(Protocol):
