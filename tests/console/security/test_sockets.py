@@ -145,7 +145,7 @@ def test_a_socket_that_fails_is_closed() -> None:
 def test_the_watch_goes_on_whatever_it_meets_until_it_is_told_to_end(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("tsis.console.auth._sockets.LOOK_S", 0.0)
+    monkeypatch.setattr("tsis.console.auth._sockets.CHECK_EVERY_S", 0.0)
 
     def unknown() -> bool:
         raise OSError("the disk is gone")

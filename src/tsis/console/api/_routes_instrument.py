@@ -1,4 +1,4 @@
-"""The camera: found, chosen, started, stopped, adjusted."""
+"""Calls of the instrument: state, control, camera, press and frames."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ def get_frame_analysis(instrument: TheInstrument) -> FrameAnalysisResponse:
 
 
 def state_response(instrument: Instrument, caller: str | None) -> StateResponse:
-    """The whole state; what identifies the holder is told to nobody."""
+    """The whole state; the owner's identity is a secret."""
     state = instrument.state()
-    stored = state.owner
+    owner = state.owner
     return StateResponse(
         camera=state.camera,
         target=state.target,
@@ -72,7 +72,7 @@ def state_response(instrument: Instrument, caller: str | None) -> StateResponse:
         calibration=state.calibration,
         calibration_identity=state.calibration_identity,
         sight=state.frame_analysis,
-        holder=None if stored is None else OwnerItem(name=stored.name, yours=stored.identity == caller),
+        holder=None if owner is None else OwnerItem(name=owner.name, yours=owner.identity == caller),
         sequence=state.sequence,
         jobs=state.jobs,
         trouble=list(state.trouble),
@@ -164,8 +164,8 @@ async def take_control(instrument: TheInstrument, given: ControlRequest, caller:
     count. Answers 409 when somebody else holds it and `over` is false.
     """
     require_label("name", given.name)
-    stored = instrument.control.owner()
-    identity = stored.identity if stored is not None and stored.identity == caller else uuid.uuid4().hex
+    owner = instrument.control.owner()
+    identity = owner.identity if owner is not None and owner.identity == caller else uuid.uuid4().hex
     instrument.control.take(identity, given.name, over=given.over, held_s=given.held_s)
     return ControlResponse(identity=identity, name=given.name, held_s=given.held_s)
 
@@ -251,6 +251,6 @@ def get_frame_jpg(instrument: TheInstrument, quality: Quality = 85) -> Response:
     return _sent(received, content, "image/jpeg")
 
 
-def _sent(arrival: ReceivedFrame, content: bytes, kind: str) -> Response:
-    headers = {"TSIS-Frame": str(arrival.frame.sequence), "TSIS-Full-Scale": f"{arrival.frame.full_scale:g}"}
+def _sent(received: ReceivedFrame, content: bytes, kind: str) -> Response:
+    headers = {"TSIS-Frame": str(received.frame.sequence), "TSIS-Full-Scale": f"{received.frame.full_scale:g}"}
     return Response(content, media_type=kind, headers=headers)

@@ -1,4 +1,4 @@
-"""Stored targets and their presses."""
+"""Calls of stored targets, estimates, the calibration and jobs."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from tsis.calibration import UsableCalibration
-from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, parse_calibration
-from tsis.console._statuses import AbsentError, NoControlError
+from tsis.calibration.file import calibration_bytes, calibration_sha256, parse_calibration
+from tsis.console._statuses import AbsentError, NoControlError, absent_if_unknown
 from tsis.console.api._documented import (
     CALIBRATION_BODY,
     CALIBRATION_FILE,
@@ -182,16 +182,14 @@ def get_report_pdf(instrument: TheInstrument, reports: TheReports, number: Targe
 
 
 def _options(given: EstimateRequest) -> dict[str, Any]:
-    """Options as a stored estimate keeps them: a prior whole, so that a later release knows what was believed."""
-    requested = given.model_dump(exclude={"kind", "presses"}, exclude_none=True)
-    if "prior" in requested:
-        prior = PRIORS[given.kind](**{name: _pair(value) for name, value in requested["prior"].items()})
-        requested["prior"] = asdict(prior)
-    return requested
-
-
-def _pair(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+    """Options of a stored estimate: with the whole prior, so that later releases with other defaults have it."""
+    options = given.model_dump(exclude={"kind", "presses"}, exclude_none=True)
+    if "prior" in options:
+        values: dict[str, Any] = {
+            name: tuple(item) if isinstance(item, list) else item for name, item in options["prior"].items()
+        }
+        options["prior"] = asdict(PRIORS[given.kind](**values))
+    return options
 
 
 calibration_router = APIRouter(prefix="/calibration", tags=["calibration"])
@@ -201,7 +199,7 @@ LARGEST_UPLOAD = 32 * 2**20  # bytes
 @calibration_router.get("", operation_id="get_calibration")
 def get_calibration(instrument: TheInstrument) -> CalibrationResponse:
     """Tell which calibration is in force."""
-    return _answer(instrument)
+    return _active(instrument)
 
 
 @calibration_router.get(
@@ -225,14 +223,14 @@ async def use_calibration(request: Request, instrument: TheInstrument, by: Actin
     """
     content = await _uploaded(request)
     await run_in_threadpool(_use, instrument, content, by)
-    return _answer(instrument)
+    return _active(instrument)
 
 
 @calibration_router.delete("", operation_id="forget_calibration", responses=OF_ACTS)
 def forget_calibration(instrument: TheInstrument, by: Acting) -> CalibrationResponse:
     """Go back to the virtual probe's own calibration, or to none."""
     instrument.use_calibration(None, by=by)
-    return _answer(instrument)
+    return _active(instrument)
 
 
 async def _uploaded(request: Request) -> bytes:
@@ -257,13 +255,15 @@ def _use(instrument: Instrument, content: bytes, by: str) -> None:
     )
 
 
-def _answer(instrument: Instrument) -> CalibrationResponse:
-    cited = instrument.calibration
-    return CalibrationResponse(calibration=None if cited is None else _told(cited.calibration, cited.identity))
-
-
-def _told(known: ProbeCalibration, sha256: str) -> CalibrationItem:
-    return CalibrationItem(name=known.name, probe=known.probe, sha256=sha256, made=known.made, expires=known.expires)
+def _active(instrument: Instrument) -> CalibrationResponse:
+    active = instrument.calibration
+    if active is None:
+        return CalibrationResponse(calibration=None)
+    given = active.calibration
+    item = CalibrationItem(
+        name=given.name, probe=given.probe, sha256=active.identity, made=given.made, expires=given.expires
+    )
+    return CalibrationResponse(calibration=item)
 
 
 jobs_router = APIRouter(prefix="/jobs", tags=["jobs"])
@@ -278,24 +278,22 @@ def list_jobs(instrument: TheInstrument) -> JobsResponse:
 @jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
 def get_job(instrument: TheInstrument, identity: JobIdentity) -> JobResponse:
     """Tell how far a job is, and what it returned."""
-    return _job_response(instrument, _known(instrument, identity))
+    return _job_response(instrument, _job(instrument, identity))
 
 
 @jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
 def end_job(instrument: TheInstrument, identity: JobIdentity, caller: Caller = None) -> JobResponse:
     """Ask a job to end, which it does at its next step; one that follows the camera only for who holds it."""
-    job = _known(instrument, identity)
+    job = _job(instrument, identity)
     if job.follows_camera and not caller:
         raise NoControlError(f"to end what follows the camera needs the header {CONTROL}, which POST /v1/control gives")
     instrument.end_job(identity, by=caller or "")
     return _job_response(instrument, job)
 
 
-def _known(instrument: Instrument, identity: str) -> Job:
-    try:
+def _job(instrument: Instrument, identity: str) -> Job:
+    with absent_if_unknown():
         return instrument.jobs.get(identity)
-    except InputError as error:
-        raise AbsentError(str(error)) from error
 
 
 def _job_response(instrument: Instrument, job: Job) -> JobResponse:

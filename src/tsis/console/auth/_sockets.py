@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 MOST = 64  # eight open pages of four tablets
-LOOK_S = 2.0
+CHECK_EVERY_S = 2.0
 POLICY_VIOLATION = 1008  # code by which a WebSocket is closed
 _log = logging.getLogger(__name__)
 
@@ -51,17 +51,17 @@ class OpenSockets:
         return False
 
     def check(self) -> None:
-        """Cut those whose time is over, and those of whom nobody can say whether it is."""
+        """Cancel those whose client is not authenticated any more, or cannot be checked."""
         for task, stays in list(self._open.items()):
             if task not in self._cut and not _may_stay(stays):
                 self._cut.add(task)
                 task.cancel()
 
     async def watch(self) -> None:
-        """Look again and again, until cancelled."""
+        """Check at intervals, until cancelled."""
         with suppress(asyncio.CancelledError):
             while True:
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(CHECK_EVERY_S)
                 self.check()
 
 

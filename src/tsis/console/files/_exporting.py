@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,27 +26,10 @@ MEDIA_TYPES = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportFile:
-    """A file to send, named as the receiver gets it, and the folder that is removed afterwards."""
-
-    path: Path
-    folder: Path
-
-    @property
-    def media_type(self) -> str:
-        """Of its content."""
-        return MEDIA_TYPES[self.path.suffix]
-
-    def remove(self) -> None:
-        """Take it away; what cannot be removed stays."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-
 def write_export(
     store: Store, target: Target, form: str, *, identified: bool = False, reports: Reports | None = None
-) -> ExportFile:
-    """Write a form of `tsis.report.ENDINGS` of a target; a folder becomes a zip file.
+) -> Path:
+    """Write a form of `tsis.report.ENDINGS` of a target into its own new folder; a folder becomes a zip file.
 
     With ``identified`` fhir and dicom include label, names and true times; other forms mask nothing. Without
     ``reports`` html and pdf are built in this process.
@@ -78,7 +60,7 @@ def write_export(
             if form not in PAGE_FORMS:
                 record.require_whole()
             write_form(form, record, path, identified=identified)
-        return ExportFile(path=_one_file(path), folder=folder)
+        return _one_file(path)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise

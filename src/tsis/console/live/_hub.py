@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import json
-import math
 import struct
 import threading
 import time
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import TypeAdapter
 
+from tsis.console.services import FrameAnalysis
 from tsis.errors import InputError
 from tsis.files import encode_picture
 from tsis.imaging import COLOUR_MAPS, colour_map
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.console.services import FrameAnalysis
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
 
 
@@ -94,15 +93,12 @@ def display_levels(frame: ReceivedFrame) -> NDArray[np.uint8]:
 
 def analysis_json(frame_analysis: FrameAnalysis | None) -> str:
     """What a frame shows, as JSON; ``null`` stands for what is not finite, and where nothing is known."""
-    return json.dumps(None if frame_analysis is None else _finite(asdict(frame_analysis)), allow_nan=False)
+    return _analysis_type().dump_json(frame_analysis).decode()
 
 
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _finite(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+@cache
+def _analysis_type() -> TypeAdapter[FrameAnalysis | None]:
+    return TypeAdapter(FrameAnalysis | None)
 
 
 WAIT_S = 0.25
@@ -155,10 +151,10 @@ class LiveHub:
 
     def text(self, frame_analysis: FrameAnalysis | None) -> str:
         """The analysis as `analysis_json`, built once for all clients."""
-        reported = self._described
-        if reported[0] is not frame_analysis:
-            self._described = reported = frame_analysis, analysis_json(frame_analysis)
-        return reported[1]
+        last = self._described
+        if last[0] is not frame_analysis:
+            self._described = last = frame_analysis, analysis_json(frame_analysis)
+        return last[1]
 
     @contextmanager
     def watched(self) -> Iterator[asyncio.Event]:
