@@ -84,35 +84,29 @@ def _is_page(message: Message) -> bool:
 YEAR_S = 365 * 86400
 
 
-def policy(nonce: str) -> str:
-    """Content security policy: own files, own connections, scripts in a page only with this page's nonce.
+def safe_headers(nonce: str) -> dict[str, str]:
+    """Headers of every response; scripts in a page run only with this page's nonce.
 
     The library that builds the pages compiles its templates in the browser, hence ``unsafe-eval``, and sets styles on
     elements, hence ``unsafe-inline`` for styles.
     """
-    return "; ".join(
-        (
-            "default-src 'self'",
-            f"script-src 'self' 'nonce-{nonce}' 'unsafe-eval'",
-            "style-src 'self' 'unsafe-inline'",
-            "img-src 'self' data: blob:",
-            "font-src 'self' data:",
-            "connect-src 'self'",
-            "object-src 'none'",
-            "base-uri 'none'",
-            "form-action 'self'",
-            "frame-ancestors 'none'",
-        )
+    policy = (
+        "default-src 'self'",
+        f"script-src 'self' 'nonce-{nonce}' 'unsafe-eval'",
+        "style-src 'self' 'unsafe-inline'",
+        "img-src 'self' data: blob:",
+        "font-src 'self' data:",
+        "connect-src 'self'",
+        "object-src 'none'",
+        "base-uri 'none'",
+        "form-action 'self'",
+        "frame-ancestors 'none'",
     )
-
-
-def safe_headers(nonce: str) -> dict[str, str]:
-    """Headers of every answer."""
     return {
-        "content-security-policy": policy(nonce),
+        "content-security-policy": "; ".join(policy),
         "x-content-type-options": "nosniff",
         "x-frame-options": "DENY",
-        "referrer-policy": "same-origin",  # without any, forms would not say from which page they were sent
+        "referrer-policy": "same-origin",  # without it forms would not say from which page they were sent
         "cross-origin-opener-policy": "same-origin",
         "cross-origin-resource-policy": "same-origin",
         "permissions-policy": "camera=(), microphone=(), geolocation=(), usb=(), serial=(), payment=()",

@@ -1,4 +1,4 @@
-"""An estimate from stored presses of a target, as a job."""
+"""An estimate from stored presses of a target."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from tsis.records import ESTIMATES, REFERENCE_ROLES, EstimationRequest, environm
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from tsis.console.services._jobs import Job, Jobs
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
 
@@ -22,9 +21,9 @@ def estimate_target(
     number: int,
     *,
     kind: str,
-    presses: Sequence[str] | None = None,
-    options: Mapping[str, Any] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    presses: Sequence[str] | None,
+    options: Mapping[str, Any],
+    progress: Callable[[int, int], None],
 ) -> StoredEstimate:
     """Estimate from presses of a target and store the estimate.
 
@@ -54,11 +53,10 @@ def estimate_target(
     probe, calibration = _terms(chosen, number)
     response = estimate_stored(
         record,
-        EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options or {}),
+        EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options),
         progress=progress,
     )
-    if progress is not None:
-        progress(1, 1)
+    progress(1, 1)
     return store.add_estimate(
         record.target,
         response.estimate,
@@ -68,23 +66,6 @@ def estimate_target(
         calibration=record.calibrations[calibration],
         options=response.options,
         environment=environment(),
-    )
-
-
-def begin_estimate(
-    jobs: Jobs,
-    store: Store,
-    number: int,
-    *,
-    kind: str,
-    presses: Sequence[str] | None = None,
-    options: Mapping[str, Any] | None = None,
-) -> Job:
-    """Estimate in the background; parameters as of `estimate_target`, errors as `require_estimable`."""
-    require_estimable(store, number, kind=kind, presses=presses, options=options or {})
-    return jobs.begin(
-        estimate_title(number),
-        lambda job: estimate_target(store, number, kind=kind, presses=presses, options=options, progress=job.advance),
     )
 
 
@@ -100,7 +81,7 @@ def require_estimable(
 
 
 def estimate_title(number: int) -> str:
-    """What the job of an estimate is called; by it pages find the one of their target."""
+    """Title of an estimate's job, by which pages find the one of their target."""
     return f"estimate of target {number}"
 
 
@@ -124,11 +105,11 @@ def newest_presses(record: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
 
 
 def _named(record: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress, ...]:
-    by_name = {press.id: press for press in record.presses}
+    by_identity = {press.id: press for press in record.presses}
     for identity in identities:
-        if identity not in by_name:
+        if identity not in by_identity:
             raise RecordsError(f"presses must be those of target {record.target.number}; {identity!r:.40} is none")
-    return tuple(by_name[identity] for identity in identities)
+    return tuple(by_identity[identity] for identity in identities)
 
 
 def _terms(presses: Sequence[StoredPress], number: int) -> tuple[str, str]:

@@ -9,12 +9,12 @@ from tsis.calibration import read_usable_calibration
 from tsis.console.services._active_calibration import ActiveCalibrationCheck
 from tsis.console.services._camera import CameraController
 from tsis.console.services._control import Commands, ControlLock
-from tsis.console.services._estimates import begin_estimate
+from tsis.console.services._estimates import estimate_target, estimate_title, require_estimable
 from tsis.console.services._jobs import Jobs
 from tsis.console.services._reading import StoreCheck, force_at, gauge_force, trouble_messages
 from tsis.console.services._search import CameraSearch
 from tsis.console.services._sequences import SequenceRequest, begin_sequence
-from tsis.console.services._snapshots import press_to_save, save_press
+from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
@@ -65,14 +65,14 @@ class Instrument:
         # What can fail comes first, so that nothing is left running then.
         given = None if terms.calibration is None else read_usable_calibration(terms.calibration)
         self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
-        self.control, self.jobs, self._folder = ControlLock(), Jobs(), StoreCheck(self.store)
+        self.control, self.jobs, self._store_check = ControlLock(), Jobs(), StoreCheck(self.store)
         self._commands, self.search = Commands(self.control), CameraSearch(self.jobs)
         self.terms, self._target = terms, 1
         self._gauge: ForceLog | None = None
         self.camera_controller = CameraController(
             terms.choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to
         )
-        self._in_force = ActiveCalibrationCheck(self.camera_controller, given)
+        self._active = ActiveCalibrationCheck(self.camera_controller, given)
         self.calibrating = CalibrationSessions(
             terms.workspace / "calibrations",
             control=self.control,
@@ -81,7 +81,7 @@ class Instrument:
             gauge=lambda: self._gauge,
         )
         self._watcher = Watcher(
-            lambda: self.camera_controller.acquisition, lambda: self._in_force.now().compared, self._force
+            lambda: self.camera_controller.acquisition, lambda: self._active.now().compared, self._force
         )
 
     def __enter__(self) -> Self:
@@ -104,7 +104,7 @@ class Instrument:
     @property
     def calibration(self) -> UsableCalibration | None:
         """The active calibration: the chosen one, else the virtual probe's own; None while it does not fit."""
-        return self._in_force.now().calibration
+        return self._active.now().calibration
 
     @property
     def frame_analysis(self) -> FrameAnalysis | None:
@@ -113,8 +113,8 @@ class Instrument:
 
     def state(self) -> InstrumentState:
         """The state that pages show; it never waits for the camera or a command."""
-        in_force, gauge, sequence = self._in_force.now(), self._gauge, self._commands.sequence
-        given, camera = in_force.calibration, camera_state(self.camera_controller, in_force.scale)
+        active, gauge, sequence = self._active.now(), self._gauge, self._commands.sequence
+        given, camera = active.calibration, camera_state(self.camera_controller, active.scale)
         return InstrumentState(
             camera=camera,
             target=self._target,
@@ -128,7 +128,7 @@ class Instrument:
             sequence=None if sequence is None else sequence.state(),
             jobs=self.jobs.states(),
             trouble=trouble_messages(
-                camera, gauge, in_force.why, self._watcher.failure, store_gone=self._folder.trouble()
+                camera, gauge, active.why, self._watcher.failure, store_gone=self._store_check.trouble()
             ),
             busy=self._commands.busy,
             gauge="" if gauge is None else gauge.name,
@@ -201,7 +201,7 @@ class Instrument:
         with self._commands.act(
             by, "putting a calibration in force", instead="another calibration can be put in force"
         ):
-            self._in_force.use(calibration)
+            self._active.use(calibration)
             self._watcher.begin_anew()
 
     def use_gauge(self, log: ForceLog | None, *, by: str) -> None:
@@ -222,10 +222,15 @@ class Instrument:
             self.camera_controller.refresh()  # somebody may have changed a setting elsewhere
             received, gauge = self.camera_controller.fresh(), self._gauge
             force = self._force(received) if gauge is None else gauge_force(gauge, received)
+            press = PressToSave(
+                received=received,
+                force=force,
+                role=self.camera_controller.role,
+                active=self._active.now(),
+                subject=self.camera_controller.subject,
+            )
             return save_press(
-                press_to_save(
-                    received, camera_controller=self.camera_controller, in_force=self._in_force.now(), force=force
-                ),
+                press,
                 number=self._target,
                 workspace=self.terms.workspace,
                 store=self.store,
@@ -275,7 +280,14 @@ class Instrument:
 
         Parameters as of `estimate_target`; `InputError` when there is no such target or kind, or an option is unknown.
         """
-        return begin_estimate(self.jobs, self.store, number, kind=kind, presses=presses, options=options)
+        options = options or {}
+        require_estimable(self.store, number, kind=kind, presses=presses, options=options)
+        return self.jobs.begin(
+            estimate_title(number),
+            lambda job: estimate_target(
+                self.store, number, kind=kind, presses=presses, options=options, progress=job.advance
+            ),
+        )
 
     def recompute(self, target: Target, *, dry_run: bool) -> Job:
         """Recompute the current estimates of a target in the background; the result is the `Recomputation` of each."""
@@ -287,7 +299,7 @@ class Instrument:
     def _about(self) -> dict[str, Any]:
         """What is recorded, as the camera is set now."""
         self.camera_controller.refresh()  # somebody may have changed a setting elsewhere
-        return {"role": self.camera_controller.role, **self._in_force.now().sidecar_entries()}
+        return {"role": self.camera_controller.role, **self._active.now().sidecar_entries()}
 
     def _force(self, frame: ReceivedFrame) -> PressForce | None:
         return force_at(frame, self._gauge, self.camera_controller.force_n)

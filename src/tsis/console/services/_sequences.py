@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tsis.console.services._reading import force_at, gauge_force
@@ -80,13 +81,13 @@ def begin_sequence(
     if acquisition.lost:
         raise CameraError(f"{acquisition.name} is away; no sequence was begun (wait until it is back)")
     begun = about()
-    folder = _made(workspace / target_folder(terms.target) / "sequence")
+    folder = _new_folder(workspace / target_folder(terms.target) / "sequence")
     forces = _Forces(gauge, typed_n)
 
     def about_all() -> dict[str, Any]:
-        reported = {} if gauge is None else {"gauge": {"frames_without_force": forces.without, **asdict(gauge.state())}}
+        of_gauge = {} if gauge is None else {"gauge": {"frames_without_force": forces.without, **asdict(gauge.state())}}
         differing = {f"{name}_at_end": value for name, value in about().items() if value != begun[name]}
-        return {"target": terms.target, **begun, **differing, **reported}
+        return {"target": terms.target, **begun, **differing, **of_gauge}
 
     def work(job: Job) -> dict[str, Any]:
         report = record(
@@ -96,7 +97,7 @@ def begin_sequence(
             frames=terms.frames,
             seconds=terms.seconds,
             stopped=lambda: job.ending,
-            progress=lambda saved, passed_s: _tell(job, terms, saved, passed_s),
+            progress=partial(_report, job, terms),
             beside=FurtherColumns(names=forces.NAMES, of=forces.of),
             about=about_all,
         )
@@ -134,7 +135,7 @@ class _Forces:
         return f"{result.value_n:.6f}", result.source
 
 
-def _made(requested: Path) -> Path:
+def _new_folder(requested: Path) -> Path:
     folder = free_folder(requested)
     try:
         folder.mkdir(parents=True)
@@ -145,7 +146,7 @@ def _made(requested: Path) -> Path:
     return folder
 
 
-def _tell(job: Job, terms: SequenceRequest, saved: int, passed_s: float) -> None:
+def _report(job: Job, terms: SequenceRequest, saved: int, passed_s: float) -> None:
     if terms.frames is not None:
         job.report(saved, terms.frames)
     elif terms.seconds is not None:
