@@ -63,9 +63,9 @@ def picture(kind: str) -> Responses:
     return {200: {"description": "the picture", "content": _binary(kind), "headers": headers}}
 
 
-def file(kind: str, words: str) -> Responses:
+def file(kind: str, text: str) -> Responses:
     """A response that is a file."""
-    return {200: {"description": words, "content": _binary(kind)}}
+    return {200: {"description": text, "content": _binary(kind)}}
 
 
 CALIBRATION_FILE: Responses = {
@@ -92,19 +92,19 @@ CALIBRATION_BODY: dict[str, Any] = {
     }
 }
 
-_WORDS = {"text/plain": {"schema": {"type": "string"}}}
+_TEXT = {"text/plain": {"schema": {"type": "string"}}}
 
 
-def _problem(words: str) -> dict[str, Any]:
-    return {"model": Problem, "description": words}
+def _problem(text: str) -> dict[str, Any]:
+    return {"model": Problem, "description": text}
 
 
-OF_CALLS: Responses = {  # 400, 401, 403, 413 and 421 also by the gate before all calls, in plain words
-    400: {**_problem("not in good form, or no JSON such as can be read"), "content": _WORDS},
-    401: {"description": "no key: send Authorization: Bearer with the token of the printed address", "content": _WORDS},
-    403: {"description": "sent by a page of another place", "content": _WORDS},
-    413: {**_problem("more than is taken"), "content": _WORDS},
-    421: {"description": "the console is not called by that name", "content": _WORDS},
+OF_CALLS: Responses = {  # 400, 401, 403, 413 and 421 also by the authentication before all calls, as plain text
+    400: {**_problem("not in good form, or no JSON such as can be read"), "content": _TEXT},
+    401: {"description": "no key: send Authorization: Bearer with the token of the printed address", "content": _TEXT},
+    403: {"description": "sent by a page of another place", "content": _TEXT},
+    413: {**_problem("more than is taken"), "content": _TEXT},
+    421: {"description": "the console is not called by that name", "content": _TEXT},
     422: _problem("a value outside what the call accepts"),
     503: _problem("the camera is stopped or away, or a stored file is damaged or cannot be read or written"),
 }

@@ -85,9 +85,9 @@ camera_router = APIRouter(prefix="/camera", tags=["camera"])
 
 
 @camera_router.put("", operation_id="choose_camera", responses={**OF_ACTS, **OF_BODIES})
-def choose_camera(instrument: TheInstrument, given: CameraChoiceRequest, by: Acting) -> StateResponse:
+def choose_camera(instrument: TheInstrument, body: CameraChoiceRequest, by: Acting) -> StateResponse:
     """Take another camera, not yet started."""
-    instrument.choose(CameraChoice(**given.model_dump()), by=by)
+    instrument.choose(CameraChoice(**body.model_dump()), by=by)
     return state_response(instrument, by)
 
 
@@ -112,22 +112,22 @@ def get_settings(instrument: TheInstrument) -> SettingsResponse:
 
 
 @camera_router.patch("/settings", operation_id="change_settings", responses={**OF_ACTS, **OF_BODIES})
-def change_settings(instrument: TheInstrument, given: SettingsRequest, by: Acting) -> SettingsResponse:
+def change_settings(instrument: TheInstrument, body: SettingsRequest, by: Acting) -> SettingsResponse:
     """Change settings; none when one of them is unknown or outside its range."""
     present = {setting.name: setting for setting in instrument.camera_controller.settings()}
     if not present:
         raise CameraError("the camera must run to be adjusted; it is stopped or away (start it)")
-    for name, value in given.values.items():
+    for name, value in body.values.items():
         present[require_one_of("setting", name, present)].checked(value)
-    for name, value in given.values.items():
+    for name, value in body.values.items():
         instrument.adjust(name, value, by=by)
     return _settings(instrument)
 
 
 @camera_router.post("/preset", operation_id="apply_preset", responses={**OF_ACTS, **OF_BODIES})
-def apply_preset(instrument: TheInstrument, given: PresetRequest, by: Acting) -> SettingsResponse:
+def apply_preset(instrument: TheInstrument, body: PresetRequest, by: Acting) -> SettingsResponse:
     """Make all settings of a preset."""
-    instrument.preset(given.name, by=by)
+    instrument.preset(body.name, by=by)
     return _settings(instrument)
 
 
@@ -157,17 +157,17 @@ control_router = APIRouter(tags=["control"])
 
 
 @control_router.post("/control", operation_id="take_control", responses={**OF_CONTROL, **OF_BODIES})
-async def take_control(instrument: TheInstrument, given: ControlRequest, caller: Caller = None) -> ControlResponse:
+async def take_control(instrument: TheInstrument, body: ControlRequest, caller: Caller = None) -> ControlResponse:
     """Hold the camera; who holds it already, and says so by the header, keeps the identity.
 
     It is held until nothing was heard of the holder for `held_s` seconds: acts and `GET /v1/state` with the header
     count. Answers 409 when somebody else holds it and `over` is false.
     """
-    require_label("name", given.name)
+    require_label("name", body.name)
     owner = instrument.control.owner()
     identity = owner.identity if owner is not None and owner.identity == caller else uuid.uuid4().hex
-    instrument.control.take(identity, given.name, over=given.over, held_s=given.held_s)
-    return ControlResponse(identity=identity, name=given.name, held_s=given.held_s)
+    instrument.control.take(identity, body.name, over=body.over, held_s=body.held_s)
+    return ControlResponse(identity=identity, name=body.name, held_s=body.held_s)
 
 
 @control_router.delete("/control", operation_id="release_control", status_code=204)
@@ -182,28 +182,28 @@ press_router = APIRouter(tags=["press"])
 
 
 @press_router.put("/target", operation_id="choose_target", responses={**OF_ACTS, **OF_BODIES})
-def choose_target(instrument: TheInstrument, given: TargetChoiceRequest, by: Acting) -> StateResponse:
+def choose_target(instrument: TheInstrument, body: TargetChoiceRequest, by: Acting) -> StateResponse:
     """Choose the target that snapshots go to; it is entered with its first press."""
-    instrument.set_target(given.number, by=by)
+    instrument.set_target(body.number, by=by)
     return state_response(instrument, by)
 
 
 @press_router.put("/press", operation_id="hold_press", responses={**OF_ACTS, **OF_BODIES})
-def set_press(instrument: TheInstrument, given: PressRequest, by: Acting) -> StateResponse:
+def set_press(instrument: TheInstrument, body: PressRequest, by: Acting) -> StateResponse:
     """Say what is pressed and how hard; the virtual probe is moved there."""
-    if not given.model_fields_set:
+    if not body.model_fields_set:
         raise InputError("press must say something: role, force_n or both; got neither")
-    forget = "force_n" in given.model_fields_set and given.force_n is None
-    instrument.hold(role=given.role, force_n=given.force_n, forget=forget, by=by)
+    forget = "force_n" in body.model_fields_set and body.force_n is None
+    instrument.hold(role=body.role, force_n=body.force_n, forget=forget, by=by)
     return state_response(instrument, by)
 
 
 @press_router.post("/snapshot", operation_id="take_snapshot", responses={**OF_ACTS, **OF_BODIES}, status_code=201)
 def take_snapshot(
-    instrument: TheInstrument, by: Acting, given: Annotated[SnapshotRequest | None, Body()] = None
+    instrument: TheInstrument, by: Acting, body: Annotated[SnapshotRequest | None, Body()] = None
 ) -> SavedPressResponse:
     """Keep the press as it is seen now: its files, and the press in the store; when this answers, both last."""
-    saved = instrument.snapshot(by=by, map_name=(given or SnapshotRequest()).map_name)
+    saved = instrument.snapshot(by=by, map_name=(body or SnapshotRequest()).map_name)
     files = {name: str(path.resolve()) for name, path in asdict(saved.files).items()}
     return SavedPressResponse(
         target=saved.target.number,
@@ -215,9 +215,9 @@ def take_snapshot(
 
 
 @press_router.post("/sequence", operation_id="begin_sequence", responses={**OF_ACTS, **OF_BODIES}, status_code=202)
-def begin_sequence(instrument: TheInstrument, given: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobResponse:
+def begin_sequence(instrument: TheInstrument, body: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobResponse:
     """Record every frame until so many have come or so much time has passed."""
-    job = instrument.begin_sequence(**given.model_dump(), by=by)
+    job = instrument.begin_sequence(**body.model_dump(), by=by)
     return JobResponse(job=job.state())
 
 

@@ -82,16 +82,16 @@ def get_target(instrument: TheInstrument, number: TargetNumber) -> TargetRespons
 
 
 @targets_router.patch("/{number}", operation_id="edit_target", responses={**OF_RECORDS, **OF_EDITS, **OF_BODIES})
-def edit_target(instrument: TheInstrument, number: TargetNumber, given: TargetRequest) -> TargetResponse:
+def edit_target(instrument: TheInstrument, number: TargetNumber, body: TargetRequest) -> TargetResponse:
     """Change name, note or truth of a target as it was read; 409 when somebody has changed it since.
 
     The audit of the store keeps that it was changed, and when.
     """
     target = find_target(instrument, number)
-    changes = given.model_dump(exclude={"version"}, exclude_none=True)
+    changes = body.model_dump(exclude={"version"}, exclude_none=True)
     if not changes:
         raise InputError("an edit must change something: name, note or truth; got none of them")
-    edited = instrument.store.edit_target(replace(target, version=given.version), **changes)
+    edited = instrument.store.edit_target(replace(target, version=body.version), **changes)
     return TargetResponse(target=edited, presses=instrument.store.press_count(edited))
 
 
@@ -140,11 +140,11 @@ def list_estimates(instrument: TheInstrument, number: TargetNumber) -> Estimates
     "/estimate", operation_id="estimate_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def estimate_target(
-    instrument: TheInstrument, number: TargetNumber, given: Annotated[EstimateRequest, Body()]
+    instrument: TheInstrument, number: TargetNumber, body: Annotated[EstimateRequest, Body()]
 ) -> JobResponse:
     """Estimate a target from its presses and store what was found; the job's result tells it."""
     find_target(instrument, number)
-    job = instrument.estimate(number, kind=given.kind, presses=given.presses, options=_options(given))
+    job = instrument.estimate(number, kind=body.kind, presses=body.presses, options=_options(body))
     return JobResponse(job=job.state())
 
 
@@ -152,10 +152,10 @@ def estimate_target(
     "/recompute", operation_id="recompute_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def recompute_target(
-    instrument: TheInstrument, number: TargetNumber, given: Annotated[RecomputeRequest | None, Body()] = None
+    instrument: TheInstrument, number: TargetNumber, body: Annotated[RecomputeRequest | None, Body()] = None
 ) -> JobResponse:
     """Make the estimates in force again with the code of today, and store those that came out otherwise."""
-    dry_run = given is not None and given.dry_run
+    dry_run = body is not None and body.dry_run
     return JobResponse(job=instrument.recompute(find_target(instrument, number), dry_run=dry_run).state())
 
 
@@ -181,14 +181,14 @@ def get_report_pdf(instrument: TheInstrument, reports: TheReports, number: Targe
     return Response(reports.content(find_target(instrument, number), "pdf"), media_type="application/pdf")
 
 
-def _options(given: EstimateRequest) -> dict[str, Any]:
+def _options(body: EstimateRequest) -> dict[str, Any]:
     """Options of a stored estimate: with the whole prior, so that later releases with other defaults have it."""
-    options = given.model_dump(exclude={"kind", "presses"}, exclude_none=True)
+    options = body.model_dump(exclude={"kind", "presses"}, exclude_none=True)
     if "prior" in options:
         values: dict[str, Any] = {
             name: tuple(item) if isinstance(item, list) else item for name, item in options["prior"].items()
         }
-        options["prior"] = asdict(PRIORS[given.kind](**values))
+        options["prior"] = asdict(PRIORS[body.kind](**values))
     return options
 
 

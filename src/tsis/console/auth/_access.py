@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tsis.console.auth._sessions import Session
 
 
-CLIENT = "visitor"
+CLIENT = "client"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ ONCE = (b"host", b"origin", b"authorization")  # more than one of these is someb
 _HOST = re.compile(r"(\[[0-9A-Fa-f:.]{2,45}\]|[A-Za-z0-9](?:[A-Za-z0-9._-]{0,252}))(?::([0-9]{1,5}))?")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 _SCHEMES = {"ws": "http", "wss": "https"}
-# What servers in between write to tell whom they stand for. Nobody stands between here, so whoever sends them lies.
+# Headers of reverse proxies. There is none here, so that these are forged.
 _FORWARDED = (b"forwarded", b"x-forwarded-", b"x-real-ip", b"x-original-", b"x-rewrite-", b"x-script-name")
 
 

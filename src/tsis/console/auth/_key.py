@@ -1,4 +1,4 @@
-"""Files of the console that nobody but this user may read: its key, the logins, the sessions that were ended."""
+"""Files of the console that only this user may read: key, logins and ended sessions."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def gone_page(others: Mapping[str, str], *, logins: bool) -> Response:
 
 
 def local_address(text: str) -> str:
-    """A path of this console, whatever was asked for: nobody is sent elsewhere.
+    """A path of this console, whatever was requested; never another site.
 
     Examples
     --------
@@ -109,14 +109,14 @@ def _page(title: str, content: str, status: HTTPStatus, others: Mapping[str, str
 
 @cache
 def _template() -> Template:
-    return Template(Path(__file__).with_name("door.html").read_text(encoding="utf-8"))
+    return Template(Path(__file__).with_name("login.html").read_text(encoding="utf-8"))
 
 
 LARGEST_FORM = 8192  # bytes
 FORM_S = 20.0  # in which it must have come
 AT_ONCE = 2  # passwords that are hashed: each takes 64 MiB
 WRONG = "This name and password do not belong together."
-PLACES = (LOGIN, LOGOUT)
+LOGIN_PATHS = (LOGIN, LOGOUT)
 _log = logging.getLogger(__name__)
 
 

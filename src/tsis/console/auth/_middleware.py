@@ -27,7 +27,7 @@ from tsis.console.auth._login_routes import (
     FAILED,
     KEY_NEEDED,
     LOGIN,
-    PLACES,
+    LOGIN_PATHS,
     AuthRoutes,
     local_address,
     onward,
@@ -226,7 +226,7 @@ class AuthMiddleware:
             return refusal("Pages of other places may not use this console.", HTTPStatus.FORBIDDEN, requested=headers)
         if announced_bytes(headers) > LARGEST_BYTES:
             return refusal(TOO_LARGE, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, requested=headers)
-        if scope["type"] == "http" and scope["path"] in PLACES:
+        if scope["type"] == "http" and scope["path"] in LOGIN_PATHS:
             return await self._auth_routes.respond(scope, receive, headers)
         client = self._access.client_identity(headers)
         given, address = _key_and_rest(scope)
@@ -241,7 +241,7 @@ class AuthMiddleware:
         return client
 
     def _refused(self, opens: bool, address: str, headers: Mapping[str, str]) -> Response:
-        """Say where the door is."""
+        """Redirect a browser to the login page, and refuse other clients."""
         if opens and self._access.logins is not None and "text/html" in headers.get("accept", ""):
             return RedirectResponse(f"{LOGIN}?{urlencode({'then': address})}", HTTPStatus.SEE_OTHER)
         needed = {"www-authenticate": "Bearer"}
@@ -282,7 +282,7 @@ def _key_and_rest(scope: Scope) -> tuple[str, str]:
 
 
 def _marked(scope: Scope, client_identity: ClientIdentity) -> Scope:
-    """The scope as those behind the gate see it."""
+    """The scope of the application behind the authentication."""
     state = {**scope.get("state", {}), CLIENT: client_identity}
     return {**scope, "headers": without_forwarded(scope["headers"]), "state": state}
 

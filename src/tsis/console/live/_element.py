@@ -66,7 +66,7 @@ class LiveView(ColouredFrames, component="live_view.js"):
     def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__(map_name=map_name, ends=ends)
         self._props["overlay"] = True
-        self._props["words"] = "live image of the probe"
+        self._props["label"] = "live image of the probe"
         self._props["notice"] = ""
 
     def overlay(self, shown: bool) -> None:
@@ -76,7 +76,7 @@ class LiveView(ColouredFrames, component="live_view.js"):
     def update_state(self, state: InstrumentState) -> None:
         """Set scale and text from the instrument's state."""
         super().update_state(state)
-        self._set("words", f"live image of the probe: {analysis_text(state)}")
+        self._set("label", f"live image of the probe: {analysis_text(state)}")
         self._set("notice", notice(state))
 
 
@@ -85,12 +85,12 @@ class SurfaceView(ColouredFrames, component="surface_view.js"):
 
     def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__(map_name=map_name, ends=ends)
-        self._props["words"] = "relief of the live image"
+        self._props["label"] = "relief of the live image"
 
     def update_state(self, state: InstrumentState) -> None:
         """Set scale and text from the instrument's state."""
         super().update_state(state)
-        self._set("words", f"relief of the live image: {analysis_text(state)}; arrow keys turn it")
+        self._set("label", f"relief of the live image: {analysis_text(state)}; arrow keys turn it")
 
 
 class Histogram(FrameElement, component="histogram.js"):
@@ -99,11 +99,11 @@ class Histogram(FrameElement, component="histogram.js"):
     def __init__(self, *, log: bool = True) -> None:
         super().__init__()
         self._props["log"] = log
-        self._props["words"] = "grey levels of the newest frame"
+        self._props["label"] = "grey levels of the newest frame"
 
     def update_state(self, state: InstrumentState) -> None:
         """Set the text from the instrument's state."""
-        self._set("words", f"grey levels of the newest frame: {histogram_text(state)}")
+        self._set("label", f"grey levels of the newest frame: {histogram_text(state)}")
 
 
 def analysis_text(state: InstrumentState) -> str:

@@ -36,7 +36,7 @@ FULL = 255.0
 
 @lru_cache(maxsize=len(MAPS))
 def packed_colours(map_name: str) -> tuple[int, ...]:
-    """256 colours as the words of 4 bytes that a canvas holds: red lowest, alpha 255."""
+    """256 colours as the 32-bit integers of a canvas: red lowest, alpha 255."""
     if require_one_of("colour map", map_name, MAPS) == GREY:
         rgb = np.repeat(np.arange(256, dtype=np.uint32)[:, None], 3, axis=1)
     else:

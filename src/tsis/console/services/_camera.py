@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 EVERY_S = 1.0
-LOOK_S = 1.0  # for which a reading waits for another one, which may be stuck in a driver
+LOCK_TIMEOUT_S = 1.0  # for which a reading waits for another one, which may be stuck in a driver
 
 
 class SettingsCache:
@@ -52,7 +52,7 @@ class SettingsCache:
 
     def refresh(self) -> None:
         """Ask the camera now."""
-        if not self._lock.acquire(timeout=LOOK_S):
+        if not self._lock.acquire(timeout=LOCK_TIMEOUT_S):
             return
         try:
             acquisition = self._acquisition()
@@ -84,7 +84,7 @@ FRESH_S = 5.0  # within which a frame must come, or within some frames of a slow
 # in camera and driver too, and of exposures that cameras change one or two frames later.
 UNDER_WAY, IN_CAMERAS = 1, 3
 MOST_TYPED_N = 1000.0
-PATIENT_S = 60.0  # the virtual probe is never unplugged: its silence is a busy computer's
+VIRTUAL_LOST_AFTER_S = 60.0  # the virtual probe is never unplugged: its silence is a busy computer's
 
 
 class CameraController:
@@ -125,7 +125,7 @@ class CameraController:
 
     @property
     def running(self) -> bool:
-        """Whether frames are wanted, though the camera may be away."""
+        """Whether the camera was started, though it may be away."""
         return self.acquisition is not None
 
     @property
@@ -155,7 +155,7 @@ class CameraController:
             connector,
             mode=self.choice.mode,
             settings=self._requested,
-            lost_after_s=PATIENT_S if self.choice.is_virtual else LOST_AFTER_S,
+            lost_after_s=VIRTUAL_LOST_AFTER_S if self.choice.is_virtual else LOST_AFTER_S,
         )
         self._beginning = acquisition
         try:

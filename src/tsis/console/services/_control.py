@@ -111,7 +111,7 @@ class ControlLock:
                     self._heard_s = self._clock()
 
     def _present(self) -> Owner | None:
-        """Whoever acts is there, however long nothing else was heard."""
+        """The owner; a running command is a sign of life."""
         silent = self._clock() - self._heard_s > self._lock_s
         if silent and self._owner is not None and self._owner.identity != self._acting:
             self._owner = None
@@ -123,9 +123,9 @@ class ControlLock:
         return ControlError(f"the camera is held by {owner.name}; watch, or take it over")
 
 
-COMMAND_TIMEOUT_S = 2.0  # for which an act waits for the one before
-LONG_S = 10.0  # after which is told how long an act has lasted, as while mechanics are solved for the first time
-SEQUENCE_S = 5.0  # for which a sequence that was asked to end is waited for
+COMMAND_TIMEOUT_S = 2.0  # for which a command waits for the one before
+LONG_S = 10.0  # after which the duration of a command is shown, as of mechanics that are solved for the first time
+SEQUENCE_S = 5.0  # timeout of a cancelled sequence
 
 
 class Commands:
@@ -139,7 +139,7 @@ class Commands:
     >>> control = ControlLock()
     >>> control.take("tab 1", "Ann")
     >>> commands = Commands(control)
-    >>> with commands.act("tab 1", "moving the probe"):
+    >>> with commands.run("tab 1", "moving the probe"):
     ...     commands.busy
     'moving the probe'
     """
@@ -168,7 +168,7 @@ class Commands:
         return doing if lasted_s < LONG_S else f"{doing} ({lasted_s:.0f} s so far)"
 
     @contextmanager
-    def act(self, by: str, doing: str, *, instead: str = "") -> Iterator[None]:
+    def run(self, by: str, doing: str, *, instead: str = "") -> Iterator[None]:
         """Run a command of the owner inside, alone.
 
         ``doing`` names the command to others; ``instead`` says what a running sequence forbids, as "another camera can
@@ -180,7 +180,7 @@ class Commands:
             raise ControlError(f"the bench is busy {self.busy or 'with something else'}; try again when that is over")
         try:
             self._require_open()
-            with self._control.acting(by):  # or somebody has taken the camera over while this act waited
+            with self._control.acting(by):  # another client may have taken the camera over meanwhile
                 if instead:
                     self.require_no_sequence(instead)
                 self._doing = doing, self._clock()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 BINS = 64  # of the histogram
 OUTLINE_POINTS = 96
-LARGEST_SIDE_PX = 192  # to which a frame is thinned out before its contact is looked for
+LARGEST_SIDE_PX = 192  # to which a frame is reduced before the search for its contact
 CLIPPED, DIM = 0.001, 0.15  # shares: of pixels at full scale, and of the scale that the brightest hundredth reaches
 BRIGHT_QUANTILE = 0.99
 

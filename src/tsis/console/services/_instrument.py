@@ -136,38 +136,38 @@ class Instrument:
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:
         """Choose another camera, not yet started; a chosen calibration stays active where it fits."""
-        with self._commands.act(by, "choosing a camera", instead="another camera can be chosen"):
+        with self._commands.run(by, "choosing a camera", instead="another camera can be chosen"):
             self.camera_controller.choose(choice)
             self._watcher.begin_anew()
 
     def start(self, *, by: str) -> None:
         """Start the camera; errors as `CameraController.start`. When it runs already, nothing happens."""
-        with self._commands.act(by, "starting the camera"):
+        with self._commands.run(by, "starting the camera"):
             self.camera_controller.start()
 
     def stop(self, *, by: str) -> None:
         """Stop the camera."""
-        with self._commands.act(by, "stopping the camera", instead="the camera can be stopped"):
+        with self._commands.run(by, "stopping the camera", instead="the camera can be stopped"):
             self.camera_controller.stop()
 
     def adjust(self, name: str, value: float, *, by: str) -> None:
         """Change a setting of the camera; errors as `Acquisition.adjust`."""
-        with self._commands.act(by, "changing a setting"):
+        with self._commands.run(by, "changing a setting"):
             self.camera_controller.adjust(name, value)
 
     def preset(self, name: str, *, by: str) -> None:
         """Make all settings of a preset: ``"default"`` or ``"minimal"``."""
-        with self._commands.act(by, "changing settings"):
+        with self._commands.run(by, "changing settings"):
             self.camera_controller.preset(name)
 
     def set_target(self, number: int, *, by: str) -> None:
         """Choose the target that snapshots go to, in [1, 99999]."""
-        with self._commands.act(by, "choosing a target"):
+        with self._commands.run(by, "choosing a target"):
             self._target = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
 
     def step_target(self, many: int, *, by: str) -> None:
         """Choose the target so many after the present one, whichever that is when it is done; before where negative."""
-        with self._commands.act(by, "choosing a target"):
+        with self._commands.run(by, "choosing a target"):
             self._target = require_integer(
                 "target", self._target + many, 1, LARGEST_TARGET, hint="number of the target"
             )
@@ -178,7 +178,7 @@ class Instrument:
         Raises `InputError` or `MechanicsError` when it cannot be pressed so, and the press stays as it was;
         `ControlError` for another role than that of the running sequence.
         """
-        with self._commands.act(
+        with self._commands.run(
             by, "moving the probe" if self.camera_controller.choice.is_virtual else "noting the press"
         ):
             requested, force_n = self.camera_controller.completed(role, force_n, forget=forget)
@@ -198,7 +198,7 @@ class Instrument:
 
         Raises `CalibrationError` when it is expired, or of another probe, camera, setting or size of frames.
         """
-        with self._commands.act(
+        with self._commands.run(
             by, "putting a calibration in force", instead="another calibration can be put in force"
         ):
             self._active.use(calibration)
@@ -206,7 +206,7 @@ class Instrument:
 
     def use_gauge(self, log: ForceLog | None, *, by: str) -> None:
         """Read forces from a started gauge, which is stopped when the next one is given; None for no gauge."""
-        with self._commands.act(by, "changing the gauge", instead="another gauge can be used"):
+        with self._commands.run(by, "changing the gauge", instead="another gauge can be used"):
             before, self._gauge = self._gauge, log
             if before is not None and before is not log:
                 before.stop()
@@ -218,7 +218,7 @@ class Instrument:
         cannot be written (nothing is saved then), `RecordsError` when the store refuses the press (its files stay).
         """
         require_one_of("colour map", map_name, COLOUR_MAPS)
-        with self._commands.act(by, "keeping a press"):
+        with self._commands.run(by, "keeping a press"):
             self.camera_controller.refresh()  # somebody may have changed a setting elsewhere
             received, gauge = self.camera_controller.fresh(), self._gauge
             force = self._force(received) if gauge is None else gauge_force(gauge, received)
@@ -242,7 +242,7 @@ class Instrument:
 
         Errors as `SequenceRequest` and `begin_sequence`; `ControlError` while a sequence runs.
         """
-        with self._commands.act(by, "beginning a sequence", instead="another sequence can begin"):
+        with self._commands.run(by, "beginning a sequence", instead="another sequence can begin"):
             self._commands.sequence = sequence = begin_sequence(
                 self.jobs,
                 self.camera_controller.acquisition,

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 AT_ONCE, REMEMBERED = 2, 50
-RESULTS = 10  # that are kept of jobs which are over: some hold pictures and samples
-CLOSE_S = 3.0  # for which jobs are waited for that were asked to end
+RESULTS = 10  # of finished jobs that stay in memory: some contain pictures and samples
+CLOSE_S = 3.0  # timeout of cancelled jobs
 LONGEST_SENTENCE = 600
 RUNNING, DONE, FAILED, ENDED = "running", "done", "failed", "ended"
 _log = logging.getLogger(__name__)
 
 
-class JobCancelled(Exception):  # noqa: N818 - no error, but how work that was asked to end leaves its loops
+class JobCancelled(Exception):  # noqa: N818 - no error: it ends the loops of cancelled work
     """Raised inside work that was cancelled."""
 
 
@@ -94,7 +94,7 @@ class Job:
         return self._result
 
     def without_result(self) -> Job:
-        """The same job that is over, for those who ask for it later; what it returned is with those who hold it."""
+        """A copy of a finished job without its result, which only the holders of this job have then."""
         job = Job(self.title, follows_camera=self.follows_camera)
         state, job.identity = self.state(), self.identity
         job._status, job._done, job._total, job._message = state.status, state.done, state.total, state.sentence
@@ -140,10 +140,10 @@ class Job:
         except JobCancelled:
             status, message = ENDED, f"{self.title}: ended as you asked"
         except TsisError as error:
-            status, message = FAILED, _words(error)
-        except BaseException as error:  # whatever it was, nobody else would ever hear of it
+            status, message = FAILED, _error_text(error)
+        except BaseException as error:  # nothing else would report it
             _log.exception("a job failed: %s", self.title)
-            status, message = FAILED, f"{self.title} failed: {type(error).__name__}: {_words(error)}"
+            status, message = FAILED, f"{self.title} failed: {type(error).__name__}: {_error_text(error)}"
         try:
             self._after()
         except Exception:
@@ -153,7 +153,7 @@ class Job:
             self._message = self._message if message is None else message
 
     def finish(self) -> None:
-        """Let those go on who wait for it."""
+        """Release the waiting threads."""
         self._finished.set()
 
 
@@ -167,7 +167,7 @@ class Jobs:
         self._lock = threading.Lock()
         self._jobs: OrderedDict[str, Job] = OrderedDict()
         self._waiting: deque[tuple[Job, Callable[[Job], Any]]] = deque()
-        self._returned: deque[str] = deque()  # identities of those whose results are kept, the last to end at the end
+        self._returned: deque[str] = deque()  # identities of jobs whose results stay, in the order of their ends
         self._working = 0
         self._closed = False
 
@@ -267,7 +267,7 @@ def _thread(target: Callable[..., None], *given: object) -> None:
     threading.Thread(target=target, args=given, name="job", daemon=True).start()
 
 
-def _words(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     """What an error says, in one line; errors of libraries may say nothing, too much, or fail to say it."""
     try:
         text = " ".join(str(error).split())

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 HOLDS_S = 1.0  # a reading older than this tells nothing of the press now
 GAUGE_WAIT_S = 1.0
-STORE_LOOKED_AT_S = 1.0  # the state is asked for often, and the disk need not be
+STORE_CHECK_EVERY_S = 1.0  # the state is read more often
 
 
 def force_at(frame: ReceivedFrame, log: ForceLog | None, typed_n: float | None) -> PressForce | None:
@@ -49,7 +49,7 @@ class StoreCheck:
     def trouble(self) -> str:
         """Where it is gone from; empty while it is there."""
         now, (last_seen_s, gone) = self._clock(), self._last
-        if now - last_seen_s >= STORE_LOOKED_AT_S:
+        if now - last_seen_s >= STORE_CHECK_EVERY_S:
             gone = self._store.database.replaced()
             self._last = now, gone
         return printable_path(self._store.folder) if gone else ""

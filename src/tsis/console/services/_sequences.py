@@ -112,7 +112,7 @@ def begin_sequence(
 
 
 class _Forces:
-    """Force at each frame, newtons, and where it is known from; empty where nobody knows it."""
+    """Force at each frame, newtons, and its source; empty where unknown."""
 
     NAMES = ("force_n", "force_source")
 

@@ -113,7 +113,7 @@ class InstrumentState:
 
     @property
     def lifted(self) -> bool:
-        """Whether the virtual probe touches nothing: its force is 0 then, whatever is kept for the next press."""
+        """Whether the virtual probe touches nothing: its force is 0 then, whatever is set for the next press."""
         return self.camera.choice.is_virtual and self.role == UNTOUCHED
 
 

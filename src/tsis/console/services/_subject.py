@@ -128,7 +128,7 @@ class CameraChoice:
 
     @property
     def touch_n(self) -> float | None:
-        """Force with which the virtual probe begins, N; None for other cameras, of which nobody knows."""
+        """Force with which the virtual probe begins, N; None for other cameras."""
         if not self.is_virtual:
             return None
         return SPHERE_N if self.is_sphere else TISSUE_N
@@ -171,7 +171,7 @@ class VirtualSubject:
 
     @property
     def roles(self) -> tuple[str, ...]:
-        """What the probe can be held on."""
+        """Roles of presses on its objects."""
         return self._roles
 
     @property
@@ -192,7 +192,7 @@ class VirtualSubject:
         )
 
     def connect(self) -> VirtualCamera:
-        """A camera that looks at the press as it is held; connected anew it is the same press."""
+        """A camera of the present press, which stays the same after a reconnection."""
         camera = VirtualCamera(
             self._rig,
             self._lying(self.role),
@@ -219,7 +219,7 @@ class VirtualSubject:
             except MechanicsError as error:
                 if error.largest_n is None:
                     raise
-                # The one cure that whoever holds this probe has: less force.
+                # The only cure at this probe is less force.
                 raise MechanicsError(f"{error.problem}: choose a force of at most {error.largest_n:.2g} N") from error
             if self._camera is not None:
                 self._camera.hold_on(lies, force_n=pressed_n, light=light)

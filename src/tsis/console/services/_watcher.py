@@ -67,7 +67,7 @@ class Watcher:
                 followed, watch, state, position = acquisition, None, WatchState(), 0
                 self.frame_analysis, self.failure = None, ""
             if acquisition is not None and away:
-                position = acquisition.ring.end  # those before are of a press that nobody sees any more
+                position = acquisition.ring.end  # earlier frames are of a press before the interruption
                 continue
             if acquisition is None or not acquisition.ring.wait(position, WAIT_S):
                 continue
@@ -87,7 +87,7 @@ class Watcher:
                 self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        """Go on with the live view; the log is told once."""
+        """Go on with the live view, and log the error once."""
         message = f"frames cannot be judged for a reason that nobody foresaw: {type(error).__name__}: {error}"
         if message != self.failure:
             _log.exception("a frame could not be judged")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 PREPARING = "The probe is prepared; that is kept for next time."
 READING = "The probe reads."
-_begin = threading.Lock()  # between a look at what is under way and the beginning of more
+_begin = threading.Lock()  # between the check for running jobs and the beginning of another
 
 
 def reading_title(name: str) -> str:

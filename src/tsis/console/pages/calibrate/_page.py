@@ -9,7 +9,7 @@ from urllib.parse import quote
 from nicegui import run, ui
 
 from tsis.console.live import LiveView
-from tsis.console.pages.calibrate._result import CalibrationResultPanel, Making
+from tsis.console.pages.calibrate._result import CalibrationResultPanel, MakePanel
 from tsis.console.pages.calibrate._setup_form import TermsForm
 from tsis.console.pages.calibrate._steps import SavedFrame, StepCard
 from tsis.console.pages.components import OperatorControls, Redrawn, panel_title
@@ -28,15 +28,15 @@ LIST_EVERY_S, SESSION_EVERY_S = 2.0, 0.3  # between two readings
 
 def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    operated = OperatorControls(viewer)
+    controls = OperatorControls(viewer)
     with ui.element("div").classes("split calibrate-choosing"):
         with ui.element("section").classes("panel"):
             panel_title("Sessions")
             listed = Redrawn(ui.element("div").classes("stack"))
         with ui.element("section").classes("panel"):
             panel_title("Begin a calibration")
-            form = TermsForm(instrument, viewer, operated)
-            operated.why()
+            form = TermsForm(instrument, viewer, controls)
+            controls.why()
 
     async def refresh() -> None:
         sessions = await run.io_bound(instrument.calibrating.listed)
@@ -46,7 +46,7 @@ def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
 
     def show(state: InstrumentState) -> None:
         form.show(state)
-        operated.show(state)
+        controls.show(state)
 
     viewer.every(LIST_EVERY_S, refresh)
     viewer.follow(show)
@@ -88,7 +88,7 @@ class StepList:
         self,
         viewer: Viewer,
         session: CalibrationSession,
-        operated: OperatorControls,
+        controls: OperatorControls,
         choose: Callable[[str], Awaitable[None]],
     ) -> None:
         self._choose = choose
@@ -99,7 +99,7 @@ class StepList:
         ).classes("calibrate-all")
         self._automatic = session.rig.by_itself
         self._all.set_visibility(self._automatic)
-        operated.add(self._all.props("no-caps outline"))
+        controls.add(self._all.props("no-caps outline"))
 
     def show(self, steps: Sequence[StepState], present: str | None) -> None:
         """Show the progress of each step and mark the present one."""
@@ -159,7 +159,7 @@ class _Guide:
 
     def __init__(self, instrument: Instrument, viewer: Viewer, session: CalibrationSession) -> None:
         self._session = session
-        self._operated = OperatorControls(viewer)
+        self._controls = OperatorControls(viewer)
         self._chosen: str | None = None
         self._steps: tuple[StepState, ...] = ()
         self._view: LiveView | None = None
@@ -170,24 +170,24 @@ class _Guide:
             ui.label(setup_text(session)).classes("muted")
         with ui.element("div").classes("calibrate-guide"):
             with ui.element("section").classes("panel").props('aria-label="Steps"'):
-                self._list = StepList(viewer, session, self._operated, self._choose)
+                self._list = StepList(viewer, session, self._controls, self._choose)
             with ui.element("div").classes("stack"):
                 with ui.element("section").classes("panel stack").props('aria-label="Present step"'):
-                    self._card = StepCard(viewer, session, self._operated)
-                    self._operated.why()
-                    with ui.element("div").classes("calibrate-seen"):
+                    self._card = StepCard(viewer, session, self._controls)
+                    self._controls.why()
+                    with ui.element("div").classes("calibrate-images"):
                         if not session.rig.by_itself:
                             with ui.element("div").classes("calibrate-live"):
                                 self._view = LiveView(map_name="grey")
                         self._frame = SavedFrame(viewer, session)
-                self._making = Making(instrument, viewer, session, self._operated)
+                self._making = MakePanel(instrument, viewer, session, self._controls)
         self._result = CalibrationResultPanel(viewer, session)
         viewer.every(SESSION_EVERY_S, self._refresh)
         viewer.follow(self._show)
 
     def _show(self, state: InstrumentState) -> None:
         self._state = state
-        self._operated.show(state)
+        self._controls.show(state)
         self._making.show(state)
         if self._view is not None:
             self._view.update_state(state)
@@ -201,7 +201,7 @@ class _Guide:
         await self._show_step()
         self._making.refresh(self._steps)
         if self._state is not None:
-            self._operated.show(self._state)  # of controls that have come since the state was told
+            self._controls.show(self._state)  # of controls that are newer than the state
         await self._result.refresh(file)
         self._making.cites(self._result.identity)
 

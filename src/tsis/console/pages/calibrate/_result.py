@@ -99,11 +99,11 @@ EXERCISE = (
 )
 
 
-class Making:
+class MakePanel:
     """Buttons that compute the calibration, activate it and download it."""
 
     def __init__(
-        self, instrument: Instrument, viewer: Viewer, session: CalibrationSession, operated: OperatorControls
+        self, instrument: Instrument, viewer: Viewer, session: CalibrationSession, controls: OperatorControls
     ) -> None:
         self._instrument, self._viewer, self._session = instrument, viewer, session
         self._identity = ""
@@ -118,7 +118,7 @@ class Making:
             self._text = ui.label().classes("muted").props("role=status")
             with ui.element("div").classes("row") as self._commands:
                 self._use = ui.button("Activate", icon="verified", on_click=self._activate)
-                operated.add(self._use.props("no-caps unelevated"))
+                controls.add(self._use.props("no-caps unelevated"))
                 self._active = ui.label("It is active.").classes("good")
                 file = ui.button("Download the file", icon="download", on_click=self._download)
                 file.props("no-caps outline")

@@ -43,7 +43,7 @@ LABELS = {
 class TermsForm:
     """Asks for the terms and begins the session."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         choice = instrument.camera_controller.choice
         self._virtual = choice.is_virtual
@@ -63,7 +63,7 @@ class TermsForm:
                 self._patch.props('hint="left, top, right, bottom; empty where they are seen nowhere" ')
             with ui.element("div").classes("row"):
                 self._button = ui.button("Begin", icon="play_arrow", on_click=self._begin).props("no-caps unelevated")
-        operated.add(self._button)
+        controls.add(self._button)
 
     def show(self, state: InstrumentState) -> None:
         """Ask for what the present camera needs."""

@@ -87,7 +87,7 @@ class SavedFrame:
 class TypedLoading:
     """The field for the next force, and the table of those so far."""
 
-    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: OperatorControls, step: str) -> None:
+    def __init__(self, viewer: Viewer, session: CalibrationSession, controls: OperatorControls, step: str) -> None:
         self._viewer, self._session, self._step = viewer, session, step
         with ui.element("div").classes("stack"):
             ui.label("Begin untouched with the force that the gauge shows then, usually 0.").classes("muted")
@@ -101,7 +101,7 @@ class TypedLoading:
                     "It is back at 0: save it", icon="check", on_click=viewer.command(session.save_presses, step)
                 )
                 undo = ui.button("Remove the last", icon="undo", on_click=viewer.command(session.unpress, step))
-        operated.add(self._force, take, save.props("no-caps outline"), undo.props("no-caps outline"))
+        controls.add(self._force, take, save.props("no-caps outline"), undo.props("no-caps outline"))
 
     def show(self, forces_n: Sequence[float]) -> None:
         """Show the forces so far."""
@@ -127,8 +127,8 @@ class TypedLoading:
 class StepCard:
     """Shows the present step."""
 
-    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: OperatorControls) -> None:
-        self._viewer, self._session, self._operated = viewer, session, operated
+    def __init__(self, viewer: Viewer, session: CalibrationSession, controls: OperatorControls) -> None:
+        self._viewer, self._session, self._controls = viewer, session, controls
         self._container = Redrawn(ui.element("div").classes("stack"))
         self._bar = ProgressBar("Frames taken")
         self._text = ui.label().classes("muted").props("role=status")
@@ -166,7 +166,7 @@ class StepCard:
                 ui.label(f"Done: {state.frames} frames are saved.").classes("good")
                 self._button("Repeat this step", "replay", lambda: self._repeat(step.name), outline=True)
             elif step.is_loading and not session.rig.has_gauge:
-                self._typed = TypedLoading(self._viewer, session, self._operated, step.name)
+                self._typed = TypedLoading(self._viewer, session, self._controls, step.name)
             else:
                 text = "Begin the loading" if step.is_loading else f"Take {step.frames} frames"
                 self._button(text, "photo_camera", command(session.take, step.name))
@@ -182,7 +182,7 @@ class StepCard:
 
     def _button(self, text: str, icon: str, act: Callable[[], Awaitable[object]], *, outline: bool = False) -> None:
         button = ui.button(text, icon=icon, on_click=act)
-        self._operated.add(button.props("no-caps outline" if outline else "no-caps unelevated"))
+        self._controls.add(button.props("no-caps outline" if outline else "no-caps unelevated"))
 
     def _progress(self) -> None:
         """How far the frames of a step are, and what became of the last step."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class ChosenPanel:
     """The present camera."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             with ui.element("div"):
@@ -42,7 +42,7 @@ class ChosenPanel:
             self._mode = ChoiceField(viewer, select, self._in_mode)
             self._run = RunButton(instrument, viewer)
             ui.link("Examine", "/")
-        operated.add(select, self._run.element)
+        controls.add(select, self._run.element)
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's state."""
@@ -79,8 +79,8 @@ def streaming_text(camera: CameraState) -> str:
 class SearchPanel:
     """Search for cameras, and use one of them."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer, self._operated = instrument, viewer, operated
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("section").classes("panel stack tight"):
             with ui.element("div").classes("row"):
                 panel_title("Cameras")
@@ -127,7 +127,7 @@ class SearchPanel:
             with ui.element("td"):
                 use = ui.button("Use", on_click=partial(self._use, camera)).props("no-caps outline dense")
                 use.props["aria-label"] = f"Use {camera.identity}"
-                self._operated.add(use)
+                self._controls.add(use)
 
     async def _use(self, camera: CameraInfo) -> None:
         await self._viewer.attempt(
@@ -144,20 +144,20 @@ def search_text(job: JobState | None) -> str:
 
 def camera_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    operated = OperatorControls(viewer)
+    controls = OperatorControls(viewer)
     with ui.element("div").classes("panel stack"):
-        chosen = ChosenPanel(instrument, viewer, operated)
-        operated.why()
+        chosen = ChosenPanel(instrument, viewer, controls)
+        controls.why()
     with ui.element("div").classes("camera-columns"):
         with ui.element("div").classes("stack"):
-            virtual = VirtualPanel(instrument, viewer, operated)
-            calibration = CalibrationPanel(instrument, viewer, operated)
+            virtual = VirtualPanel(instrument, viewer, controls)
+            calibration = CalibrationPanel(instrument, viewer, controls)
         with ui.element("div").classes("stack"):
-            search = SearchPanel(instrument, viewer, operated)
-            gauge = GaugePanel(instrument, viewer, operated)
+            search = SearchPanel(instrument, viewer, controls)
+            gauge = GaugePanel(instrument, viewer, controls)
 
     def show(state: InstrumentState) -> None:
-        for part in (chosen, virtual, search, calibration, gauge, operated):
+        for part in (chosen, virtual, search, calibration, gauge, controls):
             part.show(state)
 
     viewer.follow(show)

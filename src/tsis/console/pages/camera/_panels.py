@@ -47,7 +47,7 @@ SHORT = 12
 class CalibrationPanel:
     """Show and change the active calibration."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer, self._calibration = instrument, viewer, CalibrationMemory(instrument)
         with ui.element("section").classes("panel stack tight"):
             panel_title("Active calibration")
@@ -59,7 +59,7 @@ class CalibrationPanel:
             )
             self._upload.on_upload(self._uploaded)
             self._none = ui.button("Use none", on_click=viewer.command(instrument.use_calibration, None))
-            operated.add(self._upload, self._none.props("no-caps outline"))
+            controls.add(self._upload, self._none.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
         """Show which it is."""
@@ -102,7 +102,7 @@ FASTEST = 4_000_000
 class GaugePanel:
     """Connect and disconnect a gauge; only there for real cameras."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("section").classes("panel stack tight") as self._panel:
             panel_title("Force gauge")
@@ -116,8 +116,8 @@ class GaugePanel:
                 self._connect = ui.button("Connect", on_click=self._begin).props("no-caps outline")
                 leave = ui.button("Use no gauge", on_click=viewer.command(instrument.use_gauge, None))
             for item in (self._port, self._unit, self._baud):
-                operated.add(item.props("dense outlined"))
-            operated.add(self._sends, self._connect, leave.props("no-caps outline"))
+                controls.add(item.props("dense outlined"))
+            controls.add(self._sends, self._connect, leave.props("no-caps outline"))
         self._panel.set_visibility(False)
         ui.timer(0.0, self._ports, once=True)
 
@@ -158,7 +158,7 @@ CHANGED = {"diameter_mm": ("Diameter", "mm"), "depth_mm": ("Depth", "mm"), "youn
 class VirtualPanel:
     """Choose the virtual probe and its subject; a button applies the choice."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         choice = instrument.camera_controller.choice
         with ui.element("section").classes("panel stack tight"):
@@ -179,9 +179,9 @@ class VirtualPanel:
                     for name, (label, unit) in CHANGED.items()
                 }
             for select in (self._probe, self._phantom):
-                operated.add(select).props("dense outlined")
+                controls.add(select).props("dense outlined")
             self._use = ui.button("Use the virtual probe", on_click=self._chosen).props("no-caps unelevated")
-            operated.add(self._seed, *self._values.values(), self._use)
+            controls.add(self._seed, *self._values.values(), self._use)
         self._show_changes()
 
     def show(self, state: InstrumentState) -> None:
@@ -194,9 +194,9 @@ class VirtualPanel:
 
     async def _chosen(self) -> None:
         with loading(self._use):
-            await self._viewer.attempt(self._taken)
+            await self._viewer.attempt(self._apply)
 
-    def _taken(self) -> None:
+    def _apply(self) -> None:
         changed: dict[str, Any] = {}
         if self._phantom.value not in list_spheres():
             changed = {

@@ -159,13 +159,13 @@ class NumberField:
             return
         self._typing = False
         before = self._value
-        await self._viewer.attempt(self._taken, text)
+        await self._viewer.attempt(self._accept, text)
         if not self._typing:
             self.element.set_value(number_text_of_field(self._value))
         if self._value != before:
             self._just_done.replaced(before)
 
-    def _taken(self, text: str) -> None:
+    def _accept(self, text: str) -> None:
         if not text and self._emptied is not None:
             self._emptied()
             self._value = None

@@ -31,9 +31,9 @@ def panel_title(text: str, *, level: int = 2) -> Label:
 
 
 @contextmanager
-def open_dialog(place: Element, title: str, *, look: str = "asked") -> Iterator[ui.dialog]:
+def open_dialog(place: Element, title: str, *, style: str = "dialog-card") -> Iterator[ui.dialog]:
     """Open a dialog in a place of the page; it is deleted when it is closed."""
-    with place, ui.dialog(value=True) as dialog, ui.card().classes(look):
+    with place, ui.dialog(value=True) as dialog, ui.card().classes(style):
         panel_title(title)
         yield dialog
     dialog.on("hide", dialog.delete)
@@ -90,15 +90,15 @@ def message_list(messages: Iterable[str] = ()) -> Element:
     return position
 
 
-def list_message(message: str, look: str = "") -> None:
+def list_message(message: str, style: str = "") -> None:
     """Place a message in a list."""
     with ui.element("li"):
-        ui.label(message).classes(look)
+        ui.label(message).classes(style)
 
 
-def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", look: str = "table") -> Element:
+def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", style: str = "table") -> Element:
     """Place a table, its ``label`` unseen; what is made in what this gives becomes its rows."""
-    with ui.element("table").classes(look) as table:
+    with ui.element("table").classes(style) as table:
         if label:
             table.props["aria-label"] = label
         if caption:

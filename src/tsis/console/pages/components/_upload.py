@@ -26,7 +26,7 @@ def name_parts(upload: Upload, name: str) -> None:
     upload.client.run_javascript(_NAME % (upload.id, json.dumps(name)))
 
 
-LARGEST_MIB = 31  # what the gate lets pass, less what is around a file
+LARGEST_MIB = 31  # limit of the authentication for a request, less the parts around the file
 
 
 class FileField(Upload):

@@ -113,7 +113,7 @@ class LayerTable:
         self._container.clear()
         layers = self._draft.layers
         with self._container:
-            body = rows_under(HEADINGS, label="Layers, from the tissue up", look="layers")
+            body = rows_under(HEADINGS, label="Layers, from the tissue up", style="layers")
             messages = FieldMessages()
             with body:
                 for at in range(len(layers)):

@@ -44,7 +44,7 @@ class Section:
         try:
             probe = self._editor.probe.probe()
         except InputError as error:
-            beside = any(self._editor.probe.field_faults())  # where it is said already
+            beside = any(self._editor.probe.field_faults())  # which has its own message
             self._fault.text = "Not drawn while a field is wrong." if beside else f"Not drawn: {error}"
             return
         self._fault.text = ""

@@ -118,17 +118,17 @@ def camera_line(camera: CameraState) -> str:
 
 def examine_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    operated = OperatorControls(viewer)
+    controls = OperatorControls(viewer)
     with ui.element("div").classes("split examine"):
         with ui.element("section").classes("stack").props('aria-label="Live image"'):
             live = LivePanel()
         with ui.element("section").classes("stack").props('aria-label="Press, estimate and camera"'):
             with ui.element("div").classes("panel stack tight"):
-                press = PressPanel(instrument, viewer, operated)
+                press = PressPanel(instrument, viewer, controls)
                 with press.force_row:
                     force = ForceRow()
                 flags = FlagList()
-                operated.why()
+                controls.why()
             with ui.element("div").classes("panel under-tabs"):
                 with ui.tabs().props("dense no-caps align=left") as tabs:
                     reported, set_up, recorded = ui.tab("Estimate"), ui.tab("Settings"), ui.tab("Sequence")
@@ -136,13 +136,13 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
                     with ui.tab_panel(reported):
                         estimate = EstimatePanel(instrument, viewer)
                     with ui.tab_panel(set_up):
-                        settings = SettingsPanel(instrument, viewer, operated)
+                        settings = SettingsPanel(instrument, viewer, controls)
                     with ui.tab_panel(recorded):
-                        sequence = SequencePanel(instrument, viewer, operated)
+                        sequence = SequencePanel(instrument, viewer, controls)
     Keys(snapshot=press.snapshot, step=press.step, alone=live.single)
 
     def show(state: InstrumentState) -> None:
-        for part in (live, press, force, flags, estimate, settings, sequence, operated):
+        for part in (live, press, force, flags, estimate, settings, sequence, controls):
             part.show(state)
 
     viewer.follow(show)

@@ -67,7 +67,7 @@ def saved_target(store: Store, number: int) -> SavedTarget:
 class PressPanel:
     """Controls of a press."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer, self._saving = instrument, viewer, False
         with ui.element("div").classes("row"):
             self._run = RunButton(instrument, viewer)
@@ -84,7 +84,7 @@ class PressPanel:
             self._force = NumberField(
                 viewer, "Force", self._hold, unit="N", emptied=lambda: instrument.forget_force(by=viewer.identity)
             )
-        operated.add(self._run.element, self._save, back, on, self._target.element, choice, self._force.element)
+        controls.add(self._run.element, self._save, back, on, self._target.element, choice, self._force.element)
 
     def show(self, state: InstrumentState) -> None:
         """Show the instrument's press."""
@@ -139,7 +139,7 @@ FIRST_LENGTH = 10.0
 class SequencePanel:
     """Begin and end a sequence."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             self._length = unit_field("Length", number_text_of_field(FIRST_LENGTH)).classes("number-field")
@@ -153,7 +153,7 @@ class SequencePanel:
         ui.label(
             "Every frame is saved unchanged in the workspace; the recording continues when this page is closed."
         ).classes("muted")
-        operated.add(self._length, self._unit, self._begin, self._end.props("no-caps outline"))
+        controls.add(self._length, self._unit, self._begin, self._end.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
         """Show how far the sequence is."""

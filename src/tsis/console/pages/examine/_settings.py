@@ -29,7 +29,7 @@ class SettingLine:
     """One setting of the camera, changed by ``adjust``."""
 
     def __init__(
-        self, setting: Setting, adjust: Callable[[float], object], viewer: Viewer, operated: OperatorControls
+        self, setting: Setting, adjust: Callable[[float], object], viewer: Viewer, controls: OperatorControls
     ) -> None:
         self._setting, self._adjust, self._viewer = setting, adjust, viewer
         self._slider: ui.slider | None = None
@@ -37,14 +37,14 @@ class SettingLine:
         text = setting_label(setting.name)
         with ui.element("div").classes("setting"):
             self._field = NumberField(viewer, text, adjust, unit=setting.unit)
-            operated.add(self._field.element)
+            controls.add(self._field.element)
             if math.isfinite(setting.low) and math.isfinite(setting.high) and setting.low < setting.high:
                 span = setting.high - setting.low
                 self._slider = ui.slider(min=setting.low, max=setting.high, step=span / STEPS, value=setting.value)
                 self._slider.props("dense").props["aria-label"] = text
                 self._slider.on("update:model-value", self._changed)
                 self._slider.on("change", self._released)
-                operated.add(self._slider)
+                controls.add(self._slider)
                 ui.label(f"{setting.low:g} to {setting.high:.4g} {setting.unit}").classes("muted range")
 
     def show(self, value: float) -> None:
@@ -82,13 +82,13 @@ PRESET_TEXTS = {"default": "As the camera came", "minimal": "As dark as it goes"
 class SettingsPanel:
     """One slider and one field per setting; changes from elsewhere appear."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer, self._operated = instrument, viewer, operated
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer, self._controls = instrument, viewer, controls
         self._lines: dict[str, SettingLine] = {}
         with ui.element("div").classes("row"):
             for name in PRESETS:
                 button = ui.button(name.capitalize(), on_click=viewer.command(instrument.preset, name))
-                with operated.add(button.props("outline dense no-caps")):
+                with controls.add(button.props("outline dense no-caps")):
                     ui.tooltip(PRESET_TEXTS[name])
         self._container = Redrawn(ui.element("div").classes("settings"))
         self._none = ui.label("Start the camera to adjust it.").classes("muted")
@@ -101,7 +101,7 @@ class SettingsPanel:
             with self._container.element:
                 self._lines = {
                     setting.name: SettingLine(
-                        setting, partial(self._adjust, setting.name), self._viewer, self._operated
+                        setting, partial(self._adjust, setting.name), self._viewer, self._controls
                     )
                     for setting in settings
                 }

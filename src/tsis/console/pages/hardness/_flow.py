@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 HARDNESS, TARGET, BALL = "hardness", "target", "ball"
-PRESSES = 2  # at different forces, of which the second tests what the first told
+PRESSES = 2  # at different forces, of which the second tests the first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

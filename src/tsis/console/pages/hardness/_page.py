@@ -105,7 +105,7 @@ class HardnessPage:
         self._results = SavedPresses(number=0)
         self._mark: object = None
         self._trouble = ""
-        self._operated = OperatorControls(viewer)
+        self._controls = OperatorControls(viewer)
         with ui.element("div").classes("split hardness"):
             with ui.element("section").classes("panel").props('aria-label="Live image"'):
                 self._live = LiveView()
@@ -113,9 +113,9 @@ class HardnessPage:
             with ui.element("section").classes("stack").props('aria-label="Steps"'):
                 with ui.element("div").classes("panel hardness-next"):
                     self._next = ui.label().classes("strong").props("role=status")
-                    self._operated.why()
-                self._object = ObjectPart(instrument, viewer, self._operated)
-                self._presses = PressPart(instrument, viewer, self._operated)
+                    self._controls.why()
+                self._object = ObjectPart(instrument, viewer, self._controls)
+                self._presses = PressPart(instrument, viewer, self._controls)
                 self._estimating = Estimating(instrument, viewer, self._object.radius, self._presses.ball_radius)
         self._result = HardnessPanel(viewer)
         viewer.every(EVERY_S, self._refresh)
@@ -127,7 +127,7 @@ class HardnessPage:
         analysis = state.frame_analysis
         self._analysis.text = "" if analysis is None else "; ".join(flag.advice for flag in analysis.flags)
         set_class(self._analysis, "doubtful", analysis is not None and bool(analysis.flags))
-        self._operated.show(state)
+        self._controls.show(state)
         self._presses.show(state)
         self._notify(state)
 
@@ -136,7 +136,7 @@ class HardnessPage:
         state = self._state
         if state is None:
             return
-        self._operated.show(state)  # a client that was away for a moment may own the camera again
+        self._controls.show(state)  # a client that was away for a moment may own the camera again
         touches = not state.camera.choice.is_virtual or state.camera.choice.is_sphere
         try:
             now = (await self._viewer.entries(), state.target, touches)

@@ -40,7 +40,7 @@ BARE = "tsis-direct"  # the probe of the catalog that touches objects without ti
 class ObjectPart:
     """Shows and changes the measured object."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._filled: object = None
         with ui.element("div").classes("panel stack tight"):
@@ -53,11 +53,11 @@ class ObjectPart:
                 self._sphere = ui.select(spheres, value=spheres[0], label="Virtual sphere").props("dense outlined")
                 self._sphere.classes("hardness-sphere")
                 self._lay = ui.button("Lay it under the probe", icon="vertical_align_bottom", on_click=self._laid)
-                operated.add(self._lay.props("no-caps unelevated"))
+                controls.add(self._lay.props("no-caps unelevated"))
             with ui.element("div").classes("row") as self._real:
                 self._name = ui.label().classes("muted")
                 again = ui.button("Another object", icon="add", on_click=self._another).props("no-caps outline")
-                operated.add(again)
+                controls.add(again)
             with ui.element("div").classes("row") as self._size:
                 self._radius = unit_field("Radius of the object", unit="mm").classes("hardness-number")
                 self._sd = unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
@@ -133,7 +133,7 @@ FORCES_N = ("0.7", "1.2")  # that are offered
 class PressPart:
     """Takes presses and shows the saved ones."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._gauge = False
         self._offered = FORCES_N[0]
@@ -144,7 +144,7 @@ class PressPart:
             with ui.element("div").classes("row") as self._row:
                 self._force = unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
                 self._press = ui.button("Press and save", icon="photo_camera", on_click=lambda: self._save(TARGET))
-                operated.add(self._press.props("no-caps unelevated"))
+                controls.add(self._press.props("no-caps unelevated"))
             self._extra = ui.expansion("Rigid ball, for a soft probe").props("dense").classes("hardness-ball")
             with self._extra:
                 ui.label("A rigid ball shows how much the probe itself yields.").classes("muted")
@@ -154,7 +154,7 @@ class PressPart:
                     for field in (self._ball_mm, self._ball_force):
                         field.classes("hardness-number")
                     self._ball = ui.button("Press the ball and save", on_click=lambda: self._save(BALL))
-                    operated.add(self._ball.props("no-caps outline"))
+                    controls.add(self._ball.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
         """Ask for forces where there is no gauge."""

@@ -47,7 +47,7 @@ class HardnessPanel:
                 ui.link(f"Report and export of target {saved.number}", f"/records/{saved.number}")
             if not saved.is_current:
                 ui.label("Presses were saved since: estimate again to include them.").classes("doubtful")
-            with ui.element("div").classes("hardness-told"):
+            with ui.element("div").classes("hardness-report"):
                 with ui.element("div").classes("stack"):
                     cards(page.cards)
                     for item in page.tables:

@@ -175,7 +175,7 @@ LARGE_PX = 768
 def open_press(page: TargetContext, view: TargetView, press: StoredPress) -> None:
     """Show a press in a dialog."""
     title = f"Press {press_label(press)}"
-    with open_dialog(page.dialogs, title, look="asked wide") as dialog, ui.element("div").classes("press-large"):
+    with open_dialog(page.dialogs, title, style="dialog-card wide") as dialog, ui.element("div").classes("press-large"):
         with ui.element("div").classes("stack"):
             picture = ui.element("img").classes("press-picture")
             picture.props["alt"] = f"Frame {press_label(press)}"

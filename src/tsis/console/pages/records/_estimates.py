@@ -116,7 +116,7 @@ def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
 
 
 def _show_recomputation(page: TargetContext, recomputations: tuple[Recomputation, ...]) -> None:
-    with ui.element("div").classes("told").props('role="status"'):
+    with ui.element("div").classes("outcome").props('role="status"'):
         for item in recomputations:
             ui.label(f"{item.before.kind.capitalize()}: {item.message}").classes("good" if item.same else "doubtful")
             for note in recomputation_notes(item):

@@ -130,7 +130,7 @@ class _TargetTable:
             self._kind = (
                 ui.select(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
                 .props("dense outlined")
-                .classes("asked-kind")
+                .classes("kind-choice")
             )
         self._empty = ui.label(BEGIN).classes("muted")
         self._table = ui.table(

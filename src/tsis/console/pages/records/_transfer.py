@@ -85,7 +85,7 @@ TOO_LARGE = f"a bundle must be one zip file of at most {LARGEST_MIB} MiB here; l
 
 def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
     """A button that asks for a bundle, imports it, and shows the result in ``place``."""
-    with ui.dialog() as dialog, ui.card().classes("asked"):
+    with ui.dialog() as dialog, ui.card().classes("dialog-card"):
         panel_title("Import a bundle")
         ui.label(EXPLAINED).classes("muted")
         upload = one_file(viewer, "Zip file of a bundle", accept=".zip", refused=TOO_LARGE)
@@ -152,7 +152,7 @@ def verify_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
 
 
 def _show_verification(place: ui.element, verification: StoreVerification) -> None:
-    with ui.element("section").classes("told").props('role="status"'):
+    with ui.element("section").classes("outcome").props('role="status"'):
         ui.label(verdict(verification)).classes("good" if verification.sound else "flag")
         with message_list():
             for fault in verification.faults[:MOST_SHOWN]:

@@ -103,7 +103,7 @@ class ControlButtons:
     async def _take_control(self) -> None:
         owner = self._instrument.control.owner()
         if owner is None or owner.identity == self._viewer.identity:
-            await self._taken(over=False)
+            await self._take_as(over=False)
         else:
             self._question.text = _question(owner)
             self._dialog.open()
@@ -114,9 +114,9 @@ class ControlButtons:
 
     async def _take_over(self) -> None:
         self._dialog.close()
-        await self._taken(over=True)
+        await self._take_as(over=True)
 
-    async def _taken(self, *, over: bool) -> None:
+    async def _take_as(self, *, over: bool) -> None:
         """Take the camera; from another owner only after confirmation."""
         self._released = False
         await self._viewer.attempt(self._instrument.control.take, self._viewer.identity, self._viewer.name, over=over)

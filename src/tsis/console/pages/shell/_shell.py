@@ -152,7 +152,7 @@ class Shell:
         with ui.footer(elevated=False).classes("foot"):
             ui.label(RESEARCH_USE_ONLY)
             if viewer.logged_in:
-                with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("leaving"):
+                with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("logout"):
                     ui.label(f"You are in as {viewer.name}.")
                     with ui.element("button").props('type="submit"'):
                         ui.label("Log out")

@@ -111,7 +111,7 @@ class Unblinding:
         page, left = self._page, unread(study)
         blind = study.unblinded is None
         title = f"{'Unblind' if blind else 'Analyse'} study {study.plan.name}"
-        with open_dialog(self._container, title, look="asked study-asked") as dialog:
+        with open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
             if blind:
                 ui.label(f"{MEANT} The study has {count_of(len(study.readings), 'reading')}.")
             if verification.faults:
@@ -163,7 +163,7 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
                 show(result, head)
 
     def show(verification: StudyVerification, head: str) -> None:
-        with ui.element("section").classes("told").props('role="status"'):
+        with ui.element("section").classes("outcome").props('role="status"'):
             panel_title("Verification", level=3)
             ui.label(verdict(verification)).classes("good" if verification.sound else "flag")
             with message_list():

@@ -139,7 +139,7 @@ CUT = "the file did not come whole; try again"
 def import_button(page: StudyContext) -> ui.button:
     """A button that asks for device, threshold and file, and enters its readings."""
     viewer = page.viewer
-    with ui.dialog() as dialog, ui.card().classes("asked study-asked"):
+    with ui.dialog() as dialog, ui.card().classes("dialog-card study-dialog"):
         panel_title("Import readings")
         ui.label(EXPLAINED).classes("muted")
         device = unit_field("Device", keys="text")

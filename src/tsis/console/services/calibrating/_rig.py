@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 LARGEST_TYPED_N = 100.0
-FAR = 2**64  # numbers that no step draws as many of
+FAR = 2**64  # more random numbers than any step draws
 
 
 class CalibrationRig(Protocol):
@@ -31,7 +31,7 @@ class CalibrationRig(Protocol):
 
     @property
     def by_itself(self) -> bool:
-        """Whether it does what a step says, so that nobody has to."""
+        """Whether it takes the steps without an operator."""
 
     @property
     def has_gauge(self) -> bool:

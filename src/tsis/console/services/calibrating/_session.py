@@ -37,7 +37,7 @@ class StepState:
 
 
 MOST_TYPED = 100  # presses of one loading
-MOST_TYPED_BYTES = 2**30  # of the frames of all loadings that were typed and not kept, which wait in memory
+MOST_TYPED_BYTES = 2**30  # of the unsaved frames of all typed loadings, which wait in memory
 
 
 class TypedLoadings:
@@ -49,7 +49,7 @@ class TypedLoadings:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing waits to be kept."""
+        """Whether nothing is unsaved."""
         return not self._shots
 
     def shots(self, step: str) -> tuple[CalibrationFrame, ...]:
@@ -161,7 +161,7 @@ class CalibrationSession:
         return self._begin([self._open(name)], by)
 
     def take_all(self, *, by: str) -> Job:
-        """Take every step that is open, one after the other; of rigs that need nobody."""
+        """Take every step that is open, one after the other; of rigs that need no operator."""
         if not self.rig.by_itself:
             raise CalibrationError("all steps at once need the virtual bench; a camera needs a person (take each step)")
         steps = [state.step for state in self.steps() if state.status in (OPEN, LEFT_OUT)]
@@ -170,12 +170,12 @@ class CalibrationSession:
         return self._begin(steps, by)
 
     def end_loading(self, *, by: str) -> None:
-        """Say that a loading by the gauge is back at 0: what was taken is kept."""
+        """Say that a loading by the gauge is back at 0: what was taken is saved."""
         self._control.require(by)
         self._over.set()
 
     def end_step(self, *, by: str) -> None:
-        """End the step that is being taken; none of its frames is kept. Without one nothing happens."""
+        """End the step that is being taken; none of its frames is saved. Without one nothing happens."""
         self._control.require(by)
         if self.job is not None:
             self.job.end()
@@ -200,7 +200,7 @@ class CalibrationSession:
             self._typed.forget_last(name)
 
     def save_presses(self, name: str, *, by: str) -> int:
-        """Keep the presses that were typed as the step's frames, and say how many."""
+        """Save the typed presses as the step's frames, and return how many."""
         step = self._open(name)
         with self._lock:
             self._require(by)
@@ -227,7 +227,7 @@ class CalibrationSession:
             self._left_out.discard(name)
 
     def make(self, *, days: float) -> Job:
-        """Make the calibration in the background and keep its file; the job's result is the `CalibrationResult`."""
+        """Make the calibration in the background and save its file; the job's result is the `CalibrationResult`."""
         require_number("days", days, 1, 3650)
 
         def work(job: Job) -> CalibrationResult:
@@ -272,7 +272,7 @@ class CalibrationSession:
         return saved
 
     def _reporting(self, job: Job, step: CalibrationStep, before: int, total: int) -> Iterator[CalibrationFrame]:
-        """The step's frames, each told; asked to end, the job leaves, and nothing of the step is kept."""
+        """The step's frames, with progress; a cancelled job saves nothing of the step."""
 
         def over() -> bool:
             if job.ending:
@@ -284,11 +284,11 @@ class CalibrationSession:
             yield shot
 
     def _save(self, step: CalibrationStep, shots: Iterable[CalibrationFrame]) -> int:
-        saved = self.folder.save(step, self._then_set_aside(shots))
+        saved = self.folder.save(step, self._then_archive(shots))
         self._typed.forget(step.name)
         return saved
 
-    def _then_set_aside(self, shots: Iterable[CalibrationFrame]) -> Iterator[CalibrationFrame]:
+    def _then_archive(self, shots: Iterable[CalibrationFrame]) -> Iterator[CalibrationFrame]:
         """A step's frames; before the step counts as done, the calibration made from fewer frames is set aside."""
         yield from shots
         archive_calibration(self.folder)

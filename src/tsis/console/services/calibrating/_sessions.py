@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 LONGEST_FOLDER = 60
-IDLE = 4  # sessions that nobody looks at, and that are held nevertheless with what was made in them
+IDLE = 4  # idle sessions that stay in memory with their results
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +102,7 @@ class CalibrationSessions:
                 session = self._read(name)
             self._sessions[name] = self._opened[name] = session
             self._sessions.move_to_end(name)
-            self._let_go()
+            self._release()
             return session
 
     def _folders(self) -> list[Path]:
@@ -118,7 +118,7 @@ class CalibrationSessions:
         folder = SessionFolder(self._folder / name)
         return CalibrationSession(folder, rig=self._rig(folder), control=self._control, jobs=self._jobs)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         for name in [name for name, session in self._sessions.items() if session.idle][:-IDLE]:
             del self._sessions[name]
 
