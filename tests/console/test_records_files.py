@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from tests.console.asked_files import FilesOf
+from tests.console.files_client import FilesOf
 from tests.records.sample import levels, sample_dossier
 from tests.report.pdf_readers import sheets
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from nicegui import run, ui
-from tests.console.bench.places import lit_bench
+from tests.console.services.instruments import lit_bench
 from tests.console.pages.open_page import Told, on_a_page, texts
 
 from tsis.console.pages.components import CalibrationMemory, follow_store

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tests.console.bench.places import ANN, lit_bench
+from tests.console.services.instruments import ANN, lit_bench
 from tests.console.pages.open_page import Told, on_a_page, texts
 
 from tsis.console.pages.hardness._page import HardnessPage

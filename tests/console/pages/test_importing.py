@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
-from tests.console.bench.places import Held, lit_bench
+from tests.console.services.instruments import Held, lit_bench
 from tests.console.pages.open_page import Told, on_a_page
 from tests.waiting import HANGS_S
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.bench.places import Held
+from tests.console.services.instruments import Held
 from tests.waiting import HANGS_S
 
 from tsis.console._statuses import AbsentError

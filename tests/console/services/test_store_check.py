@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.bench.places import ANN
+from tests.console.services.instruments import ANN
 
 from tsis.console.services import _reading as reading
-from tsis.console.services._reading import STORE_LOOKED_AT_S, StoreCheck
+from tsis.console.services._reading import STORE_CHECK_EVERY_S, StoreCheck
 from tsis.errors import RecordsError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def test_a_store_that_was_moved_is_trouble_until_it_is_back(
     bench: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reading, "STORE_LOOKED_AT_S", 0.0)
+    monkeypatch.setattr(reading, "STORE_CHECK_EVERY_S", 0.0)
     bench.start(by=ANN)
     assert bench.state().trouble == ()
     away = (tmp_path / "store").rename(tmp_path / "away")
@@ -48,7 +48,7 @@ def test_the_disk_is_looked_at_once_a_second(bench: Instrument, monkeypatch: pyt
     monkeypatch.setattr(bench.store.database, "replaced", moved)
     place = StoreCheck(bench.store, clock=lambda: now[0])
     said = []
-    for now[0] in (0.1, STORE_LOOKED_AT_S, 1.5, 2.5, 2.6):
+    for now[0] in (0.1, STORE_CHECK_EVERY_S, 1.5, 2.5, 2.6):
         said.append(bool(place.trouble()))
     assert looks == [1.0, 2.5]
     assert said == [False, False, False, True, True]

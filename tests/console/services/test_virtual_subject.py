@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.console.bench.places import ANN, virtual_bench
+from tests.console.services.instruments import ANN, virtual_bench
 from tests.waiting import until
 
 from tsis.console.services import CameraChoice, VirtualSubject

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import httpx
 import pytest
-from tests.console.security.gated import KEY, METHODS, TOKEN, answered, gate
+from tests.console.auth.guarded import KEY, METHODS, TOKEN, answered, gate
 
 from tsis.console.auth import Access, AuthMiddleware
 from tsis.console.auth._login_routes import FAILED

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from tests.console.bench.lit_camera import COLUMNS, ROWS
-from tests.console.bench.places import ANN, LIT, lit_bench
+from tests.console.services.lit_camera import COLUMNS, ROWS
+from tests.console.services.instruments import ANN, LIT, lit_bench
 from tests.records.sample import sample_calibration
 from tests.waiting import until
 
@@ -22,7 +22,7 @@ from tsis.errors import CalibrationError, FileInputError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.console.bench.lit_camera import World
+    from tests.console.services.lit_camera import World
 
     from tsis.console.services import Instrument
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import httpx
 import pytest
-from tests.console.security.plain_requests import answer_to, status_of, upgraded
+from tests.console.auth.plain_requests import answer_to, status_of, upgraded
 from tests.waiting import HANGS_S
 
 from tsis.console.auth import Access, Sessions

@@ -9,7 +9,7 @@ import sys
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.security.conftest import OPENSSL
+from tests.console.auth.conftest import OPENSSL
 
 import tsis.console
 from tsis.console import Certificate, ConsoleSettings, serve_console

@@ -6,7 +6,7 @@ import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.security.gated import TOKEN, Clock, answered, client, gate
+from tests.console.auth.guarded import TOKEN, Clock, answered, client, gate
 
 from tsis.console.auth import Logins
 from tsis.console.auth._rate_limit import A_MINUTE

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 import pytest
-from tests.console.bench.places import ANN, virtual_bench
+from tests.console.services.instruments import ANN, virtual_bench
 from tests.hardness.stand_ins import by_table
 from tests.records.sample import WHEN, sample_dossier
 from tests.waiting import HANGS_S

@@ -6,8 +6,8 @@ import threading
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.bench.lit_camera import COLUMNS, ROWS, World, seen
-from tests.console.bench.places import LIT
+from tests.console.services.lit_camera import COLUMNS, ROWS, World, seen
+from tests.console.services.instruments import LIT
 from tests.waiting import HANGS_S, until
 
 from tsis.console.services import CameraChoice

@@ -3,8 +3,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.bench.lit_camera import World
-from tests.console.bench.places import lit_bench
+from tests.console.services.lit_camera import World
+from tests.console.services.instruments import lit_bench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import httpx
 import pytest
 from tests.console.browser import needs_browser, picture
-from tests.console.security.conftest import PASSWORD
-from tests.console.security.plain_requests import upgraded
+from tests.console.auth.conftest import PASSWORD
+from tests.console.auth.plain_requests import upgraded
 from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
-    from tests.console.security.conftest import TlsConsole
+    from tests.console.auth.conftest import TlsConsole
 
 pytestmark = pytest.mark.system
 

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 import pytest
-from tests.console.bench.lit_camera import seen
-from tests.console.bench.places import ANN, BOB, LIT, gauge, lit_bench
+from tests.console.services.lit_camera import seen
+from tests.console.services.instruments import ANN, BOB, LIT, gauge, lit_bench
 from tests.records.full_disk import FailingDisk
 from tests.waiting import HANGS_S, until
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
-    from tests.console.bench.lit_camera import World
+    from tests.console.services.lit_camera import World
 
     from tsis.console.services import Instrument
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.console.bench.places import ANN, BOB, lit_bench, virtual_bench
+from tests.console.services.instruments import ANN, BOB, lit_bench, virtual_bench
 from tests.waiting import HANGS_S
 
 from tsis.calibration import UsableCalibration

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.bench.places import ANN, BOB, Held
-from tests.console.bench.places import gauge as gauge_at
+from tests.console.services.instruments import ANN, BOB, Held
+from tests.console.services.instruments import gauge as gauge_at
 from tests.waiting import HANGS_S, until
 
 from tsis.calibration.session import SessionSetup
@@ -20,7 +20,7 @@ from tsis.errors import CalibrationError, CameraError, ControlError, FileInputEr
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.console.bench.lit_camera import World
+    from tests.console.services.lit_camera import World
 
     from tsis.calibration.session import SessionFolder
     from tsis.console.services import Instrument

@@ -6,7 +6,7 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tests.console.bench.lit_camera import World
+from tests.console.services.lit_camera import World
 from tests.waiting import HANGS_S
 
 from tsis.console.services import Instrument, InstrumentSettings

@@ -8,7 +8,7 @@ import weakref
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from tests.console.bench.places import Held
+from tests.console.services.instruments import Held
 from tests.waiting import HANGS_S, until
 
 from tsis.console.services import RESULTS, Job, Jobs

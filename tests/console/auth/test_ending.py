@@ -14,7 +14,7 @@ import httpx
 import pytest
 from tests.console.browser import needs_browser
 from tests.console.running import running_console
-from tests.console.security.plain_requests import upgraded
+from tests.console.auth.plain_requests import upgraded
 from tests.waiting import HANGS_S
 
 from tsis.console._serving import listen

@@ -7,8 +7,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from tests.console.bench.lit_camera import World
-from tests.console.bench.places import ANN, BOB, LIT, Held, gauge, lit_bench
+from tests.console.services.lit_camera import World
+from tests.console.services.instruments import ANN, BOB, LIT, Held, gauge, lit_bench
 from tests.waiting import HANGS_S, until
 
 from tsis.console.services import CameraChoice, Instrument, InstrumentSettings, InstrumentState

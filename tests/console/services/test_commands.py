@@ -29,7 +29,7 @@ class Lasting:
         assert self._begun.wait(HANGS_S)
 
     def _run(self) -> None:
-        with self._acts.act("a", "moving the probe"):
+        with self._acts.run("a", "moving the probe"):
             self._begun.set()
             self._over.wait(HANGS_S)
 
@@ -46,10 +46,10 @@ def hurried(control: ControlLock) -> Commands:
 def test_who_comes_meanwhile_is_told_what_is_being_done(hurried: Commands) -> None:
     lasting = Lasting(hurried)
     assert hurried.busy == "moving the probe"
-    with pytest.raises(ControlError, match="the bench is busy moving the probe; try again"), hurried.act("a", "x"):
+    with pytest.raises(ControlError, match="the bench is busy moving the probe; try again"), hurried.run("a", "x"):
         pytest.fail("two acts at once")
     lasting.end()
-    with hurried.act("a", "x"):
+    with hurried.run("a", "x"):
         assert hurried.busy == "x"
     assert hurried.busy == ""
 
@@ -61,7 +61,7 @@ def test_of_an_act_that_lasts_is_told_for_how_long(control: ControlLock) -> None
     assert acts.busy == "moving the probe"
     now_s[0] += 75.0
     assert acts.busy == "moving the probe (75 s so far)"
-    with pytest.raises(ControlError, match=r"busy moving the probe \(75 s so far\); try again"), acts.act("a", "x"):
+    with pytest.raises(ControlError, match=r"busy moving the probe \(75 s so far\); try again"), acts.run("a", "x"):
         pytest.fail("two acts at once")
     lasting.end()
     assert acts.busy == ""
@@ -73,7 +73,7 @@ def test_who_lost_the_camera_while_he_waited_does_not_act(control: ControlLock) 
 
     def wait() -> None:
         try:
-            with acts.act("a", "x"):
+            with acts.run("a", "x"):
                 pytest.fail("an act of who no longer holds the camera")
         except ControlError as error:
             refused.append(str(error))
@@ -87,9 +87,9 @@ def test_who_lost_the_camera_while_he_waited_does_not_act(control: ControlLock) 
 
 
 def test_an_act_that_fails_lets_the_next_one_pass(hurried: Commands) -> None:
-    with pytest.raises(InputError), hurried.act("a", "x"):
+    with pytest.raises(InputError), hurried.run("a", "x"):
         raise InputError("wrong")
-    with hurried.act("a", "y"):
+    with hurried.run("a", "y"):
         assert hurried.busy == "y"
 
 
@@ -97,5 +97,5 @@ def test_a_closed_bench_lets_nothing_pass_but_what_is_under_way(hurried: Command
     lasting = Lasting(hurried)
     hurried.close()
     lasting.end()
-    with pytest.raises(ControlError, match="the console is being ended"), hurried.act("a", "x"):
+    with pytest.raises(ControlError, match="the console is being ended"), hurried.run("a", "x"):
         pytest.fail("an act after the end")

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 import pytest
-from tests.console.bench.lit_camera import seen
-from tests.console.bench.places import ANN, Held, gauge
-from tests.console.bench.test_in_force import known
+from tests.console.services.lit_camera import seen
+from tests.console.services.instruments import ANN, Held, gauge
+from tests.console.services.test_active_calibration import known
 from tests.waiting import HANGS_S, until
 
 from tsis.errors import CameraError, ControlError, InputError
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from tests.console.bench.lit_camera import World
+    from tests.console.services.lit_camera import World
 
     from tsis.console.services import Instrument, Job
     from tsis.instrument.acquisition import Acquisition
