@@ -27,8 +27,8 @@ class FilesOf:
     def get(self, address: str, headers: Mapping[str, str] | None = None) -> httpx.Response:
         """The answer to an address below the host."""
 
-        async def asked() -> httpx.Response:
+        async def requested() -> httpx.Response:
             async with httpx.AsyncClient(transport=self._transport, base_url="http://console") as client:
                 return await client.get(address, headers=headers)
 
-        return asyncio.run(asked())
+        return asyncio.run(requested())

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-class CountedBench:
+class CountedInstrument:
     """Counts how often it is looked at; fails when told to."""
 
     def __init__(self) -> None:
@@ -35,54 +35,54 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     now = [100.0]
     monkeypatch.setattr("tsis.console.pages.components._summary.time", SimpleNamespace(monotonic=lambda: now[0]))
 
-    async def here(act: Callable[[], Any]) -> Any:
+    async def here(command: Callable[[], Any]) -> Any:
         await asyncio.sleep(0)
-        return act()
+        return command()
 
     monkeypatch.setattr("tsis.console.pages.components._summary.run", SimpleNamespace(io_bound=here))
     return lambda seconds: now.__setitem__(0, now[0] + seconds)
 
 
 def test_all_who_ask_at_once_get_one_look(clock: Callable[[float], None]) -> None:
-    async def asked() -> None:
-        bench = CountedBench()
-        glance = StatePoller(bench)  # type: ignore[arg-type]
-        first = await asyncio.gather(*(glance.state() for _ in range(20)))
-        assert bench.looks == 1
-        assert all(each is first[0] for each in first)
+    async def requested() -> None:
+        instrument = CountedInstrument()
+        poller = StatePoller(instrument)  # type: ignore[arg-type]
+        first = await asyncio.gather(*(poller.state() for _ in range(20)))
+        assert instrument.looks == 1
+        assert all(item is first[0] for item in first)
         clock(0.1)
-        assert await glance.state() is first[0]
+        assert await poller.state() is first[0]
         clock(0.2)
-        assert await glance.state() is not first[0]
-        assert bench.looks == 2
+        assert await poller.state() is not first[0]
+        assert instrument.looks == 2
 
-    asyncio.run(asked())
+    asyncio.run(requested())
 
 
 def test_a_look_that_fails_is_told_and_the_next_one_is_tried(clock: Callable[[float], None]) -> None:
-    async def asked() -> None:
-        bench = CountedBench()
-        glance = StatePoller(bench)  # type: ignore[arg-type]
-        bench.fails = True
+    async def requested() -> None:
+        instrument = CountedInstrument()
+        poller = StatePoller(instrument)  # type: ignore[arg-type]
+        instrument.fails = True
         with pytest.raises(ValueError, match="nobody foresaw"):
-            await glance.state()
-        bench.fails = False
-        assert await glance.state() is not None
+            await poller.state()
+        instrument.fails = False
+        assert await poller.state() is not None
 
-    asyncio.run(asked())
+    asyncio.run(requested())
 
 
 def test_who_stops_asking_does_not_stop_the_look_of_others(clock: Callable[[float], None]) -> None:
-    async def asked() -> None:
-        bench = CountedBench()
-        glance = StatePoller(bench)  # type: ignore[arg-type]
-        leaving, staying = asyncio.create_task(glance.state()), asyncio.create_task(glance.state())
+    async def requested() -> None:
+        instrument = CountedInstrument()
+        poller = StatePoller(instrument)  # type: ignore[arg-type]
+        leaving, staying = asyncio.create_task(poller.state()), asyncio.create_task(poller.state())
         await asyncio.sleep(0)
         leaving.cancel()
         assert await staying is not None
-        assert bench.looks == 1
+        assert instrument.looks == 1
 
-    asyncio.run(asked())
+    asyncio.run(requested())
 
 
 @pytest.mark.parametrize(

@@ -26,9 +26,9 @@ pytestmark = pytest.mark.system
 
 @pytest.fixture
 def apart() -> Iterator[WorkerProcess]:
-    made = WorkerProcess(most=6)
-    yield made
-    made.close()
+    created = WorkerProcess(most=6)
+    yield created
+    created.close()
 
 
 def test_work_is_done_elsewhere_and_its_errors_come_back(
@@ -62,13 +62,13 @@ def touch_and_sleep(path: Path) -> None:
 def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess, tmp_path: Path) -> None:
     begun = tmp_path / "begun"
     assert apart.call(require_integer, "port", 1, 0, 2) == 1
-    told: list[BaseException] = []
+    reported: list[BaseException] = []
 
     def wait() -> None:
         try:
             apart.call(touch_and_sleep, begun)
         except ControlError as error:
-            told.append(error)
+            reported.append(error)
 
     waits = threading.Thread(target=wait)
     waits.start()
@@ -76,7 +76,7 @@ def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess, tmp_p
         threading.Event().wait(0.01)
     apart.close()
     waits.join(HANGS_S)
-    assert len(told) == 1
+    assert len(reported) == 1
     with pytest.raises(ControlError, match="being ended"):
         apart.call(os.getpid)
 

@@ -26,21 +26,21 @@ def filled(path: str) -> str:
 
 def routes_of(application: Any, prefix: str) -> list[tuple[str, str]]:
     """Address and method of each route, also of applications that are mounted; WebSockets have the method WEBSOCKET."""
-    found: list[tuple[str, str]] = []
+    result: list[tuple[str, str]] = []
     inner = getattr(application, "routes", None)
     if inner is None:  # files, or another protocol: whatever is asked for below it
         below = [prefix + ending for ending in BELOW_A_MOUNT]
         return [(path, method) for path in below for method in ("GET", "POST", "WEBSOCKET")]
     for route in inner:
-        found += routes_of_one(route, prefix)
-    return found
+        result += routes_of_one(route, prefix)
+    return result
 
 
 def routes_of_one(route: Any, prefix: str) -> list[tuple[str, str]]:
     """The same, of one entry of a list of routes."""
     included = getattr(route, "effective_candidates", None)
     if included is not None:  # a router within an application
-        return [each for candidate in included() for each in routes_of_one(candidate, prefix)]
+        return [item for candidate in included() for item in routes_of_one(candidate, prefix)]
     mounted = getattr(route, "app", None)
     methods = getattr(route, "methods", None)
     path = prefix + filled(route.path)
@@ -52,7 +52,7 @@ def routes_of_one(route: Any, prefix: str) -> list[tuple[str, str]]:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         terms = InstrumentSettings(workspace=Path(folder) / "workspace", store=Path(folder) / "store")
-        with Instrument(terms) as bench:
-            gate: Any = console_app(bench, access=Access("t" * 43), hosts=())
-            every = routes_of(gate._inner, "") + [(filled(page), "GET") for page in PAGES] + list(LATER)
+        with Instrument(terms) as instrument:
+            guarded_app: Any = console_app(instrument, access=Access("t" * 43), hosts=())
+            every = routes_of(guarded_app._inner, "") + [(filled(page), "GET") for page in PAGES] + list(LATER)
     json.dump(sorted(set(every)), sys.stdout)

@@ -24,10 +24,10 @@ KEY = {"authorization": f"Bearer {TOKEN}"}
 METHODS = ["GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"]
 
 
-async def told(request: Request) -> Response:
+async def reported(request: Request) -> Response:
     """What the application sees of a request."""
-    seen = {name: request.headers[name] for name in request.headers if name.startswith(("x-", "forwarded"))}
-    return JSONResponse({"path": request.url.path, "visitor": client_identity(request).name, "headers": seen})
+    observed = {name: request.headers[name] for name in request.headers if name.startswith(("x-", "forwarded"))}
+    return JSONResponse({"path": request.url.path, "visitor": client_identity(request).name, "headers": observed})
 
 
 async def counted(request: Request) -> Response:
@@ -47,7 +47,7 @@ ROUTES = [
     Route("/counted", counted, methods=["POST"]),
     Route("/broken", broken),
     Route("/page", page),
-    Route("/{rest:path}", told, methods=METHODS),
+    Route("/{rest:path}", reported, methods=METHODS),
 ]
 
 
@@ -58,19 +58,19 @@ class Clock:
         return self.now_s
 
 
-def client(gate: AuthMiddleware, **options: Any) -> httpx.AsyncClient:
-    return httpx.AsyncClient(transport=httpx.ASGITransport(gate), base_url="http://127.0.0.1:8642", **options)
+def client(guarded_app: AuthMiddleware, **options: Any) -> httpx.AsyncClient:
+    return httpx.AsyncClient(transport=httpx.ASGITransport(guarded_app), base_url="http://127.0.0.1:8642", **options)
 
 
-def gate(*, logins: Logins | None = None, clock: Clock | None = None, secure: bool = False) -> AuthMiddleware:
+def guarded_app(*, logins: Logins | None = None, clock: Clock | None = None, secure: bool = False) -> AuthMiddleware:
     access = Access(TOKEN, logins=logins, port=8642, secure=secure)
     attempts = LoginRateLimiter(clock=clock or Clock())
     return AuthMiddleware(Starlette(routes=ROUTES), access=access, hosts=("127.0.0.1", "localhost"), tries=attempts)
 
 
 def answered(method: str, path: str, *, around: AuthMiddleware | None = None, **options: Any) -> httpx.Response:
-    async def asked() -> httpx.Response:
-        async with client(around or gate()) as user:
+    async def requested() -> httpx.Response:
+        async with client(around or guarded_app()) as user:
             return await user.request(method, path, **options)
 
-    return asyncio.run(asked())
+    return asyncio.run(requested())

@@ -37,14 +37,14 @@ def status_of(answer: bytes) -> int:
 
 def upgraded(address: str, path: str, headers: dict[str, str]) -> int:
     """The status with which a WebSocket is answered: 101 when it is opened."""
-    asked = {"Host": urlsplit(address).netloc, **headers}
+    requested = {"Host": urlsplit(address).netloc, **headers}
     fixed = {
         "Connection": "Upgrade",
         "Upgrade": "websocket",
         "Sec-WebSocket-Version": "13",
         "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
     }
-    lines = [f"GET {path} HTTP/1.1", *(f"{name}: {value}" for name, value in {**asked, **fixed}.items()), "", ""]
+    lines = [f"GET {path} HTTP/1.1", *(f"{name}: {value}" for name, value in {**requested, **fixed}.items()), "", ""]
     return status_of(answer_to(address, "\r\n".join(lines).encode("latin-1")))
 
 

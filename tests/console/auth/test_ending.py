@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import httpx
 import pytest
+from tests.console.auth.plain_requests import upgraded
 from tests.console.browser import needs_browser
 from tests.console.running import running_console
-from tests.console.auth.plain_requests import upgraded
 from tests.waiting import HANGS_S
 
 from tsis.console._serving import listen

@@ -34,19 +34,19 @@ Route = tuple[str, str]
 @pytest.fixture(scope="module")
 def routes(tmp_path_factory: pytest.TempPathFactory) -> list[Route]:
     """Address and method of each route, as the application itself lists them."""
-    told = subprocess.run(
+    reported = subprocess.run(
         [sys.executable, str(WALK)], capture_output=True, text=True, cwd=tmp_path_factory.mktemp("walk"), check=True
     )
-    found = [(path, method) for path, method in json.loads(told.stdout)]
-    paths = {path for path, _ in found}
+    result = [(path, method) for path, method in json.loads(reported.stdout)]
+    paths = {path for path, _ in result}
     assert {LIVE, REPORT, "/", "/api/v1/snapshot", "/static/console.css", "/favicon.ico", "/study/1"} <= paths
     assert any(path.startswith("/_nicegui_ws/socket.io") for path in paths)
-    assert len(found) > 90
-    return found
+    assert len(result) > 90
+    return result
 
 
 def of_http(routes: list[Route]) -> list[Route]:
-    return [each for each in routes if each[1] != "WEBSOCKET"]
+    return [item for item in routes if item[1] != "WEBSOCKET"]
 
 
 def port_of(console: RunningConsole) -> int:
@@ -56,8 +56,8 @@ def port_of(console: RunningConsole) -> int:
 def cookie(console: RunningConsole, token: str, *, age_s: float = 0.0) -> dict[str, str]:
     """The header of a session that began a while ago, signed by whoever has this token."""
     begun = Sessions(token, clock=lambda: time.time() - age_s)
-    made = Access(token, sessions=begun, port=port_of(console)).cookie()
-    return {"Cookie": made.partition(";")[0]}
+    created = Access(token, sessions=begun, port=port_of(console)).cookie()
+    return {"Cookie": created.partition(";")[0]}
 
 
 def without_a_key(console: RunningConsole) -> dict[str, dict[str, str]]:
@@ -74,16 +74,16 @@ def without_a_key(console: RunningConsole) -> dict[str, dict[str, str]]:
 
 
 def test_nobody_without_a_key_reaches_any_route(console: RunningConsole, routes: list[Route]) -> None:
-    passed, asked = [], 0
+    passed, requested = [], 0
     with httpx.Client(base_url=console.address, timeout=HANGS_S) as user:
         for who, headers in without_a_key(console).items():
             for path, method in of_http(routes):
-                asked += 1
+                requested += 1
                 answer = user.request(method, path, headers=headers)
                 if answer.status_code != 401 or (method != "HEAD" and answer.text != KEY_NEEDED):
                     passed.append((who, method, path, answer.status_code))
     assert not passed
-    assert asked > 7 * 70
+    assert requested > 7 * 70
 
 
 def test_nobody_without_a_key_opens_any_socket(console: RunningConsole, routes: list[Route]) -> None:
@@ -121,7 +121,7 @@ def test_pages_of_other_places_change_nothing_even_with_the_key(console: Running
         f"http://localhost:{port_of(console) + 1}",
         f"https://127.0.0.1:{port_of(console)}",
     )
-    unsafe = [each for each in of_http(routes) if each[1] not in SAFE_METHODS]
+    unsafe = [item for item in of_http(routes) if item[1] not in SAFE_METHODS]
     assert len(unsafe) > 15
     with httpx.Client(base_url=console.address, headers=console.key, timeout=HANGS_S) as user:
         for origin in origins:
@@ -149,9 +149,9 @@ def test_polling_passes_the_same_gate_as_sockets(console: RunningConsole) -> Non
     with httpx.Client(base_url=console.address, timeout=HANGS_S) as user:
         opened = user.get(poll, headers=console.key)
         assert opened.status_code == 200
-        told = json.loads(opened.text[1:])
-        assert told["maxPayload"] <= 2**20
-        session = told["sid"]
+        reported = json.loads(opened.text[1:])
+        assert reported["maxPayload"] <= 2**20
+        session = reported["sid"]
         for headers, code in (({}, 401), ({**console.key, "Origin": "http://evil.example"}, 403)):
             assert user.post(f"{poll}&sid={session}", headers=headers, content="40").status_code == code
         assert user.post(f"{poll}&sid={session}", headers=console.key, content="40").status_code == 200
@@ -171,7 +171,7 @@ def test_every_answer_is_guarded(console: RunningConsole, routes: list[Route]) -
 
 def test_requests_that_no_browser_sends(console: RunningConsole) -> None:
     host, key = console.address.removeprefix("http://"), f"Authorization: Bearer {console.token}\r\n"
-    told = {
+    reported = {
         "no host": f"GET / HTTP/1.1\r\n{key}\r\n",
         "no host, old": f"GET / HTTP/1.0\r\n{key}\r\n",
         "two hosts": f"GET / HTTP/1.1\r\nHost: {host}\r\nHost: evil.example\r\n{key}\r\n",
@@ -184,7 +184,7 @@ def test_requests_that_no_browser_sends(console: RunningConsole) -> None:
         "large headers": f"GET / HTTP/1.1\r\nHost: {host}\r\n{key}X: {'x' * 300_000}\r\n\r\n",
         "many headers": f"GET / HTTP/1.1\r\nHost: {host}\r\n{key}" + "X: x\r\n" * 60_000 + "\r\n",
     }
-    codes = {what: status_of(answer_to(console.address, text.encode())) for what, text in told.items()}
+    codes = {what: status_of(answer_to(console.address, text.encode())) for what, text in reported.items()}
     assert set(codes.values()) <= {400, 421, 431}, codes
     upper = f"GET / HTTP/1.1\r\nHOST: {host.upper()}\r\n{key}\r\n"
     assert status_of(answer_to(console.address, upper.encode())) == 200
@@ -200,10 +200,10 @@ TRICKS = (
 def test_tricks_with_paths_get_round_nothing_and_read_no_file(console: RunningConsole, path: str) -> None:
     head = f"GET {path} HTTP/1.1\r\nHost: {console.address.removeprefix('http://')}\r\n"
     assert status_of(answer_to(console.address, f"{head}\r\n".encode("latin-1"))) in (400, 401)
-    kept = answer_to(console.address, f"{head}Authorization: Bearer {console.token}\r\n\r\n".encode("latin-1"))
-    assert b"root:" not in kept
-    assert b"serve_console" not in kept
-    assert status_of(kept) != 500
+    remaining = answer_to(console.address, f"{head}Authorization: Bearer {console.token}\r\n\r\n".encode("latin-1"))
+    assert b"root:" not in remaining
+    assert b"serve_console" not in remaining
+    assert status_of(remaining) != 500
 
 
 def test_large_bodies_are_refused_before_they_are_read(console: RunningConsole) -> None:
@@ -237,6 +237,6 @@ def test_lies_of_a_proxy_change_no_page(console: RunningConsole) -> None:
 def test_what_cannot_become_a_websocket_is_answered(console: RunningConsole, method: str, more: str) -> None:
     host = console.address.partition("//")[2]
     opening = "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
-    asked = f"Host: {host}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n{opening}{more}\r\n"
-    answer = answer_to(console.address, f"{method} /api/v1/press HTTP/1.1\r\n{asked}".encode())
+    requested = f"Host: {host}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n{opening}{more}\r\n"
+    answer = answer_to(console.address, f"{method} /api/v1/press HTTP/1.1\r\n{requested}".encode())
     assert status_of(answer) in (400, 405)

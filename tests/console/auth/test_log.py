@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 def test_who_came_in_is_in_the_file_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    desk, other = logging.getLogger("tsis.console.auth._login_routes"), logging.getLogger("uvicorn.error")
+    controller, other = logging.getLogger("tsis.console.auth._login_routes"), logging.getLogger("uvicorn.error")
     with logging_to(tmp_path):
-        desk.info("anna logged in from 192.0.2.7")
+        controller.info("anna logged in from 192.0.2.7")
         other.log(logging.INFO, "a connection was opened")
-        desk.warning("a login from 192.0.2.8 failed")
-    desk.info("bert logged in from 192.0.2.9")
+        controller.warning("a login from 192.0.2.8 failed")
+    controller.info("bert logged in from 192.0.2.9")
     whole = (tmp_path / FILE).read_text()
     assert [line.split(": ", 1)[1] for line in whole.splitlines()] == [
         "anna logged in from 192.0.2.7",
@@ -42,16 +42,16 @@ def test_an_error_is_a_sentence_on_the_terminal_and_a_story_in_the_file(
             int("a reason\nin lines")
         except ValueError:
             logging.getLogger("tsis.console._app").exception("it failed")
-    told = capsys.readouterr().err
-    assert told.startswith("Error: it failed: ValueError: invalid literal")
-    assert told.count("\n") == 1
+    reported = capsys.readouterr().err
+    assert reported.startswith("Error: it failed: ValueError: invalid literal")
+    assert reported.count("\n") == 1
     assert "Traceback" in (tmp_path / FILE).read_text()
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("asked", [b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", b"\x00\x01\x02\r\n\r\n"])
+@pytest.mark.parametrize("requested", [b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", b"\x00\x01\x02\r\n\r\n"])
 def test_nothing_is_said_of_what_waits_when_the_console_ends_nor_of_noise(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, asked: bytes
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, requested: bytes
 ) -> None:
     monkeypatch.setattr(serving, "END_S", 0)
     begun = asyncio.Event()
@@ -66,8 +66,8 @@ def test_nothing_is_said_of_what_waits_when_the_console_ends_nor_of_noise(
             server.config.lifespan = "off"
             running = asyncio.create_task(server._serve([listener]))
             reader, writer = await asyncio.open_connection(*listener.getsockname())
-            writer.write(asked)
-            if asked.startswith(b"GET"):
+            writer.write(requested)
+            if requested.startswith(b"GET"):
                 await begun.wait()
             else:
                 await reader.read()

@@ -6,7 +6,7 @@ import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.auth.guarded import TOKEN, Clock, answered, client, gate
+from tests.console.auth.guarded import TOKEN, Clock, answered, client, guarded_app
 
 from tsis.console.auth import Logins
 from tsis.console.auth._rate_limit import A_MINUTE
@@ -20,7 +20,7 @@ PASSWORD = "a long enough password"
 def test_the_login_asks_says_no_waits_and_lets_in(tmp_path: Path) -> None:
     logins, clock = Logins(tmp_path), Clock()
     logins.add("anna", PASSWORD)
-    around = gate(logins=logins, clock=clock)
+    around = guarded_app(logins=logins, clock=clock)
     right = {"name": "anna", "password": PASSWORD, "then": "/records/3"}
 
     async def tried() -> None:
@@ -65,7 +65,7 @@ def test_the_login_asks_says_no_waits_and_lets_in(tmp_path: Path) -> None:
 def test_guesses_at_once_count_as_many(tmp_path: Path) -> None:
     logins = Logins(tmp_path)
     logins.add("anna", PASSWORD)
-    around = gate(logins=logins)
+    around = guarded_app(logins=logins)
 
     async def tried() -> list[int]:
         async with client(around) as user:
@@ -86,13 +86,13 @@ def test_what_is_no_form_is_refused_in_a_sentence(tmp_path: Path) -> None:
         (b"name=anna&password=%00%ff", 401),
         (b"&" * 8000, 401),
     ):
-        answer = answered("POST", "/login", around=gate(logins=logins), content=content)
+        answer = answered("POST", "/login", around=guarded_app(logins=logins), content=content)
         assert answer.status_code == status
     damaged = Logins(tmp_path / "other")
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "logins.json").write_text("{")
     (tmp_path / "other" / "logins.json").chmod(0o600)
-    answer = answered("POST", "/login", around=gate(logins=damaged), data={"name": "anna", "password": "x"})
+    answer = answered("POST", "/login", around=guarded_app(logins=damaged), data={"name": "anna", "password": "x"})
     assert answer.status_code == 503
 
 
@@ -100,11 +100,11 @@ def test_what_is_no_form_is_refused_in_a_sentence(tmp_path: Path) -> None:
 def test_the_login_leads_nowhere_else_and_writes_nothing_foreign_into_its_page(tmp_path: Path, then: str) -> None:
     logins = Logins(tmp_path)
     logins.add("anna", PASSWORD)
-    form = answered("GET", "/login", around=gate(logins=logins), params={"then": then})
+    form = answered("GET", "/login", around=guarded_app(logins=logins), params={"then": then})
     assert "evil" not in form.text
     assert "<script" not in form.text
     data = {"name": "anna", "password": PASSWORD, "then": then}
-    assert answered("POST", "/login", around=gate(logins=logins), data=data).headers["location"] == "/"
+    assert answered("POST", "/login", around=guarded_app(logins=logins), data=data).headers["location"] == "/"
 
 
 def test_a_console_without_logins_has_no_login() -> None:
@@ -115,7 +115,7 @@ def test_a_console_without_logins_has_no_login() -> None:
 
 def test_who_came_with_the_key_may_log_out_too() -> None:
     async def tried() -> None:
-        async with client(gate()) as user:
+        async with client(guarded_app()) as user:
             await user.get(f"/?token={TOKEN}")
             assert (await user.get("/x")).status_code == 200
             assert "key" in (await user.post("/logout")).text

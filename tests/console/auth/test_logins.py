@@ -25,9 +25,9 @@ PASSWORD = "correct horse battery"
 def test_the_right_password_and_no_other(tmp_path: Path) -> None:
     logins = Logins(tmp_path)
     logins.add("anna", PASSWORD)
-    found = logins.check("anna", PASSWORD)
-    assert found is not None
-    assert found.name == "anna"
+    result = logins.check("anna", PASSWORD)
+    assert result is not None
+    assert result.name == "anna"
     for name, password in (("anna", PASSWORD + " "), ("anna", ""), ("Anna", PASSWORD), ("bob", PASSWORD), ("", "")):
         assert logins.check(name, password) is None
 
@@ -36,10 +36,10 @@ def test_what_is_kept_is_argon2id_of_the_password(tmp_path: Path) -> None:
     Logins(tmp_path).add("anna", PASSWORD)
     text = (tmp_path / FILE).read_text()
     assert PASSWORD not in text
-    kept = json.loads(text)["logins"][0]["hash"]
-    assert argon2.low_level.verify_secret(kept.encode(), PASSWORD.encode(), argon2.low_level.Type.ID)
+    remaining = json.loads(text)["logins"][0]["hash"]
+    assert argon2.low_level.verify_secret(remaining.encode(), PASSWORD.encode(), argon2.low_level.Type.ID)
     Logins(tmp_path).add("bob", PASSWORD)
-    hashes = {each["hash"] for each in json.loads((tmp_path / FILE).read_text())["logins"]}
+    hashes = {item["hash"] for item in json.loads((tmp_path / FILE).read_text())["logins"]}
     assert len(hashes) == 2  # each with its own salt
 
 
@@ -47,18 +47,18 @@ def test_unknown_names_cost_what_known_ones_do(tmp_path: Path, monkeypatch: pyte
     assert extract_parameters(NOBODY) == extract_parameters(ARGON2ID.hash(PASSWORD))
     logins = Logins(tmp_path)
     logins.add("anna", PASSWORD)
-    seen: list[str] = []
+    observed: list[str] = []
     verify = ARGON2ID.verify
 
-    def noted(_: object, kept: str, given: str) -> bool:
-        seen.append(kept)
-        return verify(kept, given)
+    def noted(_: object, remaining: str, given: str) -> bool:
+        observed.append(remaining)
+        return verify(remaining, given)
 
     monkeypatch.setattr(type(ARGON2ID), "verify", noted)
     logins.check("anna", "wrong")
     logins.check("nobody", "wrong")
-    assert len(seen) == 2
-    assert seen[1] == NOBODY
+    assert len(observed) == 2
+    assert observed[1] == NOBODY
 
 
 def test_one_password_whichever_keyboard_wrote_it(tmp_path: Path) -> None:
@@ -82,19 +82,19 @@ def test_passwords_that_are_too_short_or_too_long_are_refused(tmp_path: Path, pa
 def test_a_removed_login_is_gone_for_consoles_that_run(tmp_path: Path) -> None:
     running, program = Logins(tmp_path), Logins(tmp_path)
     program.add("anna", PASSWORD)
-    found = running.check("anna", PASSWORD)
-    assert found is not None
-    assert running.holds("anna", found.proof)
+    result = running.check("anna", PASSWORD)
+    assert result is not None
+    assert running.holds("anna", result.proof)
     program.remove("anna")
-    assert not running.holds("anna", found.proof)
+    assert not running.holds("anna", result.proof)
     assert running.names() == ()
     with pytest.raises(UnknownNameError, match="'anna'"):
         program.remove("anna")
 
 
 def test_there_is_an_end_to_logins(tmp_path: Path) -> None:
-    kept = [{"name": f"n{number}", "hash": NOBODY, "given": "2026-11-01"} for number in range(MOST)]
-    write_private(tmp_path / FILE, json.dumps({"logins": kept}).encode())
+    remaining = [{"name": f"n{number}", "hash": NOBODY, "given": "2026-11-01"} for number in range(MOST)]
+    write_private(tmp_path / FILE, json.dumps({"logins": remaining}).encode())
     with pytest.raises(InputError, match=f"at most {MOST}"):
         Logins(tmp_path).add("anna", PASSWORD)
 

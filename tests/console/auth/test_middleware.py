@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import httpx
 import pytest
-from tests.console.auth.guarded import KEY, METHODS, TOKEN, answered, gate
+from tests.console.auth.guarded import KEY, METHODS, TOKEN, answered, guarded_app
 
 from tsis.console.auth import Access, AuthMiddleware
 from tsis.console.auth._login_routes import FAILED
@@ -92,7 +92,7 @@ def test_foreign_names_and_origins_are_refused_with_the_key() -> None:
 
 def test_nothing_that_a_proxy_would_say_is_believed() -> None:
     endings = ("prefix", "host", "for", "proto", "port", "server")
-    lies = {**{f"x-forwarded-{each}": "evil" for each in endings}, "forwarded": "for=127.0.0.1", "x-mine": "ours"}
+    lies = {**{f"x-forwarded-{item}": "evil" for item in endings}, "forwarded": "for=127.0.0.1", "x-mine": "ours"}
     assert answered("GET", "/x", headers={**KEY, **lies}).json()["headers"] == {"x-mine": "ours"}
 
 
@@ -148,7 +148,7 @@ def test_every_answer_bears_the_safe_headers_and_pages_their_nonce() -> None:
 
 
 def test_tls_is_asked_for_from_now_on_but_not_of_the_whole_machine() -> None:
-    around = gate(secure=True)
+    around = guarded_app(secure=True)
     assert "max-age" in answered("GET", "/x", around=around).headers["strict-transport-security"]
     local = answered("GET", "/x", around=around, headers={"host": "localhost:8642"})
     assert "strict-transport-security" not in local.headers

@@ -28,9 +28,9 @@ ADDRESS = f"http://127.0.0.1:8642/?token={TOKEN}"
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> queue.Queue[str]:
     """What a browser was told to open."""
-    told: queue.Queue[str] = queue.Queue()
-    monkeypatch.setattr(webbrowser, "open", told.put)
-    return told
+    reported: queue.Queue[str] = queue.Queue()
+    monkeypatch.setattr(webbrowser, "open", reported.put)
+    return reported
 
 
 def file_of(address: str) -> Path:

@@ -37,22 +37,22 @@ def page(console: RunningConsole, browser: Browser) -> Iterator[Page]:
 
 
 def violations(page: Page) -> list[str]:
-    found: list[str] = page.evaluate("window.violations")
-    return found
+    result: list[str] = page.evaluate("window.violations")
+    return result
 
 
 @pytest.mark.parametrize("address", [*ADDRESSES, "/nowhere"])
 def test_every_page_works_under_the_policy(console: RunningConsole, page: Page, address: str) -> None:
     complaints: list[str] = []
-    asked: set[str] = set()
+    requested: set[str] = set()
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("request", lambda request: asked.add(request.url))
+    page.on("request", lambda request: requested.add(request.url))
     page.goto(console.address + address)
     page.get_by_role("navigation", name="Pages").wait_for()
     page.locator("main").locator("*").first.wait_for()
     assert violations(page) == []
     assert complaints == []
-    assert [each for each in asked if not each.startswith((console.address, "data:", "blob:"))] == []
+    assert [item for item in requested if not item.startswith((console.address, "data:", "blob:"))] == []
 
 
 def test_scripts_of_others_do_not_run(console: RunningConsole, page: Page) -> None:
@@ -77,7 +77,7 @@ def test_scripts_of_others_do_not_run(console: RunningConsole, page: Page) -> No
         }"""
     )
     page.wait_for_function("window.violations.length >= 6")
-    directives = {each.split()[0] for each in violations(page)}
+    directives = {item.split()[0] for item in violations(page)}
     assert directives == {"script-src-elem", "script-src-attr", "frame-src", "img-src", "connect-src"}
     assert page.evaluate("window.ran") is None
 
@@ -88,9 +88,9 @@ def test_no_page_can_be_framed(console: RunningConsole, browser: Browser) -> Non
     page.goto(console.entrance)
     page.get_by_role("navigation", name="Pages").wait_for()
     outside = context.new_page()
-    said: list[str] = []
-    outside.on("console", lambda message: said.append(message.text))
+    reported: list[str] = []
+    outside.on("console", lambda message: reported.append(message.text))
     with outside.expect_event("console"):
         outside.set_content(f'<iframe src="{console.address}/about"></iframe>')
-    assert any("frame" in each.lower() for each in said)
+    assert any("frame" in item.lower() for item in reported)
     context.close()

@@ -61,7 +61,7 @@ def test_slow_people_never_wait() -> None:
 def test_addresses_do_not_wait_for_each_other_until_there_are_many() -> None:
     attempts = LoginRateLimiter(clock=lambda: 0.0)
     addresses = [f"192.0.2.{number}" for number in range(1, 50)]
-    waits = [attempts.wait_s(each) for each in addresses]
+    waits = [attempts.wait_s(item) for item in addresses]
     assert waits == [0.0] * A_MINUTE_OVER_ALL + [60.0] * (len(addresses) - A_MINUTE_OVER_ALL)
 
 
@@ -84,9 +84,9 @@ def next_wait_s(attempts: LoginRateLimiter) -> float:
 def test_who_is_in_waits_no_longer_than_a_minute_again() -> None:
     clock = Clock()
     attempts = LoginRateLimiter(clock=clock)
-    for wanted in (60, 120, 240):
-        assert next_wait_s(attempts) == wanted
-        clock.now_s += wanted
+    for expected in (60, 120, 240):
+        assert next_wait_s(attempts) == expected
+        clock.now_s += expected
     assert attempts.wait_s("192.0.2.7") == 0
     attempts.succeeded("192.0.2.7")
     assert next_wait_s(attempts) == 60
@@ -104,9 +104,9 @@ def test_a_login_of_ones_own_buys_no_more_guesses() -> None:
 def test_who_stays_away_begins_anew_and_who_goes_on_does_not() -> None:
     clock = Clock()
     attempts = LoginRateLimiter(clock=clock)
-    for wanted in (60, 120):
-        assert next_wait_s(attempts) == wanted
-        clock.now_s += wanted
+    for expected in (60, 120):
+        assert next_wait_s(attempts) == expected
+        clock.now_s += expected
     clock.now_s += FORGOTTEN_S / 2
     assert attempts.wait_s("192.0.2.7") == 0
     clock.now_s += FORGOTTEN_S - 1

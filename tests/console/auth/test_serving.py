@@ -38,12 +38,12 @@ def test_a_network_is_refused_without_a_certificate_and_a_login(
 ) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     tls = Certificate(chain=certificate[0], key=certificate[1])
-    wanted = "unless a certificate and a login are there"
+    expected = "unless a certificate and a login are there"
     for host in ("0.0.0.0", "::", ELSEWHERE):
-        assert wanted in refused(ConsoleSettings(host=host))
-        assert wanted in refused(ConsoleSettings(host=host, certificate=tls))
+        assert expected in refused(ConsoleSettings(host=host))
+        assert expected in refused(ConsoleSettings(host=host, certificate=tls))
     Logins(tmp_path).add("anna", PASSWORD)
-    assert wanted in refused(ConsoleSettings(host=ELSEWHERE))
+    assert expected in refused(ConsoleSettings(host=ELSEWHERE))
     # With both it gets as far as the socket, and this machine has no such address.
     assert "must be free" in refused(ConsoleSettings(host=ELSEWHERE, certificate=tls))
 
@@ -61,8 +61,8 @@ def test_ports_are_ports(port: float) -> None:
 
 
 def test_only_loopback_is_loopback() -> None:
-    assert all(is_loopback(each) for each in ("127.0.0.1", "127.8.9.1", "::1"))
-    assert not any(is_loopback(each) for each in ("0.0.0.0", "::", "192.0.2.1", "fe80::1%eth0", "10.0.0.1"))
+    assert all(is_loopback(item) for item in ("127.0.0.1", "127.8.9.1", "::1"))
+    assert not any(is_loopback(item) for item in ("0.0.0.0", "::", "192.0.2.1", "fe80::1%eth0", "10.0.0.1"))
     assert is_loopback(resolve_host("localhost"))
     with pytest.raises(InputError, match="must be an address of this machine"):
         resolve_host("no such name")
@@ -90,10 +90,12 @@ def test_a_console_that_cannot_listen_leaves_the_key_as_it_is(tmp_path: Path, mo
 
 @pytest.mark.system
 def test_what_begins_late_loads_late() -> None:
-    asked = "import sys; from tsis.console import Logins; print(Logins.__name__, *sys.modules)"
-    said = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True).stdout.split()
-    assert said[0] == "Logins"
-    assert not {"nicegui", "fastapi", "uvicorn", "tsis.console.services", "tsis.records"} & set(said)
+    requested = "import sys; from tsis.console import Logins; print(Logins.__name__, *sys.modules)"
+    reported = subprocess.run(
+        [sys.executable, "-c", requested], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert reported[0] == "Logins"
+    assert not {"nicegui", "fastapi", "uvicorn", "tsis.console.services", "tsis.records"} & set(reported)
     assert {getattr(tsis.console, name).__name__ for name in tsis.console.__all__} == set(tsis.console.__all__)
     assert set(tsis.console.__all__) <= set(dir(tsis.console))
     with pytest.raises(AttributeError, match="no attribute 'Bensh'"):
@@ -132,6 +134,6 @@ def test_certificates_that_will_not_do_are_one_sentence(certificate: tuple[Path,
         (chain, other): "must hold a certificate and its key",
         (chain, locked): "must not be locked by a password",
     }
-    for (each, its), sentence in wrong.items():
-        with pytest.raises(FileInputError, match=sentence):
-            Certificate(chain=each, key=its).context()
+    for (item, its), message in wrong.items():
+        with pytest.raises(FileInputError, match=message):
+            Certificate(chain=item, key=its).context()

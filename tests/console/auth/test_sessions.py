@@ -29,9 +29,9 @@ def sessions(now_s: float = NOW_S, *, token: str = TOKEN, folder: Path | None = 
 
 def test_a_session_is_read_back_by_a_console_that_was_started_anew() -> None:
     value, lasts_s = sessions().cookie(name="anna", proof="p")
-    found = sessions(NOW_S + 60).read(value)
-    assert found is not None
-    assert (found.name, found.proof, found.ends_s) == ("anna", "p", NOW_S + LOGIN_S)
+    result = sessions(NOW_S + 60).read(value)
+    assert result is not None
+    assert (result.name, result.proof, result.ends_s) == ("anna", "p", NOW_S + LOGIN_S)
     assert lasts_s == LOGIN_S
     assert sessions().cookie()[1] == KEY_S == 7 * DAY_S
 
@@ -58,9 +58,9 @@ def test_a_cookie_does_not_hold_the_key() -> None:
 @given(st.data())
 def test_a_changed_cookie_is_none(data: st.DataObject) -> None:
     value, _ = sessions().cookie(name="anna", proof="p")
-    place = data.draw(st.integers(0, len(value) - 2))  # the last letter holds bits that say nothing
-    letter = data.draw(st.characters(min_codepoint=33, max_codepoint=126).filter(lambda each: each != value[place]))
-    assert sessions().read(value[:place] + letter + value[place + 1 :]) is None
+    position = data.draw(st.integers(0, len(value) - 2))  # the last letter holds bits that say nothing
+    letter = data.draw(st.characters(min_codepoint=33, max_codepoint=126).filter(lambda item: item != value[position]))
+    assert sessions().read(value[:position] + letter + value[position + 1 :]) is None
 
 
 @given(st.text(max_size=600))
@@ -78,20 +78,20 @@ def test_a_session_that_was_ended_stays_ended(tmp_path: Path) -> None:
     value, _ = sessions(folder=tmp_path).cookie()
     other, _ = sessions(folder=tmp_path).cookie()
     running = sessions(folder=tmp_path)
-    found = running.read(value)
-    assert found is not None
-    running.end(found)
-    for each in (running, sessions(NOW_S + 5, folder=tmp_path)):
-        assert each.read(value) is None
-        assert each.read(other) is not None
+    result = running.read(value)
+    assert result is not None
+    running.end(result)
+    for item in (running, sessions(NOW_S + 5, folder=tmp_path)):
+        assert item.read(value) is None
+        assert item.read(other) is not None
 
 
 def test_ended_sessions_are_forgotten_when_they_would_be_over_anyway(tmp_path: Path) -> None:
     for now_s in (NOW_S, NOW_S + KEY_S + 1):
         running = sessions(now_s, folder=tmp_path)
-        found = running.read(running.cookie()[0])
-        assert found is not None
-        running.end(found)
+        result = running.read(running.cookie()[0])
+        assert result is not None
+        running.end(result)
     assert len(json.loads((tmp_path / ENDED).read_bytes())) == 1
 
 
@@ -101,30 +101,30 @@ def test_ended_sessions_are_forgotten_when_they_would_be_over_anyway(tmp_path: P
 def test_a_damaged_list_of_ended_sessions_stops_nothing(tmp_path: Path, content: str) -> None:
     write_private(tmp_path / ENDED, content.encode())
     running = sessions(folder=tmp_path)
-    found = running.read(running.cookie()[0])
-    assert found is not None
-    running.end(found)
-    assert json.loads((tmp_path / ENDED).read_bytes()) == {found.identity: found.ends_s}
+    result = running.read(running.cookie()[0])
+    assert result is not None
+    running.end(result)
+    assert json.loads((tmp_path / ENDED).read_bytes()) == {result.identity: result.ends_s}
 
 
 def test_two_consoles_of_one_user_keep_what_the_other_has_ended(tmp_path: Path) -> None:
     consoles = sessions(folder=tmp_path), sessions(folder=tmp_path)
-    values = [each.cookie()[0] for each in consoles]
-    for each, value in zip(consoles, values, strict=True):
-        found = each.read(value)
-        assert found is not None
-        each.end(found)
+    values = [item.cookie()[0] for item in consoles]
+    for item, value in zip(consoles, values, strict=True):
+        result = item.read(value)
+        assert result is not None
+        item.end(result)
     assert [sessions(folder=tmp_path).read(value) for value in values] == [None, None]
 
 
 def test_a_session_is_over_though_that_cannot_be_written(tmp_path: Path) -> None:
     running = sessions(folder=tmp_path / "user")
     value, _ = running.cookie()
-    found = running.read(value)
-    assert found is not None
+    result = running.read(value)
+    assert result is not None
     (tmp_path / "user").write_bytes(b"")
     with pytest.raises(FileInputError):
-        running.end(found)
+        running.end(result)
     assert running.read(value) is None
 
 
@@ -135,9 +135,9 @@ def test_a_login_that_is_gone_or_has_another_password_ends_its_sessions(tmp_path
     login = logins.check("anna", "a long enough password")
     assert login is not None
     headers = {"cookie": access.cookie(login).partition(";")[0]}
-    found = access.client_identity(headers)
-    assert found is not None
-    assert found.name == "anna"
+    result = access.client_identity(headers)
+    assert result is not None
+    assert result.name == "anna"
     others.add("anna", "another long password")
     assert access.client_identity(headers) is None
     assert Access(TOKEN, port=1).client_identity(headers) is None  # a console without logins
@@ -155,7 +155,7 @@ def test_the_cookie_goes_nowhere_else() -> None:
 
 @given(before=st.lists(st.from_regex(r"[a-z%]{1,8}(=[^;\x00-\x1f]{0,8})?", fullmatch=True), max_size=4))
 def test_our_cookie_is_found_among_others(before: list[str]) -> None:
-    others = [each for each in before if not each.startswith("tsis=")]
+    others = [item for item in before if not item.startswith("tsis=")]
     value = secrets.token_urlsafe(8)
     assert cookie_of("; ".join([*others, f"tsis={value}"]), "tsis") == value
 

@@ -50,8 +50,8 @@ async def failing(_scope: Scope, _receive: Receive, send: Send) -> None:
 
 
 def scope(headers: dict[str, str], **others: Any) -> dict[str, Any]:
-    asked = {"host": "127.0.0.1", **headers}
-    raw = [(name.encode(), value.encode()) for name, value in asked.items()]
+    requested = {"host": "127.0.0.1", **headers}
+    raw = [(name.encode(), value.encode()) for name, value in requested.items()]
     return {"type": "websocket", "path": "/live", "scheme": "ws", "query_string": b"", "headers": raw, **others}
 
 
@@ -70,10 +70,14 @@ async def settled() -> None:
 
 def test_refused_sockets_are_closed_or_answered() -> None:
     async def tried() -> None:
-        gate, plain, answered = AuthMiddleware(accepting, access=Access(TOKEN), hosts=("127.0.0.1",)), Peer(), Peer()
-        await gate(scope({}), plain.receive, plain.send)
+        guarded_app, plain, answered = (
+            AuthMiddleware(accepting, access=Access(TOKEN), hosts=("127.0.0.1",)),
+            Peer(),
+            Peer(),
+        )
+        await guarded_app(scope({}), plain.receive, plain.send)
         assert plain.sent == [{"type": "websocket.close", "code": 1008}]
-        await gate(scope({}, extensions={DENIAL: {}}), answered.receive, answered.send)
+        await guarded_app(scope({}, extensions={DENIAL: {}}), answered.receive, answered.send)
         assert answered.kinds == ["websocket.http.response.start", "websocket.http.response.body"]
         assert answered.sent[0]["status"] == 401
         assert b"content-security-policy" in dict(answered.sent[0]["headers"])
@@ -84,21 +88,21 @@ def test_refused_sockets_are_closed_or_answered() -> None:
 def test_a_session_that_ends_takes_its_sockets_with_it_and_no_others() -> None:
     async def tried() -> None:
         access = Access(TOKEN)
-        gate = AuthMiddleware(accepting, access=access, hosts=("127.0.0.1",))
+        guarded_app = AuthMiddleware(accepting, access=access, hosts=("127.0.0.1",))
         first, second = key(access), key(access)
         peers = [Peer(), Peer(), Peer()]
         tasks = [
-            asyncio.create_task(gate(scope(headers), peer.receive, peer.send))
+            asyncio.create_task(guarded_app(scope(headers), peer.receive, peer.send))
             for headers, peer in zip((first, second, first), peers, strict=True)
         ]
         await settled()
-        gate._sockets.check()
+        guarded_app._sockets.check()
         await settled()
         assert [peer.kinds for peer in peers] == [["websocket.accept"]] * 3
         session = access.session(first)
         assert session is not None
         access.sessions.end(session)
-        gate._sockets.check()
+        guarded_app._sockets.check()
         await settled()
         assert [task.done() for task in tasks] == [True, False, True]
         assert peers[0].sent[-1] == {"type": "websocket.close", "code": 1008}
@@ -113,17 +117,17 @@ def test_a_session_that_ends_takes_its_sockets_with_it_and_no_others() -> None:
 def test_there_is_an_end_to_sockets() -> None:
     async def tried() -> None:
         access = Access(TOKEN)
-        gate, headers = AuthMiddleware(accepting, access=access, hosts=("127.0.0.1",)), key(access)
+        guarded_app, headers = AuthMiddleware(accepting, access=access, hosts=("127.0.0.1",)), key(access)
         peers = [Peer() for _ in range(MOST)]
-        tasks = [asyncio.create_task(gate(scope(headers), peer.receive, peer.send)) for peer in peers]
+        tasks = [asyncio.create_task(guarded_app(scope(headers), peer.receive, peer.send)) for peer in peers]
         await settled()
         late = Peer()
-        await gate(scope(headers, extensions={DENIAL: {}}), late.receive, late.send)
+        await guarded_app(scope(headers, extensions={DENIAL: {}}), late.receive, late.send)
         assert late.sent[0]["status"] == 503
         tasks[0].cancel()
         await settled()
         again = Peer()
-        tasks.append(asyncio.create_task(gate(scope(headers), again.receive, again.send)))
+        tasks.append(asyncio.create_task(guarded_app(scope(headers), again.receive, again.send)))
         await settled()
         assert again.kinds == ["websocket.accept"]
         for task in tasks:

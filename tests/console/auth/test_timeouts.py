@@ -22,27 +22,27 @@ if TYPE_CHECKING:
     from starlette.types import Message, Receive, Scope, Send
 
 
-LOOKS = 4
+CHECKS = 4
 
 
 class Hurried(TimeoutProtocol):
     """Looks often, and says when it has looked a few times at a request under way."""
 
     silence_s = 0.02
-    looks = 0
+    checks = 0
     looked: asyncio.Event
 
     def _check(self) -> None:
         super()._check()
         if self.cycle is not None and not self.cycle.response_complete:
-            Hurried.looks += 1
-            if Hurried.looks == LOOKS:
+            Hurried.checks += 1
+            if Hurried.checks == CHECKS:
                 Hurried.looked.set()
 
 
 async def slow(scope: Scope, receive: Receive, send: Send) -> None:
     """Answer only when several looks have gone by."""
-    Hurried.looks, Hurried.looked = 0, asyncio.Event()
+    Hurried.checks, Hurried.looked = 0, asyncio.Event()
     await Hurried.looked.wait()
     await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"4")]})
     await send({"type": "http.response.body", "body": b"done"})
@@ -61,24 +61,24 @@ def port() -> Iterator[int]:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("said", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: x\r\nX: y\r\n"])
-def test_silence_is_ended(port: int, said: bytes) -> None:
+@pytest.mark.parametrize("reported", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: x\r\nX: y\r\n"])
+def test_silence_is_ended(port: int, reported: bytes) -> None:
     with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
-        connection.sendall(said)
+        connection.sendall(reported)
         assert connection.recv(1) == b""
 
 
 @pytest.mark.system
 def test_an_answer_that_takes_long_is_waited_for(port: int) -> None:
     assert httpx.get(f"http://127.0.0.1:{port}/", timeout=30).text == "done"
-    assert Hurried.looks == LOOKS
+    assert Hurried.checks == CHECKS
 
 
 def test_a_login_that_is_never_sent_whole_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tsis.console.auth._login_routes.FORM_S", 0.05)
     logins = Logins(tmp_path)
     logins.add("anna", "correct horse battery")
-    gate, sent = AuthMiddleware(slow, access=Access("t" * 43, logins=logins), hosts=("127.0.0.1",)), []
+    guarded_app, sent = AuthMiddleware(slow, access=Access("t" * 43, logins=logins), hosts=("127.0.0.1",)), []
 
     async def receive() -> Message:
         await asyncio.Event().wait()
@@ -89,5 +89,5 @@ def test_a_login_that_is_never_sent_whole_is_given_up(tmp_path: Path, monkeypatc
 
     scope = {"type": "http", "method": "POST", "path": "/login", "scheme": "http", "query_string": b"",
              "headers": [(b"host", b"127.0.0.1")], "client": ("192.0.2.7", 1), "server": ("127.0.0.1", 1)}  # fmt: skip
-    asyncio.run(gate(scope, receive, send))
+    asyncio.run(guarded_app(scope, receive, send))
     assert sent[0]["status"] == 400

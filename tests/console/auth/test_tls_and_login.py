@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import httpx
 import pytest
-from tests.console.browser import needs_browser, picture
 from tests.console.auth.conftest import PASSWORD
 from tests.console.auth.plain_requests import upgraded
+from tests.console.browser import needs_browser, picture
 from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
@@ -66,10 +66,10 @@ def test_a_script_comes_in_with_the_key_and_a_login_with_its_cookie(tls: TlsCons
 
 
 def complaints_of(page: Page) -> list[str]:
-    found: list[str] = []
-    page.on("console", lambda message: found.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda error: found.append(str(error)))
-    return found
+    result: list[str] = []
+    page.on("console", lambda message: result.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: result.append(str(error)))
+    return result
 
 
 @needs_browser
@@ -85,7 +85,7 @@ def test_somebody_logs_in_works_and_logs_out(tls: TlsConsole, browser: Browser) 
     page.get_by_role("button", name="Log in").click()
     page.get_by_role("alert").wait_for()
     picture(page, "login-wrong")
-    assert all("401" in each for each in complaints)
+    assert all("401" in item for item in complaints)
     complaints.clear()
     page.get_by_label("Name").fill("anna")
     page.get_by_label("Password").fill(PASSWORD)

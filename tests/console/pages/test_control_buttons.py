@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
-from tests.console.pages.open_page import Told, on_a_page
+from tests.console.pages.open_page import RecordingViewer, on_a_page
 
 from tsis.console.pages.shell._control import ControlButtons
 from tsis.console.services import ControlLock, Owner
@@ -18,25 +18,25 @@ class Faster(ControlLock):
     """Bob takes the camera just after somebody saw that nobody holds it."""
 
     def owner(self) -> Owner | None:
-        found = super().owner()
-        if found is None:
+        result = super().owner()
+        if result is None:
             self.take("tab 2", "Bob")
-        return found
+        return result
 
 
-def after(act: Callable[[ControlButtons], Any]) -> tuple[str, list[str]]:
+def after(command: Callable[[ControlButtons], Any]) -> tuple[str, list[str]]:
     """Who holds the camera after something was done on a page, and what was complained of there."""
-    bench = SimpleNamespace(control=Faster())
+    instrument = SimpleNamespace(control=Faster())
     complaints: list[str] = []
 
-    async def done(viewer: Told) -> None:
-        waited = act(ControlButtons(bench, viewer))  # type: ignore[arg-type]
+    async def done(viewer: RecordingViewer) -> None:
+        waited = command(ControlButtons(instrument, viewer))  # type: ignore[arg-type]
         if waited is not None:
             await waited
         complaints.extend(viewer.complaints)
 
-    on_a_page(bench, done)
-    holder = ControlLock.owner(bench.control)
+    on_a_page(instrument, done)
+    holder = ControlLock.owner(instrument.control)
     return "" if holder is None else holder.name, complaints
 
 
@@ -49,11 +49,11 @@ def test_a_click_on_a_free_camera_takes_it_from_nobody() -> None:
 
 
 def test_who_answers_the_question_takes_it_over() -> None:
-    async def asked(holding: ControlButtons) -> None:
-        await holding._take_control()
-        await holding._take_control()
-        assert holding._dialog.value
-        assert holding._question.text.startswith("Bob holds the camera")
-        await holding._take_over()
+    async def requested(buttons: ControlButtons) -> None:
+        await buttons._take_control()
+        await buttons._take_control()
+        assert buttons._dialog.value
+        assert buttons._question.text.startswith("Bob holds the camera")
+        await buttons._take_over()
 
-    assert after(asked)[0] == "Ann"
+    assert after(requested)[0] == "Ann"

@@ -3,8 +3,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.console.services.instruments import lit_instrument
 from tests.console.services.lit_camera import World
-from tests.console.services.instruments import lit_bench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,7 +19,7 @@ def world() -> World:
 
 
 @pytest.fixture
-def bench(tmp_path: Path, world: World) -> Iterator[Instrument]:
+def instrument(tmp_path: Path, world: World) -> Iterator[Instrument]:
     """A bench before a camera of the test's world, held by Ann."""
-    with lit_bench(tmp_path, world) as made:
-        yield made
+    with lit_instrument(tmp_path, world) as created:
+        yield created

@@ -21,24 +21,24 @@ ANN, BOB = "tab ann", "tab bob"
 LIT = "aravis:lit"
 
 
-def lit_bench(folder: Path, world: World | None = None, **terms: Any) -> Instrument:
+def lit_instrument(folder: Path, world: World | None = None, **terms: Any) -> Instrument:
     """A bench before a camera of that world, which Ann holds."""
     given: dict[str, Any] = {"camera": LIT, "workspace": folder / "workspace", "store": folder / "store"} | terms
-    bench = Instrument(InstrumentSettings(**given), connect_to=(world or World()).connect)
-    bench.control.take(ANN, "Ann", held_s=600.0)
-    return bench
+    instrument = Instrument(InstrumentSettings(**given), connect_to=(world or World()).connect)
+    instrument.control.take(ANN, "Ann", held_s=600.0)
+    return instrument
 
 
-def virtual_bench(folder: Path, **terms: Any) -> Instrument:
+def virtual_instrument(folder: Path, **terms: Any) -> Instrument:
     """A bench with the virtual probe, which Ann holds."""
     given: dict[str, Any] = {"workspace": folder / "workspace", "store": folder / "store", "probe": "tsis-2011"}
     given |= terms
-    bench = Instrument(InstrumentSettings(**given))
-    bench.control.take(ANN, "Ann", held_s=600.0)
-    return bench
+    instrument = Instrument(InstrumentSettings(**given))
+    instrument.control.take(ANN, "Ann", held_s=600.0)
+    return instrument
 
 
-class Held:
+class FixedGauge:
     """Work that goes on until it is let go, or asked to end."""
 
     def __init__(self) -> None:

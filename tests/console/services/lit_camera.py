@@ -22,7 +22,7 @@ ROWS, COLUMNS, FRAMES_PER_S = 48, 64, 100.0
 USUAL_GAIN, MOST_GAIN = 2.0, 24.0
 
 
-def seen(level: int, gain: float, rows: int = ROWS) -> NDArray[np.uint8]:
+def observed(level: int, gain: float, rows: int = ROWS) -> NDArray[np.uint8]:
     """A contact of that brightness on a dark face."""
     y, x = np.mgrid[:rows, :COLUMNS]
     spot = np.exp(-((x - COLUMNS / 2) ** 2 + (y - rows / 2) ** 2) / 60.0)
@@ -99,7 +99,7 @@ class LitCamera:
         while self._running.is_set():
             if not self._world.plugged:
                 raise RuntimeError("bulk transfer failed")
-            waiting.append(seen(self._world.level, self.gain, self._world.rows))
+            waiting.append(observed(self._world.level, self.gain, self._world.rows))
             if self._stopped.wait(1 / FRAMES_PER_S):  # the exposure
                 return
             if len(waiting) > self._world.queued:

@@ -19,7 +19,7 @@ def test_stored_frames_are_no_camera_and_the_cure_is_named(spec: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "error", "words"),
+    ("given", "error", "text"),
     [
         ({"spec": "aravs:1"}, UnknownNameError, "did you mean 'aravis'"),
         ({"spec": ""}, UnknownNameError, "camera source"),
@@ -46,9 +46,9 @@ def test_stored_frames_are_no_camera_and_the_cure_is_named(spec: str) -> None:
     ],
 )
 def test_what_cannot_be_chosen_is_refused_before_anything_starts(
-    given: dict[str, Any], error: type[Exception], words: str
+    given: dict[str, Any], error: type[Exception], text: str
 ) -> None:
-    with pytest.raises(error, match=words):
+    with pytest.raises(error, match=text):
         CameraChoice(**given)
 
 

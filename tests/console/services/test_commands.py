@@ -22,8 +22,8 @@ def control() -> ControlLock:
 class Lasting:
     """An act that lasts until it is let go."""
 
-    def __init__(self, acts: Commands) -> None:
-        self._acts, self._over, self._begun = acts, threading.Event(), threading.Event()
+    def __init__(self, commands: Commands) -> None:
+        self._acts, self._over, self._begun = commands, threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
         assert self._begun.wait(HANGS_S)
@@ -56,24 +56,24 @@ def test_who_comes_meanwhile_is_told_what_is_being_done(hurried: Commands) -> No
 
 def test_of_an_act_that_lasts_is_told_for_how_long(control: ControlLock) -> None:
     now_s = [5.0]
-    acts = Commands(control, timeout_s=0.01, clock=lambda: now_s[0])
-    lasting = Lasting(acts)
-    assert acts.busy == "moving the probe"
+    commands = Commands(control, timeout_s=0.01, clock=lambda: now_s[0])
+    lasting = Lasting(commands)
+    assert commands.busy == "moving the probe"
     now_s[0] += 75.0
-    assert acts.busy == "moving the probe (75 s so far)"
-    with pytest.raises(ControlError, match=r"busy moving the probe \(75 s so far\); try again"), acts.run("a", "x"):
+    assert commands.busy == "moving the probe (75 s so far)"
+    with pytest.raises(ControlError, match=r"busy moving the probe \(75 s so far\); try again"), commands.run("a", "x"):
         pytest.fail("two acts at once")
     lasting.end()
-    assert acts.busy == ""
+    assert commands.busy == ""
 
 
 def test_who_lost_the_camera_while_he_waited_does_not_act(control: ControlLock) -> None:
-    acts, refused = Commands(control, timeout_s=10.0), []
-    lasting = Lasting(acts)
+    commands, refused = Commands(control, timeout_s=10.0), []
+    lasting = Lasting(commands)
 
     def wait() -> None:
         try:
-            with acts.run("a", "x"):
+            with commands.run("a", "x"):
                 pytest.fail("an act of who no longer holds the camera")
         except ControlError as error:
             refused.append(str(error))

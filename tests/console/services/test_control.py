@@ -114,7 +114,7 @@ def test_the_camera_can_be_taken_from_who_acts(control: ControlLock, clock: Cloc
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("given", "text"),
     [
         ({"name": ""}, "1 to 60 characters"),
         ({"name": "a\nb"}, "1 to 60 characters"),
@@ -125,19 +125,19 @@ def test_the_camera_can_be_taken_from_who_acts(control: ControlLock, clock: Cloc
         ({"held_s": float("nan")}, "held_s must lie in"),
     ],
 )
-def test_a_holder_that_cannot_be_shown_is_refused(control: ControlLock, given: dict[str, Any], words: str) -> None:
-    wanted: dict[str, Any] = {"identity": "a", "name": "Ann"} | given
-    with pytest.raises(InputError, match=words):
-        control.take(wanted["identity"], wanted["name"], held_s=wanted.get("held_s", 10.0), over=True)
+def test_a_holder_that_cannot_be_shown_is_refused(control: ControlLock, given: dict[str, Any], text: str) -> None:
+    expected: dict[str, Any] = {"identity": "a", "name": "Ann"} | given
+    with pytest.raises(InputError, match=text):
+        control.take(expected["identity"], expected["name"], held_s=expected.get("held_s", 10.0), over=True)
     control.require("a")
 
 
 def test_of_many_who_take_it_one_gets_it() -> None:
-    control, gate = ControlLock(), threading.Barrier(8)
+    control, guarded_app = ControlLock(), threading.Barrier(8)
     got: list[str] = []
 
     def take(identity: str) -> None:
-        gate.wait(HANGS_S)
+        guarded_app.wait(HANGS_S)
         try:
             control.take(identity, identity)
         except ControlError:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 import pytest
-from tests.console.services.instruments import ANN, virtual_bench
+from tests.console.services.instruments import ANN, virtual_instrument
 from tests.hardness.stand_ins import by_table
 from tests.records.sample import WHEN, sample_dossier
 from tests.waiting import HANGS_S
@@ -19,7 +19,7 @@ from tests.waiting import HANGS_S
 import tsis
 import tsis.hardness
 from tsis.console.services import BALL_MM, CameraChoice, newest_presses
-from tsis.console.services import _subject as stage_of_a_bench
+from tsis.console.services import _subject as subject_module
 from tsis.errors import InputError
 from tsis.imaging import Sensor
 from tsis.virtual import DirectContactRig
@@ -41,9 +41,9 @@ def press(name: str, role: str, force_n: float | None, **changes: Any) -> Stored
 
 def taken(*presses: StoredPress) -> list[str]:
     """Which presses an estimate takes, those given in the order in which they were taken."""
-    ordered = tuple(replace(each, taken=WHEN + timedelta(hours=i)) for i, each in enumerate(presses))
-    dossier: TargetRecord = replace(SAMPLE, presses=ordered)
-    return [each.id.rstrip("0") for each in newest_presses(dossier, "inclusion")]
+    ordered = tuple(replace(item, taken=WHEN + timedelta(hours=i)) for i, item in enumerate(presses))
+    record: TargetRecord = replace(SAMPLE, presses=ordered)
+    return [item.id.rstrip("0") for item in newest_presses(record, "inclusion")]
 
 
 def test_of_each_role_and_force_the_newest_whatever_the_sitting() -> None:
@@ -88,16 +88,16 @@ def test_presses_at_no_force_are_left_out_and_say_nothing_of_the_terms() -> None
 
 @pytest.fixture(scope="module")
 def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Instrument]:
-    with virtual_bench(tmp_path_factory.mktemp("estimates")) as bench:
-        yield bench
+    with virtual_instrument(tmp_path_factory.mktemp("estimates")) as instrument:
+        yield instrument
 
 
-def pressed(bench: Instrument, holds: Sequence[tuple[str, float]]) -> list[SavedPress]:
-    kept = []
+def pressed(instrument: Instrument, holds: Sequence[tuple[str, float]]) -> list[SavedPress]:
+    remaining = []
     for role, force_n in holds:
-        bench.hold(role=role, force_n=force_n, by=ANN)
-        kept.append(bench.snapshot(by=ANN))
-    return kept
+        instrument.hold(role=role, force_n=force_n, by=ANN)
+        remaining.append(instrument.snapshot(by=ANN))
+    return remaining
 
 
 def failed(job: Job) -> str:
@@ -119,8 +119,8 @@ def test_what_cannot_be_estimated_is_said(probe: Instrument) -> None:
     pressed(probe, [("target", 1.0)])
     assert "must have been taken under a calibration" in failed(probe.estimate(40))
     probe.preset("default", by=ANN)
-    (known,) = pressed(probe, [("target", 1.0)])
-    everything = [each.id for each in probe.store.presses(known.target)]
+    (calibration_with,) = pressed(probe, [("target", 1.0)])
+    everything = [item.id for item in probe.store.presses(calibration_with.target)]
     assert "these are of several" in failed(probe.estimate(40, presses=everything))
     refused: tuple[dict[str, Any], ...] = (
         {"kind": "depth"},
@@ -136,13 +136,13 @@ def test_what_cannot_be_estimated_is_said(probe: Instrument) -> None:
             probe.estimate(number)  # type: ignore[arg-type]
 
 
-def raw_image(kept: SavedPress) -> tsis.TactileImage:
+def raw_image(remaining: SavedPress) -> tsis.TactileImage:
     """The press as its files tell it, without the store."""
-    levels = cv2.imread(str(kept.files.raw), cv2.IMREAD_UNCHANGED)
+    levels = cv2.imread(str(remaining.files.raw), cv2.IMREAD_UNCHANGED)
     assert levels is not None
-    told = json.loads(kept.files.sidecar.read_text())
+    reported = json.loads(remaining.files.sidecar.read_text())
     return tsis.TactileImage(
-        grey=levels.astype(float), mm_per_pixel=Sensor().mm_per_pixel, force_n=told["force"]["force_n"]
+        grey=levels.astype(float), mm_per_pixel=Sensor().mm_per_pixel, force_n=reported["force"]["force_n"]
     )
 
 
@@ -152,7 +152,7 @@ def test_an_estimate_is_that_of_the_frames_and_holds_the_truth(probe: Instrument
     probe.choose(CameraChoice(probe="tsis-2011", seed=seed), by=ANN)
     probe.start(by=ANN)
     probe.set_target(seed, by=ANN)
-    kept = pressed(probe, [("target", 0.5), ("target", 1.0), ("target", 1.5), ("plain", 1.0)])
+    remaining = pressed(probe, [("target", 0.5), ("target", 1.0), ("target", 1.5), ("plain", 1.0)])
     job = probe.estimate(seed)
     assert job.wait(HANGS_S)
     assert job.state().status == "done", job.state().sentence
@@ -160,48 +160,48 @@ def test_an_estimate_is_that_of_the_frames_and_holds_the_truth(probe: Instrument
     stage = probe.camera_controller.subject
     assert stage is not None
     directly = tsis.inclusion.estimate(
-        [raw_image(each) for each in kept[:3]],
+        [raw_image(item) for item in remaining[:3]],
         probe=tsis.load_probe("tsis-2011"),
         calibration=stage.calibration.response,
-        reference=[raw_image(kept[3])],
+        reference=[raw_image(remaining[3])],
     )
-    assert set(stored.presses) == {each.press.id for each in kept}
+    assert set(stored.presses) == {item.press.id for item in remaining}
     for name, truth in {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 100.0}.items():
         np.testing.assert_allclose(stored.estimate.samples[name], directly.samples[name], rtol=1e-9)
         low, high = stored.estimate.interval(0.9)[name]
         assert low <= truth <= high, name
-    assert probe.store.estimates(kept[0].target)[-1].id == stored.id
+    assert probe.store.estimates(remaining[0].target)[-1].id == stored.id
 
 
 @pytest.mark.slow
 def test_hardness_of_a_sphere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The mechanics of the presses come from a table: here it is the way through the bench that is tested."""
-    monkeypatch.setattr(stage_of_a_bench, "DirectContactRig", partial(DirectContactRig, solve=by_table))
-    with virtual_bench(tmp_path, probe="tsis-direct", phantom="cl2003x") as bench:
-        bench.start(by=ANN)
-        kept = pressed(bench, [("target", 0.5), ("target", 0.9), ("ball", 0.7)])
-        stage = bench.camera_controller.subject
+    monkeypatch.setattr(subject_module, "DirectContactRig", partial(DirectContactRig, solve=by_table))
+    with virtual_instrument(tmp_path, probe="tsis-direct", phantom="cl2003x") as instrument:
+        instrument.start(by=ANN)
+        remaining = pressed(instrument, [("target", 0.5), ("target", 0.9), ("ball", 0.7)])
+        stage = instrument.camera_controller.subject
         assert stage is not None
         radii: dict[str, Any] = {
             "radius_mm": stage.written_radius_mm,
             "radius_sd_mm": 0.03,
             "reference_radius_mm": BALL_MM,
         }
-        assert "reference_radius_mm must be given" in failed(bench.estimate(1, kind="hardness", options={}))
-        job = bench.estimate(1, kind="hardness", options=radii)
+        assert "reference_radius_mm must be given" in failed(instrument.estimate(1, kind="hardness", options={}))
+        job = instrument.estimate(1, kind="hardness", options=radii)
         assert job.wait(HANGS_S)
         assert job.state().status == "done", job.state().sentence
         directly = tsis.hardness.estimate(
-            [raw_image(each) for each in kept[:2]],
+            [raw_image(item) for item in remaining[:2]],
             probe=tsis.load_probe("tsis-direct"),
             calibration=stage.calibration.response,
-            reference=[raw_image(kept[2])],
+            reference=[raw_image(remaining[2])],
             **radii,
         )
-        found = job.result.estimate
-        np.testing.assert_allclose(found.samples["young_kpa"], directly.samples["young_kpa"], rtol=1e-9)
-        low, high = found.interval(0.9)["young_kpa"]
-        assert low <= kept[0].target.truth["young_kpa"] <= high
+        results = job.result.estimate
+        np.testing.assert_allclose(results.samples["young_kpa"], directly.samples["young_kpa"], rtol=1e-9)
+        low, high = results.interval(0.9)["young_kpa"]
+        assert low <= remaining[0].target.truth["young_kpa"] <= high
 
 
 @pytest.mark.slow
@@ -209,9 +209,9 @@ def test_an_estimate_that_is_ended_stores_nothing(probe: Instrument) -> None:
     probe.choose(CameraChoice(probe="tsis-2011"), by=ANN)
     probe.start(by=ANN)
     probe.set_target(77, by=ANN)
-    (kept,) = pressed(probe, [("target", 1.0)])
+    (remaining,) = pressed(probe, [("target", 1.0)])
     job = probe.estimate(77)
     job.end()
     assert job.wait(HANGS_S)
     assert job.state().status == "ended"
-    assert probe.store.estimates(kept.target) == ()
+    assert probe.store.estimates(remaining.target) == ()

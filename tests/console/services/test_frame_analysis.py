@@ -56,11 +56,11 @@ def area(outline: tuple[tuple[float, float], ...]) -> float:
 @settings(max_examples=15)
 @given(x=st.floats(200, 560), y=st.floats(170, 320), radius=st.floats(40, 150), seed=st.integers(0, 99))
 def test_a_disc_is_found_where_it_lies(x: float, y: float, radius: float, seed: int) -> None:
-    seen = contact(frame(np.where(away(x, y) < radius, 120.0, BACKGROUND), seed=seed), None)
-    assert seen is not None
-    assert seen.centroid_px == pytest.approx((x, y), abs=0.5)
-    assert area(seen.outline_px) == pytest.approx(np.pi * radius**2, rel=0.04)
-    reach = [np.hypot(px - x, py - y) for px, py in seen.outline_px]
+    observed = contact(frame(np.where(away(x, y) < radius, 120.0, BACKGROUND), seed=seed), None)
+    assert observed is not None
+    assert observed.centroid_px == pytest.approx((x, y), abs=0.5)
+    assert area(observed.outline_px) == pytest.approx(np.pi * radius**2, rel=0.04)
+    reach = [np.hypot(px - x, py - y) for px, py in observed.outline_px]
     assert radius - 2.5 < min(reach) <= max(reach) < radius + 2.5
 
 
@@ -69,19 +69,19 @@ def test_a_gaussian_is_centred_where_it_is_centred(shape: tuple[int, int]) -> No
     rows, columns = shape
     x, y, width = 0.4 * columns, 0.55 * rows, 0.09 * columns
     grey = BACKGROUND + 150 * np.exp(-((away(x, y, rows, columns) / width) ** 2) / 2)
-    seen = contact(frame(grey), None)
-    assert seen is not None
-    assert seen.centroid_px == pytest.approx((x, y), abs=0.004 * columns)
+    observed = contact(frame(grey), None)
+    assert observed is not None
+    assert observed.centroid_px == pytest.approx((x, y), abs=0.004 * columns)
 
 
 def test_what_was_there_untouched_is_no_contact() -> None:
     rim = np.where(np.abs(away(384, 246) - 200) < 12, 200.0, BACKGROUND)
     pressed = rim + np.where(away(420, 230) < 60, 50.0, 0.0)
-    known = reduced(rim)
-    found = contact(frame(pressed), known)
-    assert found is not None
-    assert found.centroid_px == pytest.approx((420, 230), abs=1.0)
-    assert contact(frame(rim), known) is None
+    calibration_with = reduced(rim)
+    result = contact(frame(pressed), calibration_with)
+    assert result is not None
+    assert result.centroid_px == pytest.approx((420, 230), abs=1.0)
+    assert contact(frame(rim), calibration_with) is None
 
 
 def test_noise_alone_is_no_contact() -> None:
@@ -93,9 +93,9 @@ def test_noise_alone_is_no_contact() -> None:
 def test_frames_of_odd_shapes_are_borne(shape: tuple[int, int]) -> None:
     grey = np.full(shape, BACKGROUND)
     grey[: shape[0] // 2 + 1, : shape[1] // 2 + 1] = 90.0
-    seen = contact(frame(grey), None)
-    if seen is not None:
-        across, down = np.array([seen.centroid_px, *seen.outline_px]).T
+    observed = contact(frame(grey), None)
+    if observed is not None:
+        across, down = np.array([observed.centroid_px, *observed.outline_px]).T
         assert ((across >= -1) & (across <= shape[1]) & (down >= -1) & (down <= shape[0])).all()
 
 
@@ -120,15 +120,15 @@ def test_the_histogram_is_that_of_numpy(full_scale: float, kind: type[np.generic
 
 
 @pytest.mark.parametrize(
-    ("bin_of_pixels", "clipped", "said"),
+    ("bin_of_pixels", "clipped", "message"),
     [(2, 0.0, "uses 3% of the scale"), (40, 0.0, ""), (63, 0.25, "25.0% of the pixels are at full scale")],
 )
-def test_the_exposure_is_judged(bin_of_pixels: int, clipped: float, said: str) -> None:
+def test_the_exposure_is_judged(bin_of_pixels: int, clipped: float, message: str) -> None:
     counts = np.zeros(BINS, dtype=np.int64)
     counts[bin_of_pixels] = 1000
     warnings = exposure_warnings(counts, clipped)
-    assert bool(warnings) == bool(said)
-    assert all(said in each for each in warnings)
+    assert bool(warnings) == bool(message)
+    assert all(message in item for item in warnings)
 
 
 @pytest.mark.parametrize("level", [BACKGROUND, 20.0, 120.0, 255.0])
@@ -136,13 +136,13 @@ def test_the_whole_of_a_frame_in_numbers_that_json_has(level: float) -> None:
     grey = np.where(away(384, 246) < 90, level, BACKGROUND)
     one = frame(grey)
     watch = PressWatch(FrameShape.of(one.tactile_image(mm_per_pixel=(0.03, 0.04))), reference=GuardReference())
-    sight, after = analyse_frame(
+    analysis, after = analyse_frame(
         watch, WatchState(), one, number=7, force=PressForce(value_n=1.0, source="typed"), untouched=None
     )
-    assert json.loads(json.dumps(asdict(sight), allow_nan=False))["number"] == 7
-    assert sight.clipped_share == pytest.approx(float((one.pixels == 255).mean()))
-    assert sum(sight.histogram) == one.pixels.size
-    assert bool(sight.contact) == (level >= 20.0)
+    assert json.loads(json.dumps(asdict(analysis), allow_nan=False))["number"] == 7
+    assert analysis.clipped_share == pytest.approx(float((one.pixels == 255).mean()))
+    assert sum(analysis.histogram) == one.pixels.size
+    assert bool(analysis.contact) == (level >= 20.0)
     assert after.reading is not None
 
 
@@ -150,14 +150,14 @@ def test_flags_that_are_up_leave_no_contact_where_there_is_none() -> None:
     grey = np.full((ROWS, COLUMNS), BACKGROUND)
     reference = GuardReference(untouched=TactileImage(grey=grey))
     watch = PressWatch(FrameShape.of(TactileImage(grey=grey)), reference=reference)
-    sight, _ = analyse_frame(watch, WatchState(), frame(grey), number=1, force=None, untouched=reduced(grey))
-    assert [flag.name for flag in sight.flags] == ["no-contact"]
-    assert sight.contact is None
+    analysis, _ = analyse_frame(watch, WatchState(), frame(grey), number=1, force=None, untouched=reduced(grey))
+    assert [flag.name for flag in analysis.flags] == ["no-contact"]
+    assert analysis.contact is None
 
 
 @pytest.mark.parametrize(
-    ("verdict", "wait_s", "said"),
+    ("verdict", "wait_s", "message"),
     [("settled", 0.0, "settled"), ("settling", 3.6, "wait 4 s"), ("cannot tell", None, "moving")],
 )
-def test_stillness_in_words(verdict: str, wait_s: float | None, said: str) -> None:
-    assert replace(UNKNOWN, verdict=verdict, wait_s=wait_s).text == said
+def test_stillness_in_words(verdict: str, wait_s: float | None, message: str) -> None:
+    assert replace(UNKNOWN, verdict=verdict, wait_s=wait_s).text == message

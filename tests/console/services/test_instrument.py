@@ -7,8 +7,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from tests.console.services.instruments import ANN, BOB, LIT, FixedGauge, gauge, lit_instrument
 from tests.console.services.lit_camera import World
-from tests.console.services.instruments import ANN, BOB, LIT, Held, gauge, lit_bench
 from tests.waiting import HANGS_S, until
 
 from tsis.console.services import CameraChoice, Instrument, InstrumentSettings, InstrumentState
@@ -27,12 +27,12 @@ def _no_thread_stays() -> Iterator[None]:
     until(lambda: threading.active_count() <= before)
 
 
-def in_thread(act: Callable[[], object], said: list[str]) -> threading.Thread:
+def in_thread(command: Callable[[], object], reported: list[str]) -> threading.Thread:
     def attempt() -> None:
         try:
-            act()
+            command()
         except TsisError as error:
-            said.append(str(error))
+            reported.append(str(error))
 
     thread = threading.Thread(target=attempt)
     thread.start()
@@ -40,27 +40,27 @@ def in_thread(act: Callable[[], object], said: list[str]) -> threading.Thread:
 
 
 def test_no_step_of_many_at_once_is_lost(tmp_path: Path) -> None:
-    with lit_bench(tmp_path) as bench:
-        said: list[str] = []
+    with lit_instrument(tmp_path) as instrument:
+        reported: list[str] = []
         together = threading.Barrier(8)
 
         def step() -> None:
             together.wait(HANGS_S)
-            bench.step_target(1, by=ANN)
+            instrument.step_target(1, by=ANN)
 
-        for thread in [in_thread(step, said) for _ in range(8)]:
+        for thread in [in_thread(step, reported) for _ in range(8)]:
             thread.join(HANGS_S)
-        assert said == []
-        assert bench.state().target == 9
-        bench.step_target(-8, by=ANN)
+        assert reported == []
+        assert instrument.state().target == 9
+        instrument.step_target(-8, by=ANN)
         with pytest.raises(InputError, match=r"target must lie in \[1, 99999\]; got 0"):
-            bench.step_target(-1, by=ANN)
-        assert bench.state().target == 1
+            instrument.step_target(-1, by=ANN)
+        assert instrument.state().target == 1
 
 
 def test_before_anything_was_done(tmp_path: Path) -> None:
-    with lit_bench(tmp_path) as bench:
-        state = bench.state()
+    with lit_instrument(tmp_path) as instrument:
+        state = instrument.state()
         assert (state.target, state.role, state.force_n, state.calibration, state.frame_analysis) == (
             1,
             "target",
@@ -87,88 +87,92 @@ def test_one_that_cannot_be_begun_leaves_no_thread_and_no_lock(tmp_path: Path) -
     )
     for terms in wrong:
         with pytest.raises((RecordsError, FileInputError)):
-            lit_bench(tmp_path, **terms)
+            lit_instrument(tmp_path, **terms)
     assert threading.active_count() == before
-    with lit_bench(tmp_path) as bench:
-        assert bench.store.targets() == ()
+    with lit_instrument(tmp_path) as instrument:
+        assert instrument.store.targets() == ()
 
 
 def test_state_never_waits_for_a_camera_that_is_being_opened(tmp_path: Path) -> None:
-    world, said = World(), list[str]()
+    world, reported = World(), list[str]()
     world.opening = threading.Event()
-    with lit_bench(tmp_path, world) as bench:
-        starting = in_thread(lambda: bench.start(by=ANN), said)
+    with lit_instrument(tmp_path, world) as instrument:
+        starting = in_thread(lambda: instrument.start(by=ANN), reported)
         assert world.waits.wait(HANGS_S)
-        state = bench.state()
+        state = instrument.state()
         assert (state.busy, state.camera.running) == ("starting the camera", False)
         with pytest.raises(ControlError, match="the bench is busy starting the camera; try again"):
-            bench.start(by=ANN)
-        bench.control.take("tab bob", "Bob", over=True)
+            instrument.start(by=ANN)
+        instrument.control.take("tab bob", "Bob", over=True)
         world.opening.set()
         starting.join(HANGS_S)
-        assert said == []
-        assert bench.state().camera.running
-        assert bench.state().busy == ""
-        bench.stop(by="tab bob")
+        assert reported == []
+        assert instrument.state().camera.running
+        assert instrument.state().busy == ""
+        instrument.stop(by="tab bob")
 
 
 def test_a_camera_that_refuses_leaves_a_bench_that_can_start_it_again(tmp_path: Path) -> None:
     world = World()
     world.refuses = "lit is held by another program; close it"
-    with lit_bench(tmp_path, world) as bench:
+    with lit_instrument(tmp_path, world) as instrument:
         with pytest.raises(CameraError, match="held by another program"):
-            bench.start(by=ANN)
-        state = bench.state()
+            instrument.start(by=ANN)
+        state = instrument.state()
         assert (state.camera.running, state.trouble, state.busy) == (False, (), "")
         with pytest.raises(CameraError, match="it is stopped"):
-            bench.snapshot(by=ANN)
+            instrument.snapshot(by=ANN)
         world.refuses = ""
-        bench.start(by=ANN)
-        bench.start(by=ANN)  # again it does nothing
+        instrument.start(by=ANN)
+        instrument.start(by=ANN)  # again it does nothing
         assert len(world.cameras) == 2
-        bench.snapshot(by=ANN)
+        instrument.snapshot(by=ANN)
 
 
-def test_another_choice_lets_go_of_the_camera_and_of_what_was_said_of_it(bench: Instrument, world: World) -> None:
-    bench.start(by=ANN)
-    bench.hold(role="ball", force_n=3.0, by=ANN)
-    bench.adjust("gain", 9.0, by=ANN)
-    bench.choose(CameraChoice(spec=LIT, probe="tsis-2011"), by=ANN)
-    state = bench.state()
+def test_another_choice_lets_go_of_the_camera_and_of_what_was_said_of_it(instrument: Instrument, world: World) -> None:
+    instrument.start(by=ANN)
+    instrument.hold(role="ball", force_n=3.0, by=ANN)
+    instrument.adjust("gain", 9.0, by=ANN)
+    instrument.choose(CameraChoice(spec=LIT, probe="tsis-2011"), by=ANN)
+    state = instrument.state()
     assert (state.camera.running, state.role, state.force_n) == (False, "target", None)
     assert state.camera.choice.probe == "tsis-2011"
-    bench.start(by=ANN)
-    assert bench.snapshot(by=ANN).press.probe == "tsis-2011"
+    instrument.start(by=ANN)
+    assert instrument.snapshot(by=ANN).press.probe == "tsis-2011"
     assert world.cameras[1].gain == 2.0
 
 
 def test_the_press_of_a_virtual_probe_may_be_said_before_it_runs_and_is_what_it_holds(tmp_path: Path) -> None:
-    with Instrument(InstrumentSettings(workspace=tmp_path / "w", store=tmp_path / "s")) as bench:
-        bench.control.take(ANN, "Ann", held_s=600.0)
-        assert (bench.state().roles, bench.state().force_n) == (("target", "plain", "untouched"), 1.0)
-        bench.hold(role="untouched", force_n=0.5, by=ANN)
-        bench.forget_force(by=ANN)
+    with Instrument(InstrumentSettings(workspace=tmp_path / "w", store=tmp_path / "s")) as instrument:
+        instrument.control.take(ANN, "Ann", held_s=600.0)
+        assert (instrument.state().roles, instrument.state().force_n) == (("target", "plain", "untouched"), 1.0)
+        instrument.hold(role="untouched", force_n=0.5, by=ANN)
+        instrument.forget_force(by=ANN)
         with pytest.raises(InputError, match="must be a number for the virtual probe, whose force is always known"):
-            bench.hold(forget=True, by=ANN)
-        assert (bench.state().role, bench.state().force_n, bench.state().lifted) == ("untouched", 0.5, True)
+            instrument.hold(forget=True, by=ANN)
+        assert (instrument.state().role, instrument.state().force_n, instrument.state().lifted) == (
+            "untouched",
+            0.5,
+            True,
+        )
         for wrong in (5.5, float("nan")):
             with pytest.raises(InputError, match="force_n must lie in"):
-                bench.hold(force_n=wrong, by=ANN)
+                instrument.hold(force_n=wrong, by=ANN)
         with pytest.raises(InputError, match="no role is called 'ball'"):
-            bench.hold(role="ball", by=ANN)
+            instrument.hold(role="ball", by=ANN)
 
 
-def test_many_watch_while_somebody_acts(bench: Instrument) -> None:
+def test_many_watch_while_somebody_acts(instrument: Instrument) -> None:
     """State is whole whenever it is asked for: no act in between makes it fail."""
-    over, wrong, looks = threading.Event(), list[Exception](), [0]
+    over, wrong, checks = threading.Event(), list[Exception](), [0]
 
     def watch() -> None:
         while not over.is_set():
             try:
-                state = bench.state()
+                state = instrument.state()
                 assert isinstance(state, InstrumentState)
                 assert state.camera.running == (state.camera.name != "")
-                looks[0] += 1
+                checks[0] += 1
             except Exception as error:
                 wrong.append(error)
                 return
@@ -177,13 +181,13 @@ def test_many_watch_while_somebody_acts(bench: Instrument) -> None:
     for thread in watching:
         thread.start()
     for step in range(10):
-        bench.start(by=ANN)
-        bench.hold(force_n=0.1 * step, by=ANN)
+        instrument.start(by=ANN)
+        instrument.hold(force_n=0.1 * step, by=ANN)
         with suppress(CameraError):
-            bench.adjust("gain", float(step), by=ANN)
-        bench.choose(CameraChoice(spec=LIT), by=ANN) if step % 2 else bench.stop(by=ANN)
-        before = looks[0]
-        until(lambda before=before: looks[0] > before or bool(wrong))  # type: ignore[misc]
+            instrument.adjust("gain", float(step), by=ANN)
+        instrument.choose(CameraChoice(spec=LIT), by=ANN) if step % 2 else instrument.stop(by=ANN)
+        before = checks[0]
+        until(lambda before=before: checks[0] > before or bool(wrong))  # type: ignore[misc]
     over.set()
     for thread in watching:
         thread.join(HANGS_S)
@@ -192,98 +196,101 @@ def test_many_watch_while_somebody_acts(bench: Instrument) -> None:
 
 def test_a_snapshot_while_another_camera_is_chosen_is_kept_whole_or_not_at_all(tmp_path: Path) -> None:
     world = World()
-    with lit_bench(tmp_path, world) as bench:
+    with lit_instrument(tmp_path, world) as instrument:
         for _ in range(5):
-            said: list[str] = []
-            bench.start(by=ANN)
+            reported: list[str] = []
+            instrument.start(by=ANN)
             threads = [
-                in_thread(lambda: bench.snapshot(by=ANN), said),
-                in_thread(lambda: bench.choose(CameraChoice(spec=LIT), by=ANN), said),
+                in_thread(lambda: instrument.snapshot(by=ANN), reported),
+                in_thread(lambda: instrument.choose(CameraChoice(spec=LIT), by=ANN), reported),
             ]
             for thread in threads:
                 thread.join(HANGS_S)
-            assert all("it is stopped" in sentence for sentence in said)
-        targets = bench.store.targets()
-        kept = sum(bench.store.press_count(bench.store.target(each.target.number)) for each in targets)
-        assert kept == len(list((tmp_path / "workspace").rglob("*.json")))
+            assert all("it is stopped" in message for message in reported)
+        targets = instrument.store.targets()
+        remaining = sum(instrument.store.press_count(instrument.store.target(item.target.number)) for item in targets)
+        assert remaining == len(list((tmp_path / "workspace").rglob("*.json")))
 
 
 def test_closing_ends_everything_at_once(tmp_path: Path) -> None:
     world = World()
-    bench = lit_bench(tmp_path, world)
-    bench.start(by=ANN)
-    bench.use_gauge(gauge(), by=ANN)
-    bench.begin_sequence(frames=100_000, by=ANN)
-    held = Held()
-    job = bench.jobs.begin("an estimate", held)
-    waiting = [bench.jobs.begin("another", Held()) for _ in range(3)]
-    assert held.begun.wait(HANGS_S)
+    instrument = lit_instrument(tmp_path, world)
+    instrument.start(by=ANN)
+    instrument.use_gauge(gauge(), by=ANN)
+    instrument.begin_sequence(frames=100_000, by=ANN)
+    owned = FixedGauge()
+    job = instrument.jobs.begin("an estimate", owned)
+    waiting = [instrument.jobs.begin("another", FixedGauge()) for _ in range(3)]
+    assert owned.begun.wait(HANGS_S)
     world.plugged = False
-    until(lambda: bench.state().camera.lost)
-    bench.close()
-    bench.close()  # again it does nothing
-    assert {each.state().status for each in (job, *waiting)} == {"ended"}
-    assert bench.state().sequence is not None
-    assert bench.state().sequence.status == "done"  # type: ignore[union-attr]
-    for act in (bench.start, bench.snapshot):
+    until(lambda: instrument.state().camera.lost)
+    instrument.close()
+    instrument.close()  # again it does nothing
+    assert {item.state().status for item in (job, *waiting)} == {"ended"}
+    assert instrument.state().sequence is not None
+    assert instrument.state().sequence.status == "done"  # type: ignore[union-attr]
+    for command in (instrument.start, instrument.snapshot):
         with pytest.raises(ControlError, match="the console is being ended"):
-            act(by=ANN)
+            command(by=ANN)
 
 
 def test_closing_while_a_camera_is_opened(tmp_path: Path) -> None:
-    world, said = World(), list[str]()
+    world, reported = World(), list[str]()
     world.opening = threading.Event()
-    bench = lit_bench(tmp_path, world)
-    starting = in_thread(lambda: bench.start(by=ANN), said)
+    instrument = lit_instrument(tmp_path, world)
+    starting = in_thread(lambda: instrument.start(by=ANN), reported)
     assert world.waits.wait(HANGS_S)
-    bench.close()
+    instrument.close()
     world.opening.set()
     starting.join(HANGS_S)
-    assert said == ["the console is being ended; the camera was not started (start the console again)"]
+    assert reported == ["the console is being ended; the camera was not started (start the console again)"]
 
 
 def test_a_gauge_that_does_not_let_go_keeps_nothing_else_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    bench, log = lit_bench(tmp_path), gauge()
-    bench.start(by=ANN)
-    bench.use_gauge(log, by=ANN)
+    instrument, log = lit_instrument(tmp_path), gauge()
+    instrument.start(by=ANN)
+    instrument.use_gauge(log, by=ANN)
     stop, closed = log.stop, list[bool]()
 
     def stuck() -> None:
         stop()
         raise GaugeError("simulated gauge did not end its readings within 5 s; unplug it")
 
-    close = bench.store.close
+    close = instrument.store.close
 
     def close_and_tell() -> None:
         close()
         closed.append(True)
 
     monkeypatch.setattr(log, "stop", stuck)
-    monkeypatch.setattr(bench.store, "close", close_and_tell)
+    monkeypatch.setattr(instrument.store, "close", close_and_tell)
     with pytest.raises(GaugeError, match="unplug it"):
-        bench.close()
+        instrument.close()
     assert closed == [True]
 
 
-def test_what_follows_the_camera_is_ended_by_who_holds_it_and_other_work_by_anybody(bench: Instrument) -> None:
-    estimate, search = bench.jobs.begin("an estimate", Held()), bench.jobs.begin("frames", Held(), at_once=True)
-    assert bench.end_job(estimate.identity, by=BOB) is estimate
+def test_what_follows_the_camera_is_ended_by_who_holds_it_and_other_work_by_anybody(instrument: Instrument) -> None:
+    estimate, search = (
+        instrument.jobs.begin("an estimate", FixedGauge()),
+        instrument.jobs.begin("frames", FixedGauge(), at_once=True),
+    )
+    assert instrument.end_job(estimate.identity, by=BOB) is estimate
     with pytest.raises(ControlError, match="held by Ann"):
-        bench.end_job(search.identity, by=BOB)
+        instrument.end_job(search.identity, by=BOB)
     assert estimate.wait(HANGS_S)
     assert (estimate.state().status, search.state().status) == ("ended", "running")
-    bench.end_job(search.identity, by=ANN)
+    instrument.end_job(search.identity, by=ANN)
     assert search.wait(HANGS_S)
     with pytest.raises(InputError, match="job must be one of this console's"):
-        bench.end_job("0" * 32, by=ANN)
+        instrument.end_job("0" * 32, by=ANN)
 
 
-def test_role_and_force_are_changed_together_or_not_at_all(bench: Instrument) -> None:
-    bench.hold(role="plain", force_n=0.5, by=ANN)
+def test_role_and_force_are_changed_together_or_not_at_all(instrument: Instrument) -> None:
+    instrument.hold(role="plain", force_n=0.5, by=ANN)
     with pytest.raises(InputError, match="no role is called 'bell'"):
-        bench.hold(role="bell", forget=True, by=ANN)
+        instrument.hold(role="bell", forget=True, by=ANN)
     with pytest.raises(InputError, match="given or forgotten, not both"):
-        bench.hold(force_n=0.7, forget=True, by=ANN)
-    assert (bench.state().role, bench.state().force_n) == ("plain", 0.5)
-    bench.hold(role="ball", forget=True, by=ANN)
-    assert (bench.state().role, bench.state().force_n) == ("ball", None)
+        instrument.hold(force_n=0.7, forget=True, by=ANN)
+    assert (instrument.state().role, instrument.state().force_n) == ("plain", 0.5)
+    instrument.hold(role="ball", forget=True, by=ANN)
+    assert (instrument.state().role, instrument.state().force_n) == ("ball", None)

@@ -8,7 +8,7 @@ import weakref
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from tests.console.services.instruments import Held
+from tests.console.services.instruments import FixedGauge
 from tests.waiting import HANGS_S, until
 
 from tsis.console.services import RESULTS, Job, Jobs
@@ -68,22 +68,22 @@ def test_few_at_once_and_all_of_many_in_order(jobs: Jobs) -> None:
         return do
 
     number = REMEMBERED // AT_ONCE * AT_ONCE
-    begun = [jobs.begin(f"job {each}", work(each)) for each in range(number)]
+    begun = [jobs.begin(f"job {item}", work(item)) for item in range(number)]
     assert [done(job) for job in begun] == ["done"] * number
     assert most[0] == AT_ONCE
-    assert [order[each] // AT_ONCE for each in range(number)] == [each // AT_ONCE for each in range(number)]
+    assert [order[item] // AT_ONCE for item in range(number)] == [item // AT_ONCE for item in range(number)]
     assert [job.result for job in begun] == list(range(number))
 
 
 def test_what_comes_after_a_job_comes_however_it_ended(jobs: Jobs) -> None:
-    held, over = [Held() for _ in range(AT_ONCE)], []
-    for each in held:
-        jobs.begin("long", each, after=lambda: over.append("long"))
-        assert each.begun.wait(HANGS_S)
+    owned, over = [FixedGauge() for _ in range(AT_ONCE)], []
+    for item in owned:
+        jobs.begin("long", item, after=lambda: over.append("long"))
+        assert item.begun.wait(HANGS_S)
     queued = jobs.begin("queued", lambda job: 1, after=lambda: over.append("queued"))
     queued.end()
-    for each in held:
-        each.over.set()
+    for item in owned:
+        item.over.set()
     assert done(queued) == "ended"
     assert "queued" in over
     failing = jobs.begin("failing", lambda job: 1 // 0, after=lambda: over.append("failing"))
@@ -93,23 +93,23 @@ def test_what_comes_after_a_job_comes_however_it_ended(jobs: Jobs) -> None:
 
 
 def test_what_must_begin_at_once_queues_behind_nothing(jobs: Jobs) -> None:
-    held = [Held() for _ in range(AT_ONCE)]
-    for each in held:
-        jobs.begin("long", each)
-        assert each.begun.wait(HANGS_S)
+    owned = [FixedGauge() for _ in range(AT_ONCE)]
+    for item in owned:
+        jobs.begin("long", item)
+        assert item.begun.wait(HANGS_S)
     queued = jobs.begin("queued", lambda job: 1)
     urgent = jobs.begin("urgent", lambda job: 2, at_once=True)
     assert done(urgent) == "done"
     assert queued.state().status == "running"
-    held[0].over.set()
+    owned[0].over.set()
     assert done(queued) == "done"
-    held[1].over.set()
+    owned[1].over.set()
 
 
 def test_too_many_are_refused(jobs: Jobs) -> None:
-    held = [Held() for _ in range(REMEMBERED)]
-    for each in held:
-        jobs.begin("long", each)
+    owned = [FixedGauge() for _ in range(REMEMBERED)]
+    for item in owned:
+        jobs.begin("long", item)
     with pytest.raises(ControlError, match=f"at most {REMEMBERED} jobs may wait at once"):
         jobs.begin("one more", lambda job: None)
     assert len(jobs.states()) == REMEMBERED
@@ -117,8 +117,8 @@ def test_too_many_are_refused(jobs: Jobs) -> None:
 
 
 def test_one_that_is_asked_ends_at_its_next_step_and_a_waiting_one_never_begins(jobs: Jobs) -> None:
-    held = [Held() for _ in range(AT_ONCE)]
-    running = [jobs.begin("long", each) for each in held]
+    owned = [FixedGauge() for _ in range(AT_ONCE)]
+    running = [jobs.begin("long", item) for item in owned]
     begun: list[Job] = []
     waiting = jobs.begin("waiting", begun.append)
     waiting.end()
@@ -136,7 +136,7 @@ class Speechless(Exception):  # noqa: N818 - as some libraries call theirs
 
 
 @pytest.mark.parametrize(
-    ("error", "sentence"),
+    ("error", "message"),
     [
         (InputError("depth_mm must lie in (0, 28]; got 31.0"), "depth_mm must lie in (0, 28]; got 31.0"),
         (RuntimeError(""), "odd failed: RuntimeError: it did not say why"),
@@ -149,13 +149,13 @@ class Speechless(Exception):  # noqa: N818 - as some libraries call theirs
         (GeneratorExit(), "odd failed: GeneratorExit: it did not say why"),
     ],
 )
-def test_whatever_goes_wrong_becomes_a_sentence(jobs: Jobs, error: BaseException, sentence: str) -> None:
+def test_whatever_goes_wrong_becomes_a_sentence(jobs: Jobs, error: BaseException, message: str) -> None:
     def work(job: Job) -> None:
         raise error
 
     job = jobs.begin("odd", work)
     assert done(job) == "failed"
-    assert job.state().sentence == sentence
+    assert job.state().sentence == message
     assert done(jobs.begin("after it", lambda job: 1)) == "done"
 
 
@@ -173,11 +173,11 @@ class Large:
 
 
 def test_of_many_results_the_last_ones_are_kept(jobs: Jobs) -> None:
-    kept: list[weakref.ref[Large]] = []
+    remaining: list[weakref.ref[Large]] = []
 
     def work(job: Job) -> Any:
         result = Large()
-        kept.append(weakref.ref(result))
+        remaining.append(weakref.ref(result))
         return result
 
     first = jobs.begin("first", work)
@@ -186,8 +186,8 @@ def test_of_many_results_the_last_ones_are_kept(jobs: Jobs) -> None:
     del first
     for _ in range(2 * REMEMBERED):
         assert done(jobs.begin("next", work)) == "done"
-    until(lambda: gc.collect() >= 0 and sum(each() is not None for each in kept) == RESULTS)
-    assert [each() is not None for each in kept] == [False] * (len(kept) - RESULTS) + [True] * RESULTS
+    until(lambda: gc.collect() >= 0 and sum(item() is not None for item in remaining) == RESULTS)
+    assert [item() is not None for item in remaining] == [False] * (len(remaining) - RESULTS) + [True] * RESULTS
     assert len(jobs.states()) == REMEMBERED
     with pytest.raises(InputError, match=f"last {REMEMBERED}; got"):
         jobs.get(identity)
@@ -210,11 +210,11 @@ def test_what_an_old_job_returned_is_with_those_who_hold_it_alone(jobs: Jobs) ->
 
 
 def test_one_that_lasted_keeps_its_result_however_many_ended_before(jobs: Jobs) -> None:
-    held = Held()
-    long = jobs.begin("long", held)
+    owned = FixedGauge()
+    long = jobs.begin("long", owned)
     for _ in range(2 * RESULTS):
         assert done(jobs.begin("short", lambda job: 1)) == "done"
-    held.over.set()
+    owned.over.set()
     assert done(long) == "done"
     assert jobs.get(long.identity).result == "ended in order"
 
@@ -226,8 +226,8 @@ def test_an_unknown_one_is_refused(jobs: Jobs, identity: str) -> None:
 
 
 def test_closing_ends_all_and_takes_no_more() -> None:
-    jobs, held = Jobs(), [Held() for _ in range(AT_ONCE + 2)]
-    begun = [jobs.begin("long", each) for each in held]
+    jobs, owned = Jobs(), [FixedGauge() for _ in range(AT_ONCE + 2)]
+    begun = [jobs.begin("long", item) for item in owned]
     deaf = threading.Event()
     stuck = jobs.begin("deaf", lambda job: deaf.wait(HANGS_S), at_once=True)
     jobs.close(timeout_s=0.5)

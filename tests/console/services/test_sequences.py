@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 import pytest
-from tests.console.services.lit_camera import seen
-from tests.console.services.instruments import ANN, Held, gauge
-from tests.console.services.test_active_calibration import known
+from tests.console.services.instruments import ANN, FixedGauge, gauge
+from tests.console.services.lit_camera import observed
+from tests.console.services.test_active_calibration import calibration_with
 from tests.waiting import HANGS_S, until
 
 from tsis.errors import CameraError, ControlError, InputError
@@ -47,9 +47,9 @@ def newest_s(acquisition: Acquisition) -> float:
 
 
 @pytest.fixture
-def running(bench: Instrument) -> Instrument:
-    bench.start(by=ANN)
-    return bench
+def running(instrument: Instrument) -> Instrument:
+    instrument.start(by=ANN)
+    return instrument
 
 
 def test_it_ends_after_so_many_frames_which_are_those_of_the_camera(running: Instrument, tmp_path: Path) -> None:
@@ -72,9 +72,14 @@ def test_it_ends_after_so_many_frames_which_are_those_of_the_camera(running: Ins
     for row in index:
         pixels = cv2.imread(str(folder / row["kept_in"]), cv2.IMREAD_UNCHANGED)
         assert pixels is not None
-        assert (pixels == seen(50, 2.0)).all()
-    told = json.loads((folder / "recording.json").read_text())
-    assert (told["target"], told["role"], told["probe"], told["calibration"]) == (1, "plain", "tsis-domed", None)
+        assert (pixels == observed(50, 2.0)).all()
+    reported = json.loads((folder / "recording.json").read_text())
+    assert (reported["target"], reported["role"], reported["probe"], reported["calibration"]) == (
+        1,
+        "plain",
+        "tsis-domed",
+        None,
+    )
 
 
 def test_it_ends_after_so_long(running: Instrument) -> None:
@@ -99,7 +104,7 @@ def test_it_ends_when_asked_by_whoever_holds_the_camera_then(running: Instrument
 
 def test_it_begins_at_once_whatever_else_is_under_way(running: Instrument) -> None:
     for _ in range(5):
-        running.jobs.begin("an estimate that lasts", Held())
+        running.jobs.begin("an estimate that lasts", FixedGauge())
     assert over(running.begin_sequence(frames=5, by=ANN))["report"]["kept"] == 5
 
 
@@ -112,9 +117,9 @@ def test_what_would_end_the_stream_waits_and_the_rest_goes_on(running: Instrumen
         lambda: running.use_gauge(None, by=ANN),
         lambda: running.begin_sequence(frames=1, by=ANN),
     )
-    for act in forbidden:
+    for command in forbidden:
         with pytest.raises(ControlError, match=r"a sequence is being recorded; .* when it is over \(or end it\)"):
-            act()
+            command()
     running.hold(force_n=0.3, by=ANN)
     running.adjust("gain", 4.0, by=ANN)
     running.snapshot(by=ANN)
@@ -125,8 +130,8 @@ def test_what_would_end_the_stream_waits_and_the_rest_goes_on(running: Instrumen
 
 def test_no_folder_is_written_over(running: Instrument, tmp_path: Path) -> None:
     folders = [over(running.begin_sequence(frames=2, by=ANN))["folder"] for _ in range(3)]
-    place = tmp_path / "workspace" / "Target1"
-    assert folders == [str(place / name) for name in ("sequence", "sequence-2", "sequence-3")]
+    position = tmp_path / "workspace" / "Target1"
+    assert folders == [str(position / name) for name in ("sequence", "sequence-2", "sequence-3")]
 
 
 def test_a_camera_that_is_lost_on_the_way_loses_nothing_that_was_kept(running: Instrument, world: World) -> None:
@@ -160,12 +165,12 @@ def test_a_disk_that_fills_ends_it_with_what_was_kept(
 ) -> None:
     keep = FrameFolder.save
 
-    def kept(self: FrameFolder, frame: Any, number: int) -> str:
+    def remaining(self: FrameFolder, frame: Any, number: int) -> str:
         if number >= after:
             raise OSError(errno.ENOSPC, "No space left on device")
         return keep(self, frame, number)
 
-    monkeypatch.setattr(FrameFolder, "save", kept)
+    monkeypatch.setattr(FrameFolder, "save", remaining)
     job = running.begin_sequence(frames=100, by=ANN)
     assert job.wait(HANGS_S)
     state = job.state()
@@ -208,22 +213,22 @@ def test_a_gauge_that_ends_holds_up_no_frame(running: Instrument, tmp_path: Path
     index = rows(folder)
     assert index[0]["force_n"] != ""
     assert {row["force_n"] for row in index if float(row["arrived_s"]) > silent_s} == {""}
-    told = json.loads((folder / "recording.json").read_text())
-    assert told["gauge"]["frames_without_force"] == sum(row["force_n"] == "" for row in index)
+    reported = json.loads((folder / "recording.json").read_text())
+    assert reported["gauge"]["frames_without_force"] == sum(row["force_n"] == "" for row in index)
 
 
 def test_a_force_that_is_typed_meanwhile_is_that_of_the_frames_from_then_on(running: Instrument) -> None:
     running.hold(force_n=0.4, by=ANN)
     job = running.begin_sequence(frames=100_000, by=ANN)
-    acts: tuple[Callable[[], None], ...] = (
+    commands: tuple[Callable[[], None], ...] = (
         lambda: running.hold(force_n=0.9, by=ANN),
         lambda: running.forget_force(by=ANN),
         lambda: running.end_sequence(by=ANN),
     )
-    for act in acts:
+    for command in commands:
         done = job.state().done
         until(lambda done=done: job.state().done > done + 5)  # type: ignore[misc]
-        act()
+        command()
     folder = over(job)["folder"]
     forces = [row["force_n"] for row in rows(running.terms.workspace / "Target1" / "sequence")]
     assert list(dict.fromkeys(forces)) == ["0.400000", "0.900000", ""]
@@ -245,15 +250,15 @@ def test_something_else_is_pressed_when_it_is_over(running: Instrument) -> None:
 
 @pytest.mark.parametrize("gain", [2.0, 5.0])
 def test_a_calibration_that_is_put_out_of_force_on_the_way_is_told(running: Instrument, gain: float) -> None:
-    running.use_calibration(known(), by=ANN)
+    running.use_calibration(calibration_with(), by=ANN)
     job = running.begin_sequence(frames=100_000, by=ANN)
     until(lambda: job.state().done > 5)
     running.adjust("gain", gain, by=ANN)
     running.end_sequence(by=ANN)
     over(job)
-    told = json.loads((running.terms.workspace / "Target1" / "sequence" / "recording.json").read_text())
-    assert told["calibration"]["sha256"] == known().identity
-    ends = {name: value for name, value in told.items() if name.endswith("_at_end")}
+    reported = json.loads((running.terms.workspace / "Target1" / "sequence" / "recording.json").read_text())
+    assert reported["calibration"]["sha256"] == calibration_with().identity
+    ends = {name: value for name, value in reported.items() if name.endswith("_at_end")}
     assert ends == ({} if gain == 2.0 else {"calibration_at_end": None, "probe_at_end": "tsis-domed"})
 
 
@@ -278,10 +283,10 @@ def test_an_end_that_is_none_is_refused_and_no_folder_made(running: Instrument, 
     assert running.state().sequence is None
 
 
-def test_a_stopped_camera_records_nothing(bench: Instrument) -> None:
+def test_a_stopped_camera_records_nothing(instrument: Instrument) -> None:
     with pytest.raises(CameraError, match="it is stopped"):
-        bench.begin_sequence(frames=1, by=ANN)
-    assert not (bench.terms.workspace / "Target1").exists()
+        instrument.begin_sequence(frames=1, by=ANN)
+    assert not (instrument.terms.workspace / "Target1").exists()
 
 
 def test_closing_ends_it_as_a_whole_one(running: Instrument) -> None:
@@ -289,5 +294,5 @@ def test_closing_ends_it_as_a_whole_one(running: Instrument) -> None:
     until(lambda: job.state().done > 5)
     running.close()
     folder = running.terms.workspace / "Target1" / "sequence"
-    told = json.loads((folder / "recording.json").read_text())
-    assert told["report"]["kept"] == len(rows(folder)) == over(job)["report"]["kept"]
+    reported = json.loads((folder / "recording.json").read_text())
+    assert reported["report"]["kept"] == len(rows(folder)) == over(job)["report"]["kept"]

@@ -18,37 +18,37 @@ if TYPE_CHECKING:
 
 
 def test_a_store_that_was_moved_is_trouble_until_it_is_back(
-    bench: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    instrument: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reading, "STORE_CHECK_EVERY_S", 0.0)
-    bench.start(by=ANN)
-    assert bench.state().trouble == ()
+    instrument.start(by=ANN)
+    assert instrument.state().trouble == ()
     away = (tmp_path / "store").rename(tmp_path / "away")
-    (sentence,) = bench.state().trouble
-    assert sentence == (
+    (message,) = instrument.state().trouble
+    assert message == (
         f"The store in '{tmp_path / 'store'}' was moved or replaced since it was opened, and nothing can be kept: "
         "put it back, or start anew."
     )
     with pytest.raises(RecordsError, match="was moved or replaced since it was opened; nothing was stored"):
-        bench.snapshot(by=ANN)
+        instrument.snapshot(by=ANN)
     away.rename(tmp_path / "store")
-    assert bench.state().trouble == ()
-    bench.snapshot(by=ANN)
-    assert len(bench.store.presses(bench.store.target(1))) == 1
+    assert instrument.state().trouble == ()
+    instrument.snapshot(by=ANN)
+    assert len(instrument.store.presses(instrument.store.target(1))) == 1
 
 
-def test_the_disk_is_looked_at_once_a_second(bench: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
-    looks: list[float] = []
+def test_the_disk_is_looked_at_once_a_second(instrument: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
+    checks: list[float] = []
     now = [0.0]
 
     def moved() -> bool:
-        looks.append(now[0])
+        checks.append(now[0])
         return now[0] > 2.0
 
-    monkeypatch.setattr(bench.store.database, "replaced", moved)
-    place = StoreCheck(bench.store, clock=lambda: now[0])
-    said = []
+    monkeypatch.setattr(instrument.store.database, "replaced", moved)
+    position = StoreCheck(instrument.store, clock=lambda: now[0])
+    reported = []
     for now[0] in (0.1, STORE_CHECK_EVERY_S, 1.5, 2.5, 2.6):
-        said.append(bool(place.trouble()))
-    assert looks == [1.0, 2.5]
-    assert said == [False, False, False, True, True]
+        reported.append(bool(position.trouble()))
+    assert checks == [1.0, 2.5]
+    assert reported == [False, False, False, True, True]

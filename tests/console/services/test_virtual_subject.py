@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.console.services.instruments import ANN, virtual_bench
+from tests.console.services.instruments import ANN, virtual_instrument
 from tests.waiting import until
 
 from tsis.console.services import CameraChoice, VirtualSubject
@@ -21,27 +21,27 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Instrument]:
-    with virtual_bench(tmp_path_factory.mktemp("virtual")) as bench:
-        bench.start(by=ANN)
-        yield bench
+    with virtual_instrument(tmp_path_factory.mktemp("virtual")) as instrument:
+        instrument.start(by=ANN)
+        yield instrument
 
 
-def brightness(bench: Instrument) -> float:
-    return float(bench.camera_controller.fresh().frame.pixels.mean())
+def brightness(instrument: Instrument) -> float:
+    return float(instrument.camera_controller.fresh().frame.pixels.mean())
 
 
 def test_role_and_force_are_those_of_the_frames(probe: Instrument) -> None:
-    seen = {}
+    observed = {}
     for role, force_n in (("target", 1.0), ("target", 0.5), ("plain", 1.0), ("untouched", 1.0)):
         probe.hold(role=role, force_n=force_n, by=ANN)
-        kept = probe.snapshot(by=ANN)
+        remaining = probe.snapshot(by=ANN)
         pressed_n = 0.0 if role == "untouched" else force_n
-        assert (kept.press.role, kept.press.force_n) == (role, pressed_n)
-        assert kept.press.settings["force_n"] == pressed_n
+        assert (remaining.press.role, remaining.press.force_n) == (role, pressed_n)
+        assert remaining.press.settings["force_n"] == pressed_n
         assert (probe.state().role, probe.state().force_n) == (role, force_n)
-        seen[role, force_n] = float(probe.store.levels(kept.press.frame).mean())
+        observed[role, force_n] = float(probe.store.levels(remaining.press.frame).mean())
     untouched, plain, soft, hard = (
-        seen[each] for each in (("untouched", 1.0), ("plain", 1.0), ("target", 0.5), ("target", 1.0))
+        observed[item] for item in (("untouched", 1.0), ("plain", 1.0), ("target", 0.5), ("target", 1.0))
     )
     assert untouched == pytest.approx(8.0, abs=0.1)  # the black level
     assert soft < hard
@@ -50,25 +50,25 @@ def test_role_and_force_are_those_of_the_frames(probe: Instrument) -> None:
 
 def test_what_is_kept_of_it(probe: Instrument) -> None:
     probe.hold(role="target", force_n=1.0, by=ANN)
-    kept = probe.snapshot(by=ANN)
+    remaining = probe.snapshot(by=ANN)
     stage = probe.camera_controller.subject
     assert stage is not None
-    assert (kept.target.name, dict(kept.target.truth)) == (
+    assert (remaining.target.name, dict(remaining.target.truth)) == (
         "hardness-100",
         {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 100.0},
     )
-    assert (kept.press.probe, kept.press.calibration) == ("tsis-2011", stage.calibration.identity)
-    assert kept.press.mm_per_pixel == pytest.approx(stage.mm_per_pixel)
-    assert kept.notes == ()
+    assert (remaining.press.probe, remaining.press.calibration) == ("tsis-2011", stage.calibration.identity)
+    assert remaining.press.mm_per_pixel == pytest.approx(stage.mm_per_pixel)
+    assert remaining.notes == ()
 
 
 def test_the_press_stays_over_stop_and_start(probe: Instrument) -> None:
     probe.hold(role="plain", force_n=0.8, by=ANN)
-    held = brightness(probe)
+    owned = brightness(probe)
     probe.stop(by=ANN)
     assert (probe.state().role, probe.state().force_n) == ("plain", 0.8)
     probe.start(by=ANN)
-    assert brightness(probe) == pytest.approx(held, abs=0.05)  # the same press, and not another of the same force
+    assert brightness(probe) == pytest.approx(owned, abs=0.05)  # the same press, and not another of the same force
     probe.stop(by=ANN)
     probe.hold(role="untouched", by=ANN)
     probe.start(by=ANN)
@@ -110,12 +110,12 @@ def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Instrument, mo
 def test_too_hard_a_press_names_the_largest_force_which_can_be_pressed(probe: Instrument) -> None:
     with pytest.raises(
         MechanicsError, match=r"a strain of [0-9.]+; .* is valid to 0\.3: choose a force of at most"
-    ) as told:
+    ) as reported:
         probe.hold(role="plain", force_n=4.0, by=ANN)
-    sentence = str(told.value)
-    assert "finite" not in sentence
-    assert "stiffer" not in sentence
-    largest_n = float(sentence.rpartition("at most ")[2].removesuffix(" N"))
+    message = str(reported.value)
+    assert "finite" not in message
+    assert "stiffer" not in message
+    largest_n = float(message.rpartition("at most ")[2].removesuffix(" N"))
     probe.hold(role="plain", force_n=largest_n, by=ANN)
     with pytest.raises(MechanicsError, match=f"at most {largest_n:g} N$"):
         probe.hold(role="plain", force_n=largest_n + 0.2, by=ANN)
@@ -132,47 +132,47 @@ def test_the_guard_sees_what_is_held(probe: Instrument) -> None:
     )
     probe.hold(role="target", by=ANN)
     until(lambda: probe.frame_analysis is not None and probe.frame_analysis.contact is not None)
-    sight = probe.frame_analysis
-    assert sight is not None
-    assert sight.contact is not None
-    assert np.hypot(sight.contact.centroid_px[0] - 383.5, sight.contact.centroid_px[1] - 245.5) < 40
-    assert sight.force is not None
-    assert (sight.force.value_n, sight.force.source) == (1.0, "virtual")
+    analysis = probe.frame_analysis
+    assert analysis is not None
+    assert analysis.contact is not None
+    assert np.hypot(analysis.contact.centroid_px[0] - 383.5, analysis.contact.centroid_px[1] - 245.5) < 40
+    assert analysis.force is not None
+    assert (analysis.force.value_n, analysis.force.source) == (1.0, "virtual")
 
 
-def kept_files(bench: Instrument) -> int:
-    return sum(path.is_file() for path in bench.terms.workspace.rglob("*"))
+def kept_files(instrument: Instrument) -> int:
+    return sum(path.is_file() for path in instrument.terms.workspace.rglob("*"))
 
 
 def test_no_press_of_a_phantom_gets_into_a_store_of_subjects(tmp_path_factory: pytest.TempPathFactory) -> None:
-    with virtual_bench(tmp_path_factory.mktemp("subjects"), kind="subject") as bench:
-        bench.start(by=ANN)
+    with virtual_instrument(tmp_path_factory.mktemp("subjects"), kind="subject") as instrument:
+        instrument.start(by=ANN)
         with pytest.raises(
             ControlError, match="which a store of subjects does not keep: start the console with --kind"
         ):
-            bench.snapshot(by=ANN)
-        assert bench.store.targets() == ()
-        assert kept_files(bench) == 0
+            instrument.snapshot(by=ANN)
+        assert instrument.store.targets() == ()
+        assert kept_files(instrument) == 0
 
 
 def test_another_phantom_under_the_same_number_is_refused_and_under_another_kept(probe: Instrument) -> None:
     probe.set_target(9, by=ANN)
     probe.hold(role="target", force_n=1.0, by=ANN)
-    kept = probe.snapshot(by=ANN)
+    remaining = probe.snapshot(by=ANN)
     files = kept_files(probe)
     others = (
         (CameraChoice(probe="tsis-2011", phantom="size-8"), r"on size-8 \("),
         (CameraChoice(probe="tsis-2011", depth_mm=6.0), r"on hardness-100 \(changed\) \(depth_mm 6, "),
         (CameraChoice(probe="tsis-2011", phantom="plain"), r"on plain \(no inclusion\) now: choose another target"),
     )
-    for at, (choice, words) in enumerate(others):
+    for at, (choice, text) in enumerate(others):
         probe.set_target(9, by=ANN)
         probe.choose(choice, by=ANN)
         probe.start(by=ANN)
-        with pytest.raises(ControlError, match=r"target 9 is of hardness-100 \(depth_mm 5, .*" + words):
+        with pytest.raises(ControlError, match=r"target 9 is of hardness-100 \(depth_mm 5, .*" + text):
             probe.snapshot(by=ANN)
         assert kept_files(probe) == files
-        assert [press.id for press in probe.store.presses(kept.target)] == [kept.press.id]
+        assert [press.id for press in probe.store.presses(remaining.target)] == [remaining.press.id]
         probe.set_target(20 + at, by=ANN)
         assert probe.snapshot(by=ANN).notes == ()
         files = kept_files(probe)

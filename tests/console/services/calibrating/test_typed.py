@@ -40,9 +40,9 @@ def test_the_frames_of_all_loadings_take_so_much_memory_and_no_more() -> None:
 def test_nothing_is_left_of_what_was_forgotten() -> None:
     typed = TypedLoadings()
     typed.add("one", shot(0.5))
-    held = typed.is_empty
+    owned = typed.is_empty
     typed.forget_last("one")
     typed.forget_last("one")
     typed.forget("two")
-    assert (held, typed.is_empty) == (False, True)
+    assert (owned, typed.is_empty) == (False, True)
     assert typed.shots("one") == ()

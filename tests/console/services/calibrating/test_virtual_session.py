@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.console.services.instruments import ANN, BOB, lit_bench, virtual_bench
+from tests.console.services.instruments import ANN, BOB, lit_instrument, virtual_instrument
 from tests.waiting import HANGS_S
 
 from tsis.calibration import UsableCalibration
@@ -35,9 +35,9 @@ def statuses(session: CalibrationSession) -> dict[str, str]:
     return {state.step.name: state.status for state in session.steps()}
 
 
-def test_the_same_frames_as_the_guide_of_the_terminal(bench: Instrument, tmp_path: Path) -> None:
-    session = bench.calibrating.begin(TERMS, by=ANN)
-    assert session.folder.path == bench.terms.workspace / "calibrations" / "May-left"
+def test_the_same_frames_as_the_guide_of_the_terminal(instrument: Instrument, tmp_path: Path) -> None:
+    session = instrument.calibrating.begin(TERMS, by=ANN)
+    assert session.folder.path == instrument.terms.workspace / "calibrations" / "May-left"
     for name in ("dark", "untouched", "flat-1"):
         assert session.take(name, by=ANN).wait(HANGS_S)
     virtual = VirtualBench(load_probe("tsis-direct"), rng=np.random.default_rng(3))
@@ -58,12 +58,12 @@ def test_the_same_frames_as_the_guide_of_the_terminal(bench: Instrument, tmp_pat
 
 
 def test_a_session_goes_on_in_another_program_and_its_noise_does_not_come_again(
-    bench: Instrument, tmp_path: Path
+    instrument: Instrument, tmp_path: Path
 ) -> None:
-    session = bench.calibrating.begin(TERMS, by=ANN)
+    session = instrument.calibrating.begin(TERMS, by=ANN)
     assert session.take("dark", by=ANN).wait(HANGS_S)
-    bench.close()
-    with lit_bench(tmp_path) as later:
+    instrument.close()
+    with lit_instrument(tmp_path) as later:
         (listed,) = later.calibrating.listed()
         assert (listed.name, listed.title, listed.done, listed.total, listed.made) == (
             "May-left",
@@ -85,8 +85,8 @@ def test_a_session_goes_on_in_another_program_and_its_noise_does_not_come_again(
         assert not any(np.array_equal(one.image.grey, other.image.grey) for one in dark for other in anew)
 
 
-def test_steps_are_left_out_and_taken_nevertheless(bench: Instrument) -> None:
-    session = bench.calibrating.begin(TERMS, by=ANN)
+def test_steps_are_left_out_and_taken_nevertheless(instrument: Instrument) -> None:
+    session = instrument.calibrating.begin(TERMS, by=ANN)
     session.leave_out("flat-2", by=ANN)
     assert statuses(session)["flat-2"] == "left out"
     with pytest.raises(CalibrationError, match="step 'dark' cannot be left out"):
@@ -99,21 +99,21 @@ def test_steps_are_left_out_and_taken_nevertheless(bench: Instrument) -> None:
         session.take("flat-9", by=ANN)
 
 
-def test_who_does_not_hold_the_camera_changes_nothing(bench: Instrument) -> None:
+def test_who_does_not_hold_the_camera_changes_nothing(instrument: Instrument) -> None:
     with pytest.raises(ControlError, match="held by Ann"):
-        bench.calibrating.begin(TERMS, by=BOB)
-    session = bench.calibrating.begin(TERMS, by=ANN)
-    for act in (session.take, session.leave_out, session.repeat, session.save_presses):
+        instrument.calibrating.begin(TERMS, by=BOB)
+    session = instrument.calibrating.begin(TERMS, by=ANN)
+    for command in (session.take, session.leave_out, session.repeat, session.save_presses):
         with pytest.raises(ControlError, match="held by Ann"):
-            act("flat-1", by=BOB)
+            command("flat-1", by=BOB)
     assert set(statuses(session).values()) == {"open"}
     with pytest.raises(InputError, match="a session in 'May-left' exists already"):
-        bench.calibrating.begin(TERMS, by=ANN)
+        instrument.calibrating.begin(TERMS, by=ANN)
 
 
 @pytest.mark.slow
-def test_a_calibration_stays_when_its_frames_change(bench: Instrument) -> None:
-    session = bench.calibrating.begin(TERMS, by=ANN)
+def test_a_calibration_stays_when_its_frames_change(instrument: Instrument) -> None:
+    session = instrument.calibrating.begin(TERMS, by=ANN)
     failed = session.make(days=30)
     assert failed.wait(HANGS_S)
     assert "steps must be done first: dark" in failed.state().sentence
@@ -126,27 +126,27 @@ def test_a_calibration_stays_when_its_frames_change(bench: Instrument) -> None:
     with pytest.raises(ControlError, match="'May-left' is being made"):
         session.repeat("flat-1", by=ANN)
     assert job.wait(HANGS_S)
-    made = job.result
-    assert session.file == made.file
-    assert bench.calibrating.listed()[0].made
-    before = made.file.read_bytes()
+    created = job.result
+    assert session.file == created.file
+    assert instrument.calibrating.listed()[0].made
+    before = created.file.read_bytes()
     session.repeat("flat-1", by=ANN)
     assert session.file is None
     assert session.result is None
-    aside = made.file.with_name(f"calibration-{made.identity[:12]}.json")
+    aside = created.file.with_name(f"calibration-{created.identity[:12]}.json")
     assert aside.read_bytes() == before
     assert statuses(session)["flat-1"] == "open"
 
 
-def test_only_sessions_of_the_list_are_opened(bench: Instrument) -> None:
-    bench.calibrating.begin(TERMS, by=ANN)
+def test_only_sessions_of_the_list_are_opened(instrument: Instrument) -> None:
+    instrument.calibrating.begin(TERMS, by=ANN)
     for name in ("..", "../calibrations/May-left", "nowhere", "", "/etc"):
         with pytest.raises(InputError, match="must be one of the list"):
-            bench.calibrating.open(name)
-    damaged = bench.terms.workspace / "calibrations" / "damaged"
+            instrument.calibrating.open(name)
+    damaged = instrument.terms.workspace / "calibrations" / "damaged"
     damaged.mkdir()
     (damaged / "session.json").write_text("{")
-    troubles = {each.name: each.trouble for each in bench.calibrating.listed()}
+    troubles = {item.name: item.trouble for item in instrument.calibrating.listed()}
     assert troubles["May-left"] == ""
     assert "session.json" in troubles["damaged"]
 
@@ -161,13 +161,15 @@ def test_a_folder_is_a_plain_name_whatever_the_title(title: str) -> None:
 
 def test_a_calibration_of_the_virtual_bench_is_an_exercise(tmp_path: Path) -> None:
     """Its light is that of another exposure: on the virtual probe it would be wrong by a factor of ten."""
-    known = ProbeCalibration(
+    calibration_with = ProbeCalibration(
         name="exercise",
         probe="tsis-2011",
         camera=bench_name(3),
         response=Calibration(gain_grey_per_kpa=2.0, saturation_kpa=460.0, probe="tsis-2011"),
     )
-    with virtual_bench(tmp_path) as bench:
+    with virtual_instrument(tmp_path) as instrument:
         with pytest.raises(CalibrationError, match="'exercise' is of the virtual bench, seed 3, an exercise"):
-            bench.use_calibration(UsableCalibration(calibration=known, identity=calibration_sha256(known)), by=ANN)
-        assert bench.state().calibration == ""
+            instrument.use_calibration(
+                UsableCalibration(calibration=calibration_with, identity=calibration_sha256(calibration_with)), by=ANN
+            )
+        assert instrument.state().calibration == ""
