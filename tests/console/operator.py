@@ -106,5 +106,5 @@ def press_with(page: Page, force: str) -> None:
 
 
 def requested(console: RunningConsole, path: str) -> Any:
-    """What a script reads of the console: another way to the same bench."""
+    """What a script reads of the console: another path to the same instrument."""
     return httpx.get(console.address + API + path, headers=console.key, timeout=HANGS_S).raise_for_status().json()

@@ -1,4 +1,4 @@
-"""Calibrate in a real browser: the virtual bench step by step, a server that goes away, terms that are none."""
+"""Calibrate in a real browser: the virtual rig step by step, a server that goes away, terms that are none."""
 
 from __future__ import annotations
 

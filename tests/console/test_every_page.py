@@ -1,4 +1,4 @@
-"""All pages: reached by the links, used without sight or mouse, read in both lights, on a bench and on a tablet."""
+"""All pages: reached by the links, used without sight or mouse, read in both lights, on a desktop and on a tablet."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TITLES = [title for address, (title, _) in PAGES.items() if "{" not in address]
 
 @pytest.fixture(scope="module")
 def desktop(console: RunningConsole, browser: Browser) -> Iterator[Page]:
-    """A light page on the bench's screen, with the camera running."""
+    """A light page on a desktop, with the camera running."""
     with tab(browser, console, color_scheme="light") as page:
         hold(page)
         run(page)

@@ -1,4 +1,4 @@
-"""One look at the bench serves all pages."""
+"""One reading of the state serves all pages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class CountedInstrument:
-    """Counts how often it is looked at; fails when told to."""
+    """Counts the readings of its state; fails on request."""
 
     def __init__(self) -> None:
         self.looks = 0
@@ -31,7 +31,7 @@ class CountedInstrument:
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    """Time that passes when told to."""
+    """Time that passes on request."""
     now = [100.0]
     monkeypatch.setattr("tsis.console.pages.components._summary.time", SimpleNamespace(monotonic=lambda: now[0]))
 

@@ -1,4 +1,4 @@
-"""A page that is open in no browser: its elements are there, and what they would do can be done."""
+"""A page without a browser: its elements exist, and their actions can be called."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class RecordingViewer(Viewer):
-    """A viewer whose name is known without a request, and who keeps what he is told."""
+    """A viewer with a fixed name, which records the messages to it."""
 
     def __init__(self, client: Client, instrument: Instrument) -> None:
         super().__init__(client, instrument, StatePoller(instrument), Tabs())
@@ -36,7 +36,7 @@ class RecordingViewer(Viewer):
 
 
 def on_a_page(instrument: Any, command: Callable[[RecordingViewer], Awaitable[None]]) -> None:
-    """Open a page on a bench, or on what stands for one, and do something on it."""
+    """Open a page of an instrument, or of a substitute, and run a call on it."""
 
     async def done() -> None:
         client = Client(page("/"))

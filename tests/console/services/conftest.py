@@ -20,6 +20,6 @@ def world() -> World:
 
 @pytest.fixture
 def instrument(tmp_path: Path, world: World) -> Iterator[Instrument]:
-    """A bench before a camera of the test's world, held by Ann."""
+    """An instrument with a camera of the test's world; Ann is its owner."""
     with lit_instrument(tmp_path, world) as created:
         yield created

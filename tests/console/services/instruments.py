@@ -22,7 +22,7 @@ LIT = "aravis:lit"
 
 
 def lit_instrument(folder: Path, world: World | None = None, **terms: Any) -> Instrument:
-    """A bench before a camera of that world, which Ann holds."""
+    """An instrument with a camera of that world; Ann is its owner."""
     given: dict[str, Any] = {"camera": LIT, "workspace": folder / "workspace", "store": folder / "store"} | terms
     instrument = Instrument(InstrumentSettings(**given), connect_to=(world or World()).connect)
     instrument.control.take(ANN, "Ann", held_s=600.0)
@@ -30,7 +30,7 @@ def lit_instrument(folder: Path, world: World | None = None, **terms: Any) -> In
 
 
 def virtual_instrument(folder: Path, **terms: Any) -> Instrument:
-    """A bench with the virtual probe, which Ann holds."""
+    """An instrument with the virtual probe; Ann is its owner."""
     given: dict[str, Any] = {"workspace": folder / "workspace", "store": folder / "store", "probe": "tsis-2011"}
     given |= terms
     instrument = Instrument(InstrumentSettings(**given))

@@ -1,4 +1,4 @@
-"""The camera on the desk: settings remembered, frames only of after the last change, losses, drivers that hang."""
+"""The camera controller: settings remembered, frames only of after the last change, losses, drivers that hang."""
 
 from __future__ import annotations
 

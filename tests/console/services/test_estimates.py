@@ -1,4 +1,4 @@
-"""Estimates of what the bench kept: the presses they take, and the same answer by another way."""
+"""Estimates from saved presses: the presses they use, and the same result by another path."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def test_an_estimate_is_that_of_the_frames_and_holds_the_truth(probe: Instrument
 
 @pytest.mark.slow
 def test_hardness_of_a_sphere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The mechanics of the presses come from a table: here it is the way through the bench that is tested."""
+    """The mechanics of the presses come from a table: this test is about the path through the instrument."""
     monkeypatch.setattr(subject_module, "DirectContactRig", partial(DirectContactRig, solve=by_table))
     with virtual_instrument(tmp_path, probe="tsis-direct", phantom="cl2003x") as instrument:
         instrument.start(by=ANN)

@@ -1,4 +1,4 @@
-"""The bench as a whole: begun, asked while it works, closed in the middle of everything."""
+"""The whole instrument: start, state during commands, and closing at any moment."""
 
 from __future__ import annotations
 

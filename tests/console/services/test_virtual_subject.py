@@ -1,4 +1,4 @@
-"""The virtual probe on the bench: where it is held is what the frames, and what is kept, say."""
+"""The virtual probe of the instrument: frames and saved presses show its role and force."""
 
 from __future__ import annotations
 

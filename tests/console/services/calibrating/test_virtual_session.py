@@ -1,4 +1,4 @@
-"""A session of the virtual bench, from its terms to the file."""
+"""A session of the virtual rig, from its terms to the file."""
 
 from __future__ import annotations
 
