@@ -52,9 +52,9 @@ ROUTERS = (
 )
 DESCRIPTION = f"""Calls for scripts beside the pages of `tsis console`. {RESEARCH_USE_ONLY}
 
-Every call needs `Authorization: Bearer TOKEN` with the token of the address that the console printed. Acts on the
-camera need the header `{CONTROL}` as well, which `POST {VERSION}/control` gives: one holds the camera, others watch.
-Numbers are finite; null stands for what nobody knows or nothing bounds. Names carry units.
+Every call needs `Authorization: Bearer TOKEN` with the token of the address that the console printed. Commands of
+the camera need the header `{CONTROL}` as well, which `POST {VERSION}/control` gives: one client owns the camera, others
+watch. Numbers are finite; null stands for unknown or unbounded values. Names carry units.
 """
 
 

@@ -100,23 +100,23 @@ def _problem(text: str) -> dict[str, Any]:
 
 
 OF_CALLS: Responses = {  # 400, 401, 403, 413 and 421 also by the authentication before all calls, as plain text
-    400: {**_problem("not in good form, or no JSON such as can be read"), "content": _TEXT},
+    400: {**_problem("malformed, or no readable JSON"), "content": _TEXT},
     401: {"description": "no key: send Authorization: Bearer with the token of the printed address", "content": _TEXT},
-    403: {"description": "sent by a page of another place", "content": _TEXT},
-    413: {**_problem("more than is taken"), "content": _TEXT},
+    403: {"description": "sent by a page of another site", "content": _TEXT},
+    413: {**_problem("too large"), "content": _TEXT},
     421: {"description": "the console is not called by that name", "content": _TEXT},
     422: _problem("a value outside what the call accepts"),
     503: _problem("the camera is stopped or away, or a stored file is damaged or cannot be read or written"),
 }
 OF_BODIES: Responses = {415: _problem("not sent as JSON")}
 OF_ACTS: Responses = {
-    409: _problem("somebody else holds the camera, or it cannot be done at this moment"),
+    409: _problem("somebody else owns the camera, or it cannot be done at this moment"),
     428: _problem("the header TSIS-Control is missing"),
     501: _problem("a library is not installed that this camera needs"),
     507: _problem("the disk is full"),
 }
-OF_CONTROL: Responses = {409: _problem("somebody else holds the camera")}
-OF_RECORDS: Responses = {404: _problem("the address names nothing that is there")}
+OF_CONTROL: Responses = {409: _problem("somebody else owns the camera")}
+OF_RECORDS: Responses = {404: _problem("the address names nothing that exists")}
 OF_JOBS: Responses = {409: _problem("too many jobs wait already")}
 OF_EDITS: Responses = {
     409: _problem("somebody has changed the record since it was read"),

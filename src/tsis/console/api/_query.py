@@ -32,8 +32,8 @@ class PageQuery(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    limit: int = Field(default=100, ge=1, le=MOST_A_PAGE, description="most that are told")
-    offset: int = Field(default=0, ge=0, le=MOST_OFFSET, description="how many are left out before")
+    limit: int = Field(default=100, ge=1, le=MOST_A_PAGE, description="most that are listed")
+    offset: int = Field(default=0, ge=0, le=MOST_OFFSET, description="how many are skipped before")
 
 
 PageOfList = Annotated[PageQuery, Query()]

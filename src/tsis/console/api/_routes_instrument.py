@@ -47,7 +47,7 @@ state_router = APIRouter(tags=["state"])
 
 @state_router.get("/state", operation_id="get_state")
 def get_state(instrument: TheInstrument, caller: Caller = None) -> StateResponse:
-    """Tell how camera, target, press, calibration and jobs are; with the header it keeps the camera held."""
+    """Return the state of camera, target, press, calibration and jobs; with the header a sign of life of the owner."""
     if caller:
         instrument.control.heard_of(caller)
     return state_response(instrument, caller)
@@ -55,7 +55,7 @@ def get_state(instrument: TheInstrument, caller: Caller = None) -> StateResponse
 
 @state_router.get("/sight", operation_id="get_sight")
 def get_frame_analysis(instrument: TheInstrument) -> FrameAnalysisResponse:
-    """Tell what the newest frame shows: contact, force, stillness, flags, grey histogram and exposure."""
+    """Return the analysis of the newest frame: contact, force, stillness, flags, grey histogram and exposure."""
     return FrameAnalysisResponse(sight=instrument.frame_analysis)
 
 
@@ -86,7 +86,7 @@ camera_router = APIRouter(prefix="/camera", tags=["camera"])
 
 @camera_router.put("", operation_id="choose_camera", responses={**OF_ACTS, **OF_BODIES})
 def choose_camera(instrument: TheInstrument, body: CameraChoiceRequest, by: Acting) -> StateResponse:
-    """Take another camera, not yet started."""
+    """Choose another camera, not yet started."""
     instrument.choose(CameraChoice(**body.model_dump()), by=by)
     return state_response(instrument, by)
 
@@ -107,7 +107,7 @@ def stop_camera(instrument: TheInstrument, by: Acting) -> StateResponse:
 
 @camera_router.get("/settings", operation_id="get_settings")
 def get_settings(instrument: TheInstrument) -> SettingsResponse:
-    """Tell what can be adjusted now, with ranges; null for an end that the driver does not tell."""
+    """Return the adjustable settings with ranges; null for an end that the driver does not report."""
     return _settings(instrument)
 
 
@@ -126,7 +126,7 @@ def change_settings(instrument: TheInstrument, body: SettingsRequest, by: Acting
 
 @camera_router.post("/preset", operation_id="apply_preset", responses={**OF_ACTS, **OF_BODIES})
 def apply_preset(instrument: TheInstrument, body: PresetRequest, by: Acting) -> SettingsResponse:
-    """Make all settings of a preset."""
+    """Apply all settings of a preset."""
     instrument.preset(body.name, by=by)
     return _settings(instrument)
 
@@ -149,7 +149,7 @@ def list_cameras(instrument: TheInstrument) -> CamerasResponse:
 
 @cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)
 def search_cameras(instrument: TheInstrument) -> JobResponse:
-    """Ask every source for its cameras, which takes seconds; the job's result tells them."""
+    """Ask every source for its cameras, which takes seconds; the job's result lists them."""
     return JobResponse(job=instrument.search.begin().state())
 
 
@@ -158,10 +158,10 @@ control_router = APIRouter(tags=["control"])
 
 @control_router.post("/control", operation_id="take_control", responses={**OF_CONTROL, **OF_BODIES})
 async def take_control(instrument: TheInstrument, body: ControlRequest, caller: Caller = None) -> ControlResponse:
-    """Hold the camera; who holds it already, and says so by the header, keeps the identity.
+    """Take control of the camera; its owner keeps the identity that the header gives.
 
-    It is held until nothing was heard of the holder for `held_s` seconds: acts and `GET /v1/state` with the header
-    count. Answers 409 when somebody else holds it and `over` is false.
+    It ends after `held_s` seconds without a sign of life: commands, and `GET /v1/state` with the header. Answers 409
+    when somebody else has it and `over` is false.
     """
     require_label("name", body.name)
     owner = instrument.control.owner()
@@ -172,7 +172,7 @@ async def take_control(instrument: TheInstrument, body: ControlRequest, caller: 
 
 @control_router.delete("/control", operation_id="release_control", status_code=204)
 async def release_control(instrument: TheInstrument, caller: Caller = None) -> Response:
-    """Give the camera back; from anybody but the holder it changes nothing."""
+    """Release the camera; from anybody but the owner it changes nothing."""
     if caller:
         instrument.control.release(caller)
     return Response(status_code=204)
@@ -190,7 +190,7 @@ def choose_target(instrument: TheInstrument, body: TargetChoiceRequest, by: Acti
 
 @press_router.put("/press", operation_id="hold_press", responses={**OF_ACTS, **OF_BODIES})
 def set_press(instrument: TheInstrument, body: PressRequest, by: Acting) -> StateResponse:
-    """Say what is pressed and how hard; the virtual probe is moved there."""
+    """Set what is pressed and how hard; the virtual probe moves there."""
     if not body.model_fields_set:
         raise InputError("press must say something: role, force_n or both; got neither")
     forget = "force_n" in body.model_fields_set and body.force_n is None
@@ -202,7 +202,7 @@ def set_press(instrument: TheInstrument, body: PressRequest, by: Acting) -> Stat
 def take_snapshot(
     instrument: TheInstrument, by: Acting, body: Annotated[SnapshotRequest | None, Body()] = None
 ) -> SavedPressResponse:
-    """Keep the press as it is seen now: its files, and the press in the store; when this answers, both last."""
+    """Save the present press: its files, and the press in the store; both are on the disk with the response."""
     saved = instrument.snapshot(by=by, map_name=(body or SnapshotRequest()).map_name)
     files = {name: str(path.resolve()) for name, path in asdict(saved.files).items()}
     return SavedPressResponse(
@@ -245,7 +245,7 @@ def get_frame_png(instrument: TheInstrument) -> Response:
 
 @frames_router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))
 def get_frame_jpg(instrument: TheInstrument, quality: Quality = 85) -> Response:
-    """Send the newest frame as a small picture of 8 bits, for the eye."""
+    """Send the newest frame as a small picture of 8 bits."""
     received = instrument.camera_controller.fresh()
     content = encode_picture(display_levels(received), "jpg", quality=quality)
     return _sent(received, content, "image/jpeg")

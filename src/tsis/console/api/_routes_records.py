@@ -76,7 +76,7 @@ def list_targets(instrument: TheInstrument, page: PageOfList) -> TargetsResponse
 
 @targets_router.get("/{number}", operation_id="get_target", responses=OF_RECORDS)
 def get_target(instrument: TheInstrument, number: TargetNumber) -> TargetResponse:
-    """Tell what is stored of a target."""
+    """Return what is stored of a target."""
     target = find_target(instrument, number)
     return TargetResponse(target=target, presses=instrument.store.press_count(target))
 
@@ -85,7 +85,7 @@ def get_target(instrument: TheInstrument, number: TargetNumber) -> TargetRespons
 def edit_target(instrument: TheInstrument, number: TargetNumber, body: TargetRequest) -> TargetResponse:
     """Change name, note or truth of a target as it was read; 409 when somebody has changed it since.
 
-    The audit of the store keeps that it was changed, and when.
+    The audit of the store records the change and its time.
     """
     target = find_target(instrument, number)
     changes = body.model_dump(exclude={"version"}, exclude_none=True)
@@ -114,7 +114,7 @@ def list_presses(instrument: TheInstrument, number: TargetNumber, page: PageOfLi
     responses={**file("image/png", "the frame, lossless: grey levels of 8 or 16 bits"), **OF_RECORDS},
 )
 def get_press_frame(instrument: TheInstrument, number: TargetNumber, identity: PressIdentity) -> Response:
-    """Send the stored frame of a press, after its hash was found right; 503 when it is damaged."""
+    """Send the stored frame of a press, after a check of its hash; 503 when it is damaged."""
     _, press = find_press(instrument, number, identity)
     content = encode_picture(instrument.store.levels(press.frame), level=QUICK_PNG)
     return Response(content, media_type="image/png", headers={"TSIS-Full-Scale": f"{press.full_scale:g}"})
@@ -125,7 +125,7 @@ estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
 
 @estimates_router.get("/estimates", operation_id="list_estimates", responses=OF_RECORDS)
 def list_estimates(instrument: TheInstrument, number: TargetNumber) -> EstimatesResponse:
-    """List the estimates of a target in the order in which they were made."""
+    """List the estimates of a target, the oldest first."""
     target = find_target(instrument, number)
     record = instrument.store.record(target, limit=0)
     return EstimatesResponse(
@@ -142,7 +142,7 @@ def list_estimates(instrument: TheInstrument, number: TargetNumber) -> Estimates
 def estimate_target(
     instrument: TheInstrument, number: TargetNumber, body: Annotated[EstimateRequest, Body()]
 ) -> JobResponse:
-    """Estimate a target from its presses and store what was found; the job's result tells it."""
+    """Estimate a target from its presses and store the estimate, which is the job's result."""
     find_target(instrument, number)
     job = instrument.estimate(number, kind=body.kind, presses=body.presses, options=_options(body))
     return JobResponse(job=job.state())
@@ -154,7 +154,7 @@ def estimate_target(
 def recompute_target(
     instrument: TheInstrument, number: TargetNumber, body: Annotated[RecomputeRequest | None, Body()] = None
 ) -> JobResponse:
-    """Make the estimates in force again with the code of today, and store those that came out otherwise."""
+    """Recompute the current estimates with the present code, and store those that differ."""
     dry_run = body is not None and body.dry_run
     return JobResponse(job=instrument.recompute(find_target(instrument, number), dry_run=dry_run).state())
 
@@ -198,7 +198,7 @@ LARGEST_UPLOAD = 32 * 2**20  # bytes
 
 @calibration_router.get("", operation_id="get_calibration")
 def get_calibration(instrument: TheInstrument) -> CalibrationResponse:
-    """Tell which calibration is in force."""
+    """Return the active calibration."""
     return _active(instrument)
 
 
@@ -206,7 +206,7 @@ def get_calibration(instrument: TheInstrument) -> CalibrationResponse:
     "/file", operation_id="get_calibration_file", response_class=Response, responses={**CALIBRATION_FILE, **OF_RECORDS}
 )
 def get_calibration_file(instrument: TheInstrument) -> Response:
-    """Send the calibration in force as its file, which `PUT /v1/calibration` takes again."""
+    """Send the active calibration as its file, which `PUT /v1/calibration` accepts."""
     given = instrument.calibration
     if given is None:
         raise AbsentError("a calibration must be in force to be sent; there is none")
@@ -217,7 +217,7 @@ def get_calibration_file(instrument: TheInstrument) -> Response:
     "", operation_id="use_calibration", responses={**OF_ACTS, **OF_BODIES}, openapi_extra=CALIBRATION_BODY
 )
 async def use_calibration(request: Request, instrument: TheInstrument, by: Acting) -> CalibrationResponse:
-    """Put a calibration in force: the body is a calibration file of at most 32 MiB.
+    """Activate a calibration: the body is a calibration file of at most 32 MiB.
 
     Answers 422 when it was changed, is expired, or is of another camera or other settings than those that run.
     """
@@ -277,13 +277,13 @@ def list_jobs(instrument: TheInstrument) -> JobsResponse:
 
 @jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
 def get_job(instrument: TheInstrument, identity: JobIdentity) -> JobResponse:
-    """Tell how far a job is, and what it returned."""
+    """Return the state of a job, and its result."""
     return _job_response(instrument, _job(instrument, identity))
 
 
 @jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
 def end_job(instrument: TheInstrument, identity: JobIdentity, caller: Caller = None) -> JobResponse:
-    """Ask a job to end, which it does at its next step; one that follows the camera only for who holds it."""
+    """Cancel a job, which ends at its next step; a job of the camera only for its owner."""
     job = _job(instrument, identity)
     if job.follows_camera and not caller:
         raise NoControlError(f"to end what follows the camera needs the header {CONTROL}, which POST /v1/control gives")
@@ -305,7 +305,7 @@ about_router = APIRouter(tags=["about"])
 
 @about_router.get("/about", operation_id="get_about")
 def get_about(instrument: TheInstrument) -> AboutResponse:
-    """Tell versions, and where records and files are kept."""
+    """Return versions, and where records and files are stored."""
     store = instrument.store
     return AboutResponse(
         environment=environment(),
