@@ -204,18 +204,11 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
             share_memory_among_threads()
             with logging_to(folder), Instrument(terms.instrument) as instrument:
                 application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
-                ready(_entrance(listener, address, terms, token))
-                with (
-                    collecting_garbage(),
-                    suppress(KeyboardInterrupt),
-                ):  # the server has ended in order, and raises what ended it
+                scheme, port = "http" if tls is None else "https", listener.getsockname()[1]
+                ready(f"{scheme}://{public_host(address, terms.names)}:{port}/?token={token}")
+                # The server has ended in order, and raises the interruption that ended it.
+                with collecting_garbage(), suppress(KeyboardInterrupt):
                     uvicorn.Server(_config(application, tls)).run(sockets=[listener])
-
-
-def _entrance(listener: socket.socket, address: str, terms: ConsoleSettings, token: str) -> str:
-    """The address to open."""
-    scheme = "http" if terms.certificate is None else "https"
-    return f"{scheme}://{public_host(address, terms.names)}:{listener.getsockname()[1]}/?token={token}"
 
 
 def _permitted(terms: ConsoleSettings) -> tuple[str, ssl.SSLContext | None, Logins | None]:

@@ -53,7 +53,14 @@ class OpenSockets:
     def check(self) -> None:
         """Cancel those whose client is not authenticated any more, or cannot be checked."""
         for task, stays in list(self._open.items()):
-            if task not in self._cut and not _may_stay(stays):
+            if task in self._cut:
+                continue
+            try:
+                over = not stays()
+            except Exception:  # the check of the other sockets goes on
+                _log.exception("a WebSocket is closed, for it cannot be found out whether it may stay open")
+                over = True
+            if over:
                 self._cut.add(task)
                 task.cancel()
 
@@ -63,11 +70,3 @@ class OpenSockets:
             while True:
                 await asyncio.sleep(CHECK_EVERY_S)
                 self.check()
-
-
-def _may_stay(stays: Callable[[], bool]) -> bool:
-    try:
-        return stays()
-    except Exception:  # whatever it is, the watch over the others goes on
-        _log.exception("a WebSocket is closed, for it cannot be found out whether it may stay open")
-        return False

@@ -120,18 +120,13 @@ class LiveHub:
         self._acquisition = acquisition
         self._lock = threading.Lock()
         self._viewers: set[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = set()
-        self._latest: NewestFrame | None = None
+        self.latest: NewestFrame | None = None  # before the first frame of a camera
         self._packed: dict[int | None, tuple[NewestFrame, bytes]] = {}  # by quality
         self._packing: dict[int | None, threading.Lock] = {}
         self._described: tuple[FrameAnalysis | None, str] = (None, analysis_json(None))
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live view", daemon=True)
         self._thread.start()
-
-    @property
-    def latest(self) -> NewestFrame | None:
-        """The newest frame; None before the first one of a camera."""
-        return self._latest
 
     @property
     def viewers(self) -> int:
@@ -162,7 +157,7 @@ class LiveHub:
         event = asyncio.Event()
         with self._lock:
             self._viewers.add((asyncio.get_running_loop(), event))
-        if self._latest is not None:
+        if self.latest is not None:
             event.set()
         try:
             yield event
@@ -186,14 +181,14 @@ class LiveHub:
         while not self._closing.is_set():
             acquisition = self._acquisition()
             if acquisition is not followed:
-                followed, position, self._latest = acquisition, 0, None
+                followed, position, self.latest = acquisition, 0, None
             if acquisition is None or (acquisition.ring.closed and acquisition.ring.end <= position):
                 self._closing.wait(REST_S)
             elif acquisition.ring.wait(position, WAIT_S):
                 position = acquisition.ring.end
                 received = acquisition.latest()
                 if received is not None:
-                    self._latest = NewestFrame(received=received, number=position)
+                    self.latest = NewestFrame(received=received, number=position)
                     self._wake()
 
     def _wake(self) -> None:

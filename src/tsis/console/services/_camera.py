@@ -134,11 +134,6 @@ class CameraController:
         acquisition = self.acquisition
         return "" if acquisition is None else acquisition.name
 
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """What may be pressed."""
-        return self.choice.roles
-
     def choose(self, choice: CameraChoice) -> None:
         """Let go of the camera, and take another one; it is not yet started."""
         self.stop()
@@ -231,7 +226,7 @@ class CameraController:
         Raises `InputError` for an unknown role or a force outside its range, and `MechanicsError` when the tissue
         cannot be pressed so hard; the press then stays as it was.
         """
-        require_one_of("role", role, self.roles)
+        require_one_of("role", role, self.choice.roles)
         if self.choice.is_virtual or force_n is not None:
             most = LARGEST_FORCE_N if self.choice.is_virtual else MOST_TYPED_N
             force_n = require_number("force_n", force_n, 0.0, most, hint="newtons")

@@ -119,7 +119,7 @@ class Instrument:
             camera=camera,
             target=self._target,
             role=self.camera_controller.role,
-            roles=self.camera_controller.roles,
+            roles=self.camera_controller.choice.roles,
             force_n=self.camera_controller.force_n,
             calibration="" if given is None else given.calibration.name,
             calibration_identity="" if given is None else given.identity,

@@ -74,7 +74,7 @@ class Job:
         self._after = after
         self._lock, self._finished, self._ending = threading.Lock(), threading.Event(), threading.Event()
         self._status, self._done, self._total, self._message = RUNNING, 0, 0, ""
-        self._result: Any = None
+        self.result: Any = None  # before it is done
 
     def state(self) -> JobState:
         """Its state."""
@@ -87,11 +87,6 @@ class Job:
                 total=self._total,
                 sentence=self._message,
             )
-
-    @property
-    def result(self) -> Any:
-        """Its result; None before it is done."""
-        return self._result
 
     def without_result(self) -> Job:
         """A copy of a finished job without its result, which only the holders of this job have then."""
@@ -136,7 +131,7 @@ class Job:
         message: str | None = None
         try:
             self.advance(0, 0)
-            self._result = work(self)
+            self.result = work(self)
         except JobCancelled:
             status, message = ENDED, f"{self.title}: ended as you asked"
         except TsisError as error:

@@ -143,7 +143,7 @@ class VirtualSubject:
     """A virtual rig with the objects before it, by the role of a press; `InputError` for a phantom out of range."""
 
     def __init__(self, choice: CameraChoice) -> None:
-        self._rng, self._roles = np.random.default_rng(choice.seed), choice.roles
+        self._rng, self.roles = np.random.default_rng(choice.seed), choice.roles
         self.probe = load_probe(choice.probe)
         self._rig: VirtualProbe | DirectContactRig
         self._objects: dict[str, Phantom | SoftSphere]
@@ -168,11 +168,6 @@ class VirtualSubject:
         self._camera: VirtualCamera | None = None
         self._lock = threading.Lock()
         self.calibration = self._own_calibration()
-
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """Roles of presses on its objects."""
-        return self._roles
 
     @property
     def mm_per_pixel(self) -> tuple[float, float]:

@@ -118,7 +118,7 @@ def test_a_calibration_stays_when_its_frames_change(instrument: Instrument) -> N
     assert failed.wait(HANGS_S)
     assert "steps must be done first: dark" in failed.state().sentence
     assert session.take_all(by=ANN).wait(HANGS_S)
-    assert session.missing() == ()
+    assert session.folder.missing() == ()
     assert set(statuses(session).values()) == {"done"}
     with pytest.raises(CalibrationError, match="every step is done"):
         session.take_all(by=ANN)

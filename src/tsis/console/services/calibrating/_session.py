@@ -148,10 +148,6 @@ class CalibrationSession:
         taking = self._taking if self.job is not None and self.job.state().status == RUNNING else ""
         return tuple(self._state(step, taking) for step in self._plan)
 
-    def missing(self) -> tuple[str, ...]:
-        """Steps that no calibration can be made without and that are not done."""
-        return self.folder.missing()
-
     def take(self, name: str, *, by: str) -> Job:
         """Take the frames of a step in the background; all of them are saved, or none.
 
