@@ -1,5 +1,9 @@
 """Cameras, force gauges and image files: the sources of frames and forces."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.instrument._camera import LATE_FRAMES, PRESETS, Camera, Frame, Mode, Setting, named_mode, preset
 from tsis.instrument._discovery import (
     LIVE_SOURCES,
@@ -41,3 +45,6 @@ __all__ = [
     "save_snapshot",
     "whole_levels",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["acquisition", "drivers", "gauge", "recording"])[0]
