@@ -77,11 +77,11 @@ WIDER = """() => {
 
 def faults(page: Page) -> list[str]:
     """What is wrong with the page as it is shown now; empty when nothing was found."""
-    found: list[str] = page.evaluate(FAULTS)
-    return found
+    result: list[str] = page.evaluate(FAULTS)
+    return result
 
 
 def too_wide(page: Page) -> list[str]:
     """What makes the page scroll sideways; empty when it does not."""
-    found: list[str] = page.evaluate(WIDER)
-    return found
+    result: list[str] = page.evaluate(WIDER)
+    return result

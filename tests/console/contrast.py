@@ -50,11 +50,11 @@ def texts(page: Page) -> list[Text]:
     """Every piece of text that is shown."""
     return [
         Text(
-            text=each["text"],
-            contrast=_contrast(each["colour"], each["grounds"], each["opacity"]),
-            least=LEAST_LARGE if each["large"] else LEAST,
+            text=item["text"],
+            contrast=_contrast(item["colour"], item["grounds"], item["opacity"]),
+            least=LEAST_LARGE if item["large"] else LEAST,
         )
-        for each in page.evaluate(TEXTS)
+        for item in page.evaluate(TEXTS)
     ]
 
 
@@ -74,14 +74,14 @@ def contrast(one: tuple[float, float, float], other: tuple[float, float, float])
 
 def _luminance(colour: tuple[float, float, float]) -> float:
     linear = [
-        share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4
-        for share in (channel / 255 for channel in colour)
+        fraction / 12.92 if fraction <= 0.04045 else ((fraction + 0.055) / 1.055) ** 2.4
+        for fraction in (channel / 255 for channel in colour)
     ]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
 def _rgba(text: str) -> tuple[float, float, float, float]:
-    numbers = [float(each) for each in re.findall(r"[\d.]+", text)]
+    numbers = [float(item) for item in re.findall(r"[\d.]+", text)]
     assert text.startswith("rgb"), text
     return numbers[0], numbers[1], numbers[2], numbers[3] if len(numbers) > 3 else 1.0
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
     from tests.console.running import RunningConsole
 
-BENCH, TABLET = (1280, 800), (1024, 768)
+INSTRUMENT, TABLET = (1280, 800), (1024, 768)
 API = "/api/v1"
 PATIENCE_MS = 120_000  # of a machine that has other things to do
 BY_ITSELF_MS = 8_000
@@ -31,7 +31,7 @@ def tab(
     console: RunningConsole,
     address: str = "/",
     *,
-    size: tuple[int, int] = BENCH,
+    size: tuple[int, int] = INSTRUMENT,
     expected: str = "$^",
     **how: Any,
 ) -> Iterator[Page]:
@@ -45,7 +45,7 @@ def tab(
     try:
         page.goto(f"{console.address}{address}{'&' if '?' in address else '?'}token={console.token}")
         yield page
-        assert [each for each in faults if not re.search(expected, each)] == []
+        assert [item for item in faults if not re.search(expected, item)] == []
     except BaseException as error:
         with suppress(BrowserError):  # which may be what failed
             picture(page, "as-a-test-failed")
@@ -105,6 +105,6 @@ def press_with(page: Page, force: str) -> None:
     page.get_by_text(re.compile(rf"^{float(force):.2f} N$")).wait_for()
 
 
-def asked(console: RunningConsole, path: str) -> Any:
-    """What a script reads of the console: another way to the same bench."""
+def requested(console: RunningConsole, path: str) -> Any:
+    """What a script reads of the console: another path to the same instrument."""
     return httpx.get(console.address + API + path, headers=console.key, timeout=HANGS_S).raise_for_status().json()

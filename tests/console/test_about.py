@@ -25,14 +25,14 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_it_is_cited_as_the_citation_file_says() -> None:
-    told: dict[str, Any] = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    reported: dict[str, Any] = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     program, thesis = citation()
-    (reference,) = told["references"]
-    for part in (told["title"], told["version"], told["authors"][0]["name"]):
+    (reference,) = reported["references"]
+    for part in (reported["title"], reported["version"], reported["authors"][0]["name"]):
         assert part in program
     for part in (reference["title"], reference["institution"]["name"], str(reference["year"]), "Lee"):
         assert part in thesis
-    assert told["license"] == LICENCE
+    assert reported["license"] == LICENCE
     assert licence() == (ROOT / "LICENSE").read_text(encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""Calibrate in a real browser: the virtual bench step by step, a server that goes away, terms that are none."""
+"""Calibrate in a real browser: the virtual rig step by step, a server that goes away, terms that are none."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from benchmarks.calibration_force import PROBE, SENSOR
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
-from tests.console.operator import TABLET, asked, hold, operating, run, tab
+from tests.console.operator import TABLET, hold, operating, requested, run, tab
 from tests.console.running import running_console
 
 from tsis.calibration.file import calibration_sha256, read_calibration
@@ -66,8 +66,8 @@ def all_taken(folder: Path, name: str, camera: str) -> SessionFolder:
         tips_mm=(10.0, 14.0),
     )
     session.begin(terms)
-    for each in session.plan():
-        session.save(each, virtual.shots(each))
+    for item in session.plan():
+        session.save(item, virtual.shots(item))
     return session
 
 
@@ -87,13 +87,13 @@ def test_terms_that_are_none_are_one_sentence_and_begin_nothing(console: Running
         ("Seed of the virtual rig", "-4", "seed must lie in"),
     )
     with operating(browser, console, "/calibrate") as page:
-        for label, value, sentence in wrong:
+        for label, value, message in wrong:
             field = page.get_by_label(label, exact=True)
             before = field.input_value()
             field.fill(value)
             page.get_by_role("button", name="Begin", exact=True).click()
-            said = page.get_by_role("alert").filter(has_text=sentence)
-            said.first.wait_for()
+            text = page.get_by_role("alert").filter(has_text=message)
+            text.first.wait_for()
             field.fill(before)
         page.get_by_text("None yet.").wait_for()
     assert not (console.workspace / "calibrations").exists()
@@ -136,7 +136,7 @@ def test_a_session_is_begun_interrupted_by_the_server_and_goes_on(tmp_path: Path
         page.get_by_role("img", name="Frame of step board").wait_for()
         page.set_viewport_size({"width": TABLET[0], "height": TABLET[1]})
         picture(page, "calibrate-steps-tablet-dark")
-        assert [each for each in texts(page) if each.contrast < each.least] == []
+        assert [item for item in texts(page) if item.contrast < item.least] == []
         after = files(folder)
         assert {name: after[name] for name in before} == before
         assert SessionFolder(folder).missing() == ()
@@ -165,7 +165,7 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
         picture(page, "calibrate-made")
         with page.expect_download() as arriving:
             page.get_by_role("button", name="Download the file").click()
-        made = Path(arriving.value.path()).read_bytes()
+        created = Path(arriving.value.path()).read_bytes()
         page.get_by_role("button", name="Activate").click()
         page.get_by_role("alert").filter(
             has_text="is of frames of 256 x 216 pixels; the camera's have 768 x 492"
@@ -177,26 +177,26 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
         page.get_by_role("link", name="<b>here</b>").click()
         page.get_by_role("button", name="Activate").click()
         page.get_by_text("It is active.").wait_for()
-        in_force = asked(console, "/state")
+        active = requested(console, "/state")
         page.locator(".calibrate-figures").scroll_into_view_if_needed()
         picture(page, "calibrate-residuals")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["tsis", "calibrate", "make", str(session.path), "--days", "30", "--json"])
     with pytest.raises(SystemExit):
         main()
-    told = json.loads(capsys.readouterr().out)
-    assert made == (session.path / "calibration.json").read_bytes()
-    assert made == (tmp_path / "tsis-calibration" / "calibration.json").read_bytes()
-    assert calibration_sha256(read_calibration(session.path / "calibration.json")) == told["sha256"]
-    assert in_force["calibration_identity"] == told["sha256"]
+    reported = json.loads(capsys.readouterr().out)
+    assert created == (session.path / "calibration.json").read_bytes()
+    assert created == (tmp_path / "tsis-calibration" / "calibration.json").read_bytes()
+    assert calibration_sha256(read_calibration(session.path / "calibration.json")) == reported["sha256"]
+    assert active["calibration_identity"] == reported["sha256"]
     with running_console(tmp_path) as console, operating(browser, console, "/calibrate/here") as page:
         page.get_by_text("It was made before.").wait_for()
-        page.get_by_text(f"cited as {told['sha256'][:12]}").wait_for()
+        page.get_by_text(f"cited as {reported['sha256'][:12]}").wait_for()
         page.get_by_role("button", name=re.compile("^Step flat-1:")).click()
         page.get_by_role("button", name="Repeat this step").click()
         page.get_by_role("button", name="Remove and repeat").click()
         page.get_by_role("button", name="Activate").wait_for(state="hidden")
-        assert (session.path / f"calibration-{told['sha256'][:12]}.json").read_bytes() == made
+        assert (session.path / f"calibration-{reported['sha256'][:12]}.json").read_bytes() == created
 
 
 def test_damaged_and_unknown_sessions_are_a_sentence(console: RunningConsole, browser: Browser) -> None:

@@ -40,10 +40,10 @@ def test_forces_are_typed_and_a_lost_camera_costs_one_step(tmp_path: Path, brows
         page.get_by_text("Step 2 of 11: untouched").wait_for()
         page.get_by_role("button", name="Step tip-2mm-1:").click()
         field = page.get_by_label("Force that the gauge shows")
-        for force, said in (("0", "1 frames"), ("0,5", "2 frames"), ("7", "3 frames")):
+        for force, message in (("0", "1 frames"), ("0,5", "2 frames"), ("7", "3 frames")):
             field.fill(force)
             field.press("Enter")
-            page.get_by_text(said, exact=True).wait_for()
+            page.get_by_text(message, exact=True).wait_for()
             expect(field).to_have_value("")
         field.fill("soft")
         page.get_by_role("button", name="Take a frame").click()

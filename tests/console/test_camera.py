@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import asked, operating, press_with, run
+from tests.console.operator import operating, press_with, requested, run
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
 from tsis.catalog import load_phantom, load_probe
@@ -29,9 +29,11 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """That of the virtual probe under a name of its own."""
     probe = load_probe("tsis-domed")
     response = VirtualProbe(probe, rng=np.random.default_rng(0)).calibration
-    known = ProbeCalibration(name="of a Monday", probe=probe.name, response=replace(response, name="of a Monday"))
+    calibration_with = ProbeCalibration(
+        name="of a Monday", probe=probe.name, response=replace(response, name="of a Monday")
+    )
     file = tmp_path_factory.mktemp("calibration") / "monday.json"
-    write_calibration(known, file)
+    write_calibration(calibration_with, file)
     return file
 
 
@@ -49,12 +51,12 @@ def test_another_phantom_with_another_inclusion(console: RunningConsole, browser
         page.get_by_text("virtual probe on size-8").first.wait_for()
         page.get_by_text("runs at").wait_for()
         picture(page, "camera-virtual")
-        choice = asked(console, "/state")["camera"]["choice"]
+        choice = requested(console, "/state")["camera"]["choice"]
         assert (choice["phantom"], choice["depth_mm"], choice["seed"]) == ("size-8", 6.0, 11)
         page.get_by_role("navigation").get_by_role("link", name="Examine").click()
         page.get_by_role("button", name="Snapshot").click()
         page.get_by_text("Saved for target 1").wait_for()
-        truth = asked(console, "/targets/1")["target"]["truth"]
+        truth = requested(console, "/targets/1")["target"]["truth"]
         lump = load_phantom("size-8").inclusion
         assert lump is not None
         assert truth == {"diameter_mm": lump.diameter_mm, "depth_mm": 6.0, "young_kpa": lump.young_kpa}
@@ -67,14 +69,14 @@ def test_a_sphere_is_for_hardness(console: RunningConsole, browser: Browser) -> 
         page.get_by_role("button", name="Use it so").click()
         page.get_by_text("virtual probe on cl2003x").wait_for()  # its mechanics are solved with the seed of before
         page.get_by_text("runs at").wait_for()
-        assert asked(console, "/state")["roles"] == ["target", "ball", "untouched"]
+        assert requested(console, "/state")["roles"] == ["target", "ball", "untouched"]
         page.get_by_role("navigation").get_by_role("link", name="Examine").click()
         page.get_by_role("button", name="on a known ball").wait_for()
         page.get_by_role("link", name="Hardness of this object").wait_for()
 
 
 @pytest.mark.parametrize(
-    ("label", "typed", "sentence"),
+    ("label", "typed", "message"),
     [
         ("Depth", "deep", "depth must be a number, as 2 or 0.5; got 'deep'"),
         ("Depth", "500", "depth must lie in"),
@@ -85,15 +87,15 @@ def test_a_sphere_is_for_hardness(console: RunningConsole, browser: Browser) -> 
     ],
 )
 def test_values_that_no_phantom_has(
-    console: RunningConsole, browser: Browser, label: str, typed: str, sentence: str
+    console: RunningConsole, browser: Browser, label: str, typed: str, message: str
 ) -> None:
-    before = asked(console, "/state")["camera"]["choice"]
+    before = requested(console, "/state")["camera"]["choice"]
     with operating(browser, console, "/camera") as page:
         _choose(page, "Pressed object", "size-14")
         page.get_by_label(label).fill(typed)
         page.get_by_role("button", name="Use it so").click()
-        page.get_by_text(sentence).wait_for()
-    assert asked(console, "/state")["camera"]["choice"] == before
+        page.get_by_text(message).wait_for()
+    assert requested(console, "/state")["camera"]["choice"] == before
 
 
 def test_a_search_says_what_answered_and_what_is_missing(console: RunningConsole, browser: Browser) -> None:
@@ -114,10 +116,10 @@ def test_a_calibration_is_put_in_force_and_taken_back(
         page.get_by_text("virtual probe on hardness-100").wait_for()
         page.locator("input[type=file]").set_input_files(calibration)
         page.get_by_text("The calibration of a Monday is active.").wait_for()
-        assert asked(console, "/state")["calibration"] == "of a Monday"
+        assert requested(console, "/state")["calibration"] == "of a Monday"
         page.get_by_role("button", name="Use the virtual probe's own").click()
         page.get_by_text("of a Monday", exact=True).wait_for(state="detached")
-        assert asked(console, "/state")["calibration"] != "of a Monday"
+        assert requested(console, "/state")["calibration"] != "of a Monday"
 
 
 @pytest.mark.parametrize("damage", ["changed", "cut", "empty", "other", "zip"])
@@ -125,7 +127,7 @@ def test_a_calibration_that_is_none_is_one_sentence(
     console: RunningConsole, browser: Browser, calibration: Path, tmp_path: Path, damage: str
 ) -> None:
     content = calibration.read_bytes()
-    made = {
+    created = {
         "changed": content.replace(b"of a Monday", b"of a Sunday", 1),
         "cut": content[: len(content) // 2],
         "empty": b"",
@@ -133,14 +135,14 @@ def test_a_calibration_that_is_none_is_one_sentence(
         "zip": b"PK\x03\x04" + b"\0" * 100,
     }[damage]
     file = tmp_path / "hostile.json"
-    file.write_bytes(made)
-    before = asked(console, "/state")["calibration"]
+    file.write_bytes(created)
+    before = requested(console, "/state")["calibration"]
     with operating(browser, console, "/camera") as page:
         page.locator("input[type=file]").set_input_files(file)
         alert = page.get_by_role("alert").filter(has_text="hostile.json")
         alert.wait_for()
         assert "Traceback" not in alert.inner_text()
-    assert asked(console, "/state")["calibration"] == before
+    assert requested(console, "/state")["calibration"] == before
 
 
 def test_examine_goes_on_after_another_choice(console: RunningConsole, browser: Browser) -> None:

@@ -39,13 +39,13 @@ def _choose(page: Page, probe: str) -> None:
     page.get_by_role("option", name=probe, exact=True).click()
 
 
-def _section(page: Page, words: str) -> None:
-    page.get_by_role("img", name=words).wait_for()
+def _section(page: Page, text: str) -> None:
+    page.get_by_role("img", name=text).wait_for()
 
 
-def _said(page: Page, sentence: str) -> None:
+def _said(page: Page, message: str) -> None:
     """Wait until something is said of the fields; the side view may say it of the whole probe too."""
-    page.get_by_role("status").get_by_text(sentence).first.wait_for()
+    page.get_by_role("status").get_by_text(message).first.wait_for()
 
 
 def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(page: Page) -> None:
@@ -53,19 +53,19 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(page: Page) 
     middle = page.get_by_role("textbox", name="Layer 2, modulus")
     middle.fill("60")
     _section(page, "3 mm of 60 kPa")
-    for wrong, said in (
+    for wrong, reported in (
         ("-3", "modulus must lie in"),
         ("soft", "modulus must be a number"),
         ("", "modulus must be a number"),
     ):
         middle.fill(wrong)
-        _said(page, f"Layer 2: {said}")
+        _said(page, f"Layer 2: {reported}")
         page.wait_for_function("document.querySelector('[aria-label=\"Layer 2, modulus\"]').ariaInvalid === 'true'")
         _said(page, "Not drawn while a field is wrong.")
-        assert page.get_by_role("status").get_by_text(said).count() == 1
+        assert page.get_by_role("status").get_by_text(reported).count() == 1
     picture(page, "design-wrong")
     assert faults(page) == []
-    assert [each for each in texts(page) if each.contrast < each.least] == []
+    assert [item for item in texts(page) if item.contrast < item.least] == []
     _section(page, "3 mm of 60 kPa")  # the last that could be drawn
     page.get_by_role("button", name="Compute the errors").click()
     page.get_by_role("alert").get_by_text("modulus must be a number").wait_for()
@@ -119,7 +119,7 @@ def test_the_answer_is_that_of_the_library_and_is_kept_for_the_tab(page: Page, c
     assert shown == pytest.approx(answer.best.information.rmse["depth_mm"], abs=0.005)
     assert faults(page) == []
     assert too_wide(page) == []
-    assert [each for each in texts(page) if each.contrast < each.least] == []
+    assert [item for item in texts(page) if item.contrast < item.least] == []
     picture(page, "design-answer")
 
     with page.expect_download() as saved:

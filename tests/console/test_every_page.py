@@ -1,4 +1,4 @@
-"""All pages: reached by the links, used without sight or mouse, read in both lights, on a bench and on a tablet."""
+"""All pages: reached by the links, used without sight or mouse, read in both lights, on a desktop and on a tablet."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ TITLES = [title for address, (title, _) in PAGES.items() if "{" not in address]
 
 
 @pytest.fixture(scope="module")
-def bench(console: RunningConsole, browser: Browser) -> Iterator[Page]:
-    """A light page on the bench's screen, with the camera running."""
+def desktop(console: RunningConsole, browser: Browser) -> Iterator[Page]:
+    """A light page on a desktop, with the camera running."""
     with tab(browser, console, color_scheme="light") as page:
         hold(page)
         run(page)
@@ -32,7 +32,7 @@ def bench(console: RunningConsole, browser: Browser) -> Iterator[Page]:
 
 
 @pytest.fixture(scope="module")
-def tablet(console: RunningConsole, browser: Browser, bench: Page) -> Iterator[Page]:
+def tablet(console: RunningConsole, browser: Browser, desktop: Page) -> Iterator[Page]:
     """A dark page on a tablet, which watches."""
     with tab(browser, console, size=TABLET, color_scheme="dark") as page:
         page.get_by_text("holds the camera; you watch.").wait_for()
@@ -40,16 +40,16 @@ def tablet(console: RunningConsole, browser: Browser, bench: Page) -> Iterator[P
 
 
 @pytest.mark.parametrize("title", TITLES)
-@pytest.mark.parametrize("where", ["bench", "tablet"])
+@pytest.mark.parametrize("where", ["desktop", "tablet"])
 def test_a_page_keeps_nobody_out(where: str, title: str, request: pytest.FixtureRequest) -> None:
     page: Page = request.getfixturevalue(where)
     page.get_by_role("navigation").get_by_role("link", name=title, exact=True).click()
     page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
     page.locator("main .panel").first.wait_for()
-    picture(page, f"{title.lower()}-{where}-{'light' if where == 'bench' else 'dark'}")
+    picture(page, f"{title.lower()}-{where}-{'light' if where == 'desktop' else 'dark'}")
     assert faults(page) == []
     assert too_wide(page) == []
-    pale = [each for each in texts(page) if each.contrast < each.least]
+    pale = [item for item in texts(page) if item.contrast < item.least]
     assert pale == []
 
 
@@ -65,16 +65,16 @@ def test_faults_are_found(browser: Browser) -> None:
         """<main><h2>first</h2><button></button><input><img src="data:,"><canvas></canvas><p id="a"></p><p id="a"></p>
         <button><i class="q-icon">menu</i></button><table><tr><td>1</td></tr></table><div tabindex="3">x</div></main>"""
     )
-    found = faults(page)
+    result = faults(page)
     page.close()
-    assert sum(each.startswith("no name") for each in found) == 4
-    for words in ("language", "title", "picture without words", "#a", "table without", "jumps", "level 1", "one nav"):
-        assert any(words in each for each in found), words
+    assert sum(item.startswith("no name") for item in result) == 4
+    for label in ("language", "title", "picture without words", "#a", "table without", "jumps", "level 1", "one nav"):
+        assert any(label in item for item in result), label
 
 
 def test_pale_text_is_found(browser: Browser) -> None:
     page = browser.new_page()
     page.set_content('<div style="background:#333"><p style="color:#555">pale</p><p style="color:#fff">clear</p></div>')
-    found = {each.text: each.contrast for each in texts(page)}
+    result = {item.text: item.contrast for item in texts(page)}
     page.close()
-    assert found["pale"] < 2 < 12 < found["clear"]
+    assert result["pale"] < 2 < 12 < result["clear"]

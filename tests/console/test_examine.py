@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import TABLET, asked, choose_target, operating, press_with, run
+from tests.console.operator import TABLET, choose_target, operating, press_with, requested, run
 
 from tsis.files import target_folder
 
@@ -35,9 +35,9 @@ def test_start_and_stop_are_one_button(console: RunningConsole, browser: Browser
         stop.click()
         page.get_by_role("button", name="Start").wait_for()
         page.get_by_text("the camera is stopped").first.wait_for()
-        assert asked(console, "/state")["camera"]["running"] is False
+        assert requested(console, "/state")["camera"]["running"] is False
         run(page)
-        assert asked(console, "/state")["camera"]["running"] is True
+        assert requested(console, "/state")["camera"]["running"] is True
 
 
 def test_keys_keep_snapshots_and_change_the_target(console: RunningConsole, browser: Browser) -> None:
@@ -54,7 +54,7 @@ def test_keys_keep_snapshots_and_change_the_target(console: RunningConsole, brow
         page.keyboard.press("Space")
         page.get_by_text("Saved for target 20").wait_for()
     assert len(_kept(console, 20)) == len(_kept(console, 21)) == 1
-    assert {each["target"]["number"] for each in asked(console, "/targets")["targets"]} >= {20, 21}
+    assert {item["target"]["number"] for item in requested(console, "/targets")["targets"]} >= {20, 21}
 
 
 @pytest.mark.slow
@@ -89,7 +89,7 @@ def test_the_live_image_alone_and_back(console: RunningConsole, browser: Browser
         assert shown is not None
         assert (shown["width"], shown["height"]) == (1280, 800)
         assert not page.get_by_role("button", name="Snapshot").is_visible() or _covered(page, "Snapshot")
-        choose = asked(console, "/state")["target"]
+        choose = requested(console, "/state")["target"]
         page.keyboard.press("Space")
         page.get_by_text(f"Saved for target {choose}").wait_for()  # what was done is told over it
         picture(page, "examine-alone")
@@ -121,7 +121,7 @@ def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("typed", "sentence"),
+    ("typed", "message"),
     [
         ("abc", "target must be a number, as 2 or 0.5; got 'abc'"),
         ("", "target must be a number, as 2 or 0.5; got ''"),
@@ -136,15 +136,15 @@ def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
     ],
 )
 def test_a_target_that_is_none_is_said_and_the_number_stays(
-    console: RunningConsole, browser: Browser, typed: str, sentence: str
+    console: RunningConsole, browser: Browser, typed: str, message: str
 ) -> None:
     with operating(browser, console) as page:
         choose_target(page, "7")
         _target(page, "7")
         choose_target(page, typed)
-        page.get_by_text(sentence).wait_for()
+        page.get_by_text(message).wait_for()
         _target(page, "7")
-        assert asked(console, "/state")["target"] == 7
+        assert requested(console, "/state")["target"] == 7
 
 
 @pytest.mark.slow
@@ -169,9 +169,9 @@ def test_a_snapshot_while_stopped_is_one_sentence(console: RunningConsole, brows
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("typed", "sentence"), [("6", "force must lie in [0, 5]; got 6"), ("x", "got 'x'")])
+@pytest.mark.parametrize(("typed", "message"), [("6", "force must lie in [0, 5]; got 6"), ("x", "got 'x'")])
 def test_a_force_that_is_none_leaves_the_press(
-    console: RunningConsole, browser: Browser, typed: str, sentence: str
+    console: RunningConsole, browser: Browser, typed: str, message: str
 ) -> None:
     with operating(browser, console) as page:
         run(page)
@@ -179,9 +179,9 @@ def test_a_force_that_is_none_leaves_the_press(
         field = page.get_by_label("Force", exact=True)
         field.fill(typed)
         field.press("Enter")
-        page.get_by_text(sentence).wait_for()
+        page.get_by_text(message).wait_for()
         expect(field).to_have_value("0.8")
-        assert asked(console, "/state")["force_n"] == 0.8
+        assert requested(console, "/state")["force_n"] == 0.8
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_what_is_pressed_and_flags_with_their_advice(console: RunningConsole, br
         page.get_by_role("button", name="without touch").click()
         flags = page.get_by_role("list", name="Flags of this press")
         flags.get_by_text("no-contact", exact=True).wait_for()
-        assert asked(console, "/state")["role"] == "untouched"
+        assert requested(console, "/state")["role"] == "untouched"
         page.get_by_role("button", name="on the target").click()
         flags.get_by_text("No flags.").wait_for()
         page.get_by_text("settled", exact=True).wait_for()
@@ -233,9 +233,9 @@ def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Brow
             assert title in cards
         page.get_by_text(re.compile("^Prior: ")).wait_for()
         picture(page, "examine-estimate")
-        told = asked(console, "/targets/50/estimates")["estimates"][-1]
-        page.get_by_text(told["identifiability"]).wait_for()
-        diameter = told["parameters"]["diameter_mm"]
+        reported = requested(console, "/targets/50/estimates")["estimates"][-1]
+        page.get_by_text(reported["identifiability"]).wait_for()
+        diameter = reported["parameters"]["diameter_mm"]
         assert f"{diameter['mean']:.3g} mm" in cards
         assert abs(diameter["mean"] - 10.0) < SURE * diameter["sd"]
         page.get_by_role("link", name="Report", exact=True).click()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import asked, choose_target, hold, operating, run, tab
+from tests.console.operator import choose_target, hold, operating, requested, run, tab
 
 from tsis.files import target_folder
 
@@ -53,7 +53,7 @@ def test_so_many_frames(console: RunningConsole, browser: Browser) -> None:
 
 
 @pytest.mark.parametrize(
-    ("length", "unit", "sentence"),
+    ("length", "unit", "message"),
     [
         ("soon", "seconds", "length must be a number, as 2 or 0.5; got 'soon'"),
         ("0", "seconds", "seconds must lie in [0.1, 3600]; got 0"),
@@ -61,14 +61,12 @@ def test_so_many_frames(console: RunningConsole, browser: Browser) -> None:
         ("1e9", "frames", "frames must lie in [1, 200000]; got 1e+09"),
     ],
 )
-def test_a_length_that_is_none(
-    console: RunningConsole, browser: Browser, length: str, unit: str, sentence: str
-) -> None:
+def test_a_length_that_is_none(console: RunningConsole, browser: Browser, length: str, unit: str, message: str) -> None:
     with operating(browser, console) as page:
         run(page)
         _target(page, "2")
         _begin(page, length, unit)
-        page.get_by_text(sentence).wait_for()
+        page.get_by_text(message).wait_for()
         expect(page.get_by_role("button", name="Record")).to_be_visible()
     assert _reports(console, 2) == []
 
@@ -84,7 +82,7 @@ def test_the_browser_closes_and_the_sequence_goes_on(console: RunningConsole, br
         hold(page)
         page.get_by_role("tab", name="Sequence").click()
         page.get_by_text("60 frames in").first.wait_for()  # the new page tells what became of it
-        assert asked(console, "/state")["camera"]["running"] is True
+        assert requested(console, "/state")["camera"]["running"] is True
         page.get_by_role("button", name="Release the camera").click()
     ((folder, report),) = _reports(console, 3)
     assert report["report"]["kept"] == _frames(folder) == 60

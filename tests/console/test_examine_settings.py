@@ -8,7 +8,7 @@ import httpx
 import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import API, asked, operating, run, tab
+from tests.console.operator import API, operating, requested, run, tab
 from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def page(console: RunningConsole, browser: Browser) -> Iterator[Page]:
 
 
 def _settings(console: RunningConsole) -> dict[str, float]:
-    return {each["name"]: each["value"] for each in asked(console, "/state")["camera"]["settings"]}
+    return {item["name"]: item["value"] for item in requested(console, "/state")["camera"]["settings"]}
 
 
 def _type(page: Page, label: str, text: str) -> None:
@@ -56,13 +56,13 @@ def test_a_slider_reaches_the_camera(console: RunningConsole, page: Page) -> Non
 
 
 @pytest.mark.parametrize(
-    ("typed", "sentence"), [("0", "exposure must lie in [0.01, 33.3333]; got 0"), ("dark", "got 'dark'"), ("", "''")]
+    ("typed", "message"), [("0", "exposure must lie in [0.01, 33.3333]; got 0"), ("dark", "got 'dark'"), ("", "''")]
 )
 def test_what_is_no_setting_is_said_and_nothing_changes(
-    console: RunningConsole, page: Page, typed: str, sentence: str
+    console: RunningConsole, page: Page, typed: str, message: str
 ) -> None:
     _type(page, "Exposure", typed)
-    page.get_by_text(sentence).first.wait_for()
+    page.get_by_text(message).first.wait_for()
     expect(page.get_by_role("textbox", name="Exposure")).to_have_value("20")
     assert _settings(console)["exposure_ms"] == 20.0
 

@@ -31,10 +31,10 @@ def test_no_hardware_to_a_saved_report(tmp_path: Path, browser: Browser) -> None
         store = console.store
     assert saved.read_bytes().startswith(b"%PDF-")
     text = " ".join(poppler("pdftotext", saved, "-").split())
-    for words in ("Diameter d", "Depth h", "Modulus E", "truth 10 mm", RESEARCH_USE_ONLY):
-        assert words in text
-    with open_store(store) as kept:
-        dossier = kept.record(kept.target(1))
+    for label in ("Diameter d", "Depth h", "Modulus E", "truth 10 mm", RESEARCH_USE_ONLY):
+        assert label in text
+    with open_store(store) as remaining:
+        dossier = remaining.record(remaining.target(1))
     assert len(dossier.presses) == len(ROLES) * len(FORCES)
     (stored,) = dossier.estimates
     error = stored.estimate.mean["diameter_mm"] - dossier.target.truth["diameter_mm"]

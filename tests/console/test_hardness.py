@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
-from tests.console.operator import TABLET, asked, operating
+from tests.console.operator import TABLET, operating, requested
 
 from tsis.catalog import load_sphere
 from tsis.records.store import open_store
@@ -23,13 +23,13 @@ SPHERE = "cl2000x"
 SOLVED_MS = 400_000  # of a press on a sphere, seconds of computing, on a machine that has other things to do
 
 
-def refused(page: Page, label: str, value: str, button: str, sentence: str) -> None:
+def refused(page: Page, label: str, value: str, button: str, message: str) -> None:
     """Type something wrong, and have it refused in one sentence; what was there comes back."""
     field = page.get_by_label(label, exact=True)
     before = field.input_value()
     field.fill(value)
     page.get_by_role("button", name=button, exact=True).click()
-    page.get_by_role("alert").filter(has_text=sentence).first.wait_for()
+    page.get_by_role("alert").filter(has_text=message).first.wait_for()
     field.fill(before)
 
 
@@ -42,7 +42,7 @@ def test_it_says_what_to_begin_with(console: RunningConsole, browser: Browser) -
         page.emulate_media(color_scheme="dark")
         page.set_viewport_size({"width": TABLET[0], "height": TABLET[1]})
         picture(page, "hardness-first-tablet-dark")
-        assert [each for each in texts(page) if each.contrast < each.least] == []
+        assert [item for item in texts(page) if item.contrast < item.least] == []
 
 
 @pytest.mark.slow
@@ -57,7 +57,7 @@ def test_from_an_object_to_its_modulus(console: RunningConsole, browser: Browser
         expect(page.get_by_label("Force", exact=True)).to_have_value("1.2")
         page.get_by_role("button", name="Press and save").click()
         page.get_by_text("Next: estimate").wait_for(timeout=SOLVED_MS)
-        for wrong, sentence in (
+        for wrong, message in (
             ("0", "radius of the object must lie in [1, 50]; got 0"),
             ("-1", "radius of the object must lie in [1, 50]; got -1"),
             ("1000", "radius of the object must lie in [1, 50]; got 1000"),
@@ -65,16 +65,16 @@ def test_from_an_object_to_its_modulus(console: RunningConsole, browser: Browser
             ("three", "radius of the object must be a number, as 2 or 0.5; got 'three'"),
             ("20", "radius of the object must be at most 7.2, 0.6 of the face's radius; got 20"),
         ):
-            refused(page, "Radius of the object", wrong, "Estimate", sentence)
+            refused(page, "Radius of the object", wrong, "Estimate", message)
         refused(page, "Known to within (sd)", "2", "Estimate", "its standard deviation must lie in")
-        assert asked(console, "/state")["jobs"] == []
+        assert requested(console, "/state")["jobs"] == []
         picture(page, "hardness-pressed")
         page.get_by_role("button", name="Estimate", exact=True).click()
         page.get_by_text("Done. Press again").wait_for()
         page.get_by_role("link", name="Report and export of target 1").wait_for()
         page.get_by_role("cell", name="Shore 00 (converted)").wait_for()
-        for words in ("Posterior density of the modulus", "Contact radius over force"):
-            page.get_by_role("img", name=words).wait_for()
+        for text in ("Posterior density of the modulus", "Contact radius over force"):
+            page.get_by_role("img", name=text).wait_for()
         picture(page, "hardness-done")
         page.locator(".hardness-result").scroll_into_view_if_needed()
         picture(page, "hardness-result")

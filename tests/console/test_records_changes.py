@@ -70,8 +70,8 @@ def test_name_note_and_truth_are_changed(console: RunningConsole, browser: Brows
         save(page)
         page.get_by_text("Target 3: <b>größe</b> 10").wait_for()
         page.get_by_text("10.25 mm").first.wait_for()
-    found = target_of(console, ESTIMATED)
-    assert (found.name, found.note, dict(found.truth)) == (
+    result = target_of(console, ESTIMATED)
+    assert (result.name, result.note, dict(result.truth)) == (
         "<b>größe</b> 10",
         "bench",
         {"diameter_mm": 10.25, "depth_mm": 5.0},
@@ -80,7 +80,7 @@ def test_name_note_and_truth_are_changed(console: RunningConsole, browser: Brows
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("field", "text", "sentence"),
+    ("field", "text", "message"),
     [
         ("True values, one on a line: diameter_mm=10", "diameter", "must be a name and a number as diameter_mm=10"),
         ("True values, one on a line: diameter_mm=10", "diameter_mm=nan", "truth"),
@@ -90,14 +90,14 @@ def test_name_note_and_truth_are_changed(console: RunningConsole, browser: Brows
     ],
 )
 def test_what_is_not_accepted_is_told_and_stays_to_be_mended(
-    console: RunningConsole, browser: Browser, field: str, text: str, sentence: str
+    console: RunningConsole, browser: Browser, field: str, text: str, message: str
 ) -> None:
     before = target_of(console, HARD)
     with tab(browser, console, f"/records/{HARD}") as page:
         open_editing(page)
         page.get_by_role("dialog").get_by_label(field).fill(text)
         save(page)
-        page.get_by_role("alert").get_by_text(sentence).wait_for()
+        page.get_by_role("alert").get_by_text(message).wait_for()
         assert page.get_by_role("dialog").get_by_label(field).input_value() == text
     assert target_of(console, HARD) == before
 
@@ -123,8 +123,8 @@ def test_of_two_tabs_the_slower_is_told_and_chooses(console: RunningConsole, bro
         slow.get_by_role("dialog").get_by_label("Name").fill("of the slower")
         save(slow)
         fast.get_by_text(f"Target {HARD}: of the slower").wait_for()  # by itself
-    found = target_of(console, HARD)
-    assert (found.name, found.note) == ("of the slower", "of the faster")
+    result = target_of(console, HARD)
+    assert (result.name, result.note) == ("of the slower", "of the faster")
 
 
 @pytest.mark.slow
@@ -159,8 +159,13 @@ def test_a_press_is_seen_at_large_and_changed(console: RunningConsole, browser: 
         page.get_by_role("option", name="without touch").click()
         save(page)
         page.get_by_role("button", name=re.compile("^Open the press without touch, 1.25 N")).wait_for()
-    found = presses_of(console, ESTIMATED)[1]
-    assert (found.role, found.force_n, found.note, found.flags) == ("untouched", 1.25, "gauge read again", ("moving",))
+    result = presses_of(console, ESTIMATED)[1]
+    assert (result.role, result.force_n, result.note, result.flags) == (
+        "untouched",
+        1.25,
+        "gauge read again",
+        ("moving",),
+    )
 
 
 def test_an_estimate_is_computed_again(console: RunningConsole, browser: Browser) -> None:
@@ -207,8 +212,8 @@ def test_an_estimate_is_made_from_the_presses_that_were_chosen(console: RunningC
         picture(page, "records-estimate")
         dialog.get_by_role("button", name="Estimate").click()
         page.get_by_text("The estimate is stored and current.").wait_for()
-    made = estimates_of(console, HARD)[before]
-    assert made.presses == (presses[1].id,)
+    created = estimates_of(console, HARD)[before]
+    assert created.presses == (presses[1].id,)
     with open_store(console.store) as store:
         assert verify_store(store).sound
 

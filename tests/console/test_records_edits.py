@@ -31,14 +31,14 @@ def store(tmp_path: Path) -> Iterator[Store]:
 def test_the_slower_of_two_is_told_what_the_faster_changed(store: Store) -> None:
     mine = theirs = store.target(3)
     store.edit_target(theirs, name="theirs", truth={"depth_mm": 6.0})
-    found = edit_target(store, mine, {"name": "mine"})
-    assert "somebody else has changed it" in found.refused
-    assert found.differences == (
+    result = edit_target(store, mine, {"name": "mine"})
+    assert "somebody else has changed it" in result.refused
+    assert result.differences == (
         "Name: was “size-10”, is “theirs” now.",
         "Truth: was “depth_mm=5, diameter_mm=10, young_kpa=80”, is “depth_mm=6” now.",
     )
-    assert found.record == store.target(3)
-    again = edit_target(store, found.record, {"name": "mine"})
+    assert result.record == store.target(3)
+    again = edit_target(store, result.record, {"name": "mine"})
     assert (again.refused, again.record.name, again.record.version) == ("", "mine", 3)
     assert verify_store(store).sound
 
@@ -47,8 +47,8 @@ def test_a_press_that_was_changed_meanwhile_is_not_written_over(store: Store) ->
     target = store.target(3)
     press = store.press(target, "press-1")
     store.edit_press(press, force_n=None, flags=())
-    found = edit_press(store, target, press, {"force_n": 1.5})
-    assert found.differences == ("Force: was “1 N”, is not measured now.", "Flags: was “moving”, is empty now.")
+    result = edit_press(store, target, press, {"force_n": 1.5})
+    assert result.differences == ("Force: was “1 N”, is not measured now.", "Flags: was “moving”, is empty now.")
     assert store.press(target, "press-1").force_n is None
 
 
@@ -80,10 +80,10 @@ def test_a_page_of_a_target_is_a_sheet_of_its_presses(store: Store) -> None:
     image = TactileImage(grey=store.levels(first.frame).astype(float), full_scale=255.0)
     for _ in range(AT_ONCE):
         store.add_press(target, image, taken=first.taken)
-    seen = read_target(store, "3", 10**9)
-    assert (seen.total, seen.offset, len(seen.presses)) == (AT_ONCE + 4, AT_ONCE, 4)
-    assert [press.id for press in seen.presses] == [press.id for press in store.presses(target)[AT_ONCE:]]
-    assert seen.record.estimates[0].id == "estimate-a"
+    observed = read_target(store, "3", 10**9)
+    assert (observed.total, observed.offset, len(observed.presses)) == (AT_ONCE + 4, AT_ONCE, 4)
+    assert [press.id for press in observed.presses] == [press.id for press in store.presses(target)[AT_ONCE:]]
+    assert observed.record.estimates[0].id == "estimate-a"
 
 
 def test_of_a_subject_pages_show_the_pseudonym_and_known_flags(tmp_path: Path) -> None:
@@ -93,10 +93,10 @@ def test_of_a_subject_pages_show_the_pseudonym_and_known_flags(tmp_path: Path) -
         target = store.target(3)
         store.edit_target(target, note="Jane Doe")
         store.edit_press(store.press(target, "press-1"), flags=("moving", "Jane Doe"))
-        seen = read_target(store, "3", 0)
-        flagged = store.press(seen.target, "press-1")
-    assert seen.private
-    assert (seen.record.target.name, seen.record.target.note) == ("size-10", "")
+        observed = read_target(store, "3", 0)
+        flagged = store.press(observed.target, "press-1")
+    assert observed.private
+    assert (observed.record.target.name, observed.record.target.note) == ("size-10", "")
     assert flags_of(flagged, private=True) == ("moving", UNKNOWN_FLAG)
     assert flags_of(flagged, private=False) == ("moving", "Jane Doe")
-    assert [estimate.id for estimate in seen.record.estimates] == ["estimate 1"]
+    assert [estimate.id for estimate in observed.record.estimates] == ["estimate 1"]

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from tests.console.asked_files import FilesOf
+from tests.console.files_client import FilesOf
 from tests.records.sample import levels, sample_dossier
 from tests.report.pdf_readers import sheets
 
@@ -77,8 +77,8 @@ def test_a_small_picture_is_the_mean_of_the_pixels_under_it(client: FilesOf) -> 
 def test_colours_are_those_of_the_map_that_was_asked_for(client: FilesOf, name: str) -> None:
     grey = picture(client.get(f"/files/press/{NUMBER}/{PRESS}.png?size=150&map=grey"))
     shown = picture(client.get(f"/files/press/{NUMBER}/{PRESS}.png?size=150&map={name}"))
-    wanted = np.rint(255 * mpl.colormaps[name](grey)[..., :3])
-    assert np.abs(shown.astype(float) - wanted).max() <= 4  # tables of both libraries are rounded
+    expected = np.rint(255 * mpl.colormaps[name](grey)[..., :3])
+    assert np.abs(shown.astype(float) - expected).max() <= 4  # tables of both libraries are rounded
 
 
 @given(
@@ -147,14 +147,14 @@ def test_a_bundle_can_be_read_again(client: FilesOf, tmp_path: Path) -> None:
 
 def test_names_are_told_only_where_they_were_asked_for(client: FilesOf) -> None:
     masked = client.get(f"/files/export/{NUMBER}/fhir")
-    told = client.get(f"/files/export/{NUMBER}/fhir?identified=true")
+    reported = client.get(f"/files/export/{NUMBER}/fhir?identified=true")
     assert "size-10" not in masked.text
-    assert "size-10" in told.text
-    assert json.loads(told.text)["resourceType"] == "Bundle"
+    assert "size-10" in reported.text
+    assert json.loads(reported.text)["resourceType"] == "Bundle"
 
 
 @pytest.mark.parametrize(
-    ("address", "status", "said"),
+    ("address", "status", "message"),
     [
         ("press/3/nobody.png", 404, "press must be one of target 3; got 'nobody'"),
         ("press/7/press-1.png", 404, "got 7"),
@@ -171,11 +171,11 @@ def test_names_are_told_only_where_they_were_asked_for(client: FilesOf) -> None:
         ("export/0/csv", 404, "target must"),
     ],
 )
-def test_what_cannot_be_had_is_told_in_one_sentence(client: FilesOf, address: str, status: int, said: str) -> None:
+def test_what_cannot_be_had_is_told_in_one_sentence(client: FilesOf, address: str, status: int, message: str) -> None:
     answer = client.get(f"/files/{address}")
     assert answer.status_code == status
     assert answer.headers["content-type"] == "text/plain; charset=utf-8"
-    assert said in answer.text
+    assert message in answer.text
     assert "\n" not in answer.text
 
 

@@ -39,37 +39,37 @@ summaries = st.lists(
         day=st.none() | st.integers(0, 3),
     ),
     max_size=120,
-    unique_by=lambda each: each.target.number,
+    unique_by=lambda item: item.target.number,
 )
 
 
-def value(each: TargetSummary, column: str) -> Any:
+def value(item: TargetSummary, column: str) -> Any:
     return {
-        "number": each.target.number,
-        "name": each.target.name.casefold(),
-        "presses": each.presses,
-        "estimates": each.estimates,
-        "last": (each.last is not None, each.last or BEGUN),
+        "number": item.target.number,
+        "name": item.target.name.casefold(),
+        "presses": item.presses,
+        "estimates": item.estimates,
+        "last": (item.last is not None, item.last or BEGUN),
     }[column]
 
 
-@given(found=summaries, column=st.sampled_from(COLUMNS), descending=st.booleans(), kind=st.sampled_from(KINDS))
+@given(result=summaries, column=st.sampled_from(COLUMNS), descending=st.booleans(), kind=st.sampled_from(KINDS))
 def test_all_sheets_together_are_the_sorted_list(
-    found: list[TargetSummary], column: str, descending: bool, kind: str
+    result: list[TargetSummary], column: str, descending: bool, kind: str
 ) -> None:
     order = Order(column=column, descending=descending, kind=kind, rows=SHEETS[0])
-    first = sheet_of(found, order)
+    first = sheet_of(result, order)
     sheets = -(-first.total // SHEETS[0])
     shown = [
-        each
+        item
         for number in range(1, sheets + 1)
-        for each in sheet_of(
-            found, Order(column=column, descending=descending, kind=kind, rows=SHEETS[0], sheet=number)
+        for item in sheet_of(
+            result, Order(column=column, descending=descending, kind=kind, rows=SHEETS[0], sheet=number)
         ).targets
     ]
-    wanted = [each for each in found if kind == "all" or (each.estimates > 0) == (kind == ESTIMATED)]
-    assert len(shown) == len(wanted)
-    assert {each.target.number for each in shown} == {each.target.number for each in wanted}
+    expected = [item for item in result if kind == "all" or (item.estimates > 0) == (kind == ESTIMATED)]
+    assert len(shown) == len(expected)
+    assert {item.target.number for item in shown} == {item.target.number for item in expected}
     pairs = list(pairwise(shown))
     assert all(
         (value(b, column) <= value(a, column)) if descending else (value(a, column) <= value(b, column))
@@ -83,16 +83,16 @@ def test_all_sheets_together_are_the_sorted_list(
     [("", [1, 2, 12]), ("1", [1, 12]), ("SIZE", [2]), (" size ", [2]), ("ss", [12]), ("3", []), ("2", [2])],
 )
 def test_a_search_finds_parts_of_names_and_beginnings_of_numbers(search: str, numbers: list[int]) -> None:
-    found = [summary(12, name="straße"), summary(2, name="Size"), summary(1)]
-    assert [each.target.number for each in sheet_of(found, Order(search=search)).targets] == numbers
+    result = [summary(12, name="straße"), summary(2, name="Size"), summary(1)]
+    assert [item.target.number for item in sheet_of(result, Order(search=search)).targets] == numbers
 
 
 def test_a_sheet_behind_the_last_is_the_last() -> None:
-    found = [summary(number, estimates=number % 2) for number in range(1, 61)]
-    last = sheet_of(found, Order(sheet=9, rows=25))
-    assert ([each.target.number for each in last.targets], last.sheet, last.total) == (list(range(51, 61)), 3, 60)
+    result = [summary(number, estimates=number % 2) for number in range(1, 61)]
+    last = sheet_of(result, Order(sheet=9, rows=25))
+    assert ([item.target.number for item in last.targets], last.sheet, last.total) == (list(range(51, 61)), 3, 60)
     assert sheet_of([], Order(sheet=5)).sheet == 1
-    assert sheet_of(found, Order(kind=NOT_ESTIMATED)).total == 30
+    assert sheet_of(result, Order(kind=NOT_ESTIMATED)).total == 30
 
 
 @given(

@@ -183,14 +183,14 @@ def test_a_bundle_is_taken_in_once(console: RunningConsole, browser: Browser, tm
         write_bundle(other.record(target), tmp_path / "bundle.zip")
     (tmp_path / "broken.zip").write_bytes((tmp_path / "bundle.zip").read_bytes()[:-40])
     with tab(browser, console, "/records") as page:
-        for file, sentence in (
+        for file, message in (
             ("bundle", "Taken in as target 88 (new); 1 press added."),
             ("bundle", "Taken in as target 88; 0 presses added, 1 there already."),
             ("broken", "must be a zip file"),
         ):
             page.get_by_role("button", name="Import a bundle").click()
             page.locator("input[type=file]").set_input_files(tmp_path / f"{file}.zip")
-            page.get_by_text(sentence).wait_for()
+            page.get_by_text(message).wait_for()
         picture(page, "records-import-refused")
         page.get_by_role("link", name="from elsewhere").wait_for()
     with open_store(console.store) as store:

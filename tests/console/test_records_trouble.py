@@ -82,7 +82,7 @@ def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_pa
             page.get_by_role("button", name="Compare two (2 chosen)").click()
             page.locator(".q-notification").get_by_text("must be as it was stored").wait_for()
             still(page)
-            assert [each for each in texts(page) if each.contrast < each.least] == []
+            assert [item for item in texts(page) if item.contrast < item.least] == []
             page.reload()
             page.get_by_role("button", name="Export").click()
             page.get_by_role("dialog").get_by_role("button", name="Export").click()

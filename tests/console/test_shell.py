@@ -109,10 +109,10 @@ def test_the_camera_is_taken_over_after_asking_and_the_other_is_told(opened: Cal
     other.get_by_role("button", name=TAKE).click()
     other.get_by_role("button", name="Take it over").click()
     other.get_by_role("button", name=RELEASE).wait_for()
-    told = one.get_by_text("took the camera over; you watch now.")
-    told.wait_for()
+    reported = one.get_by_text("took the camera over; you watch now.")
+    reported.wait_for()
     picture(one, "taken-over")
-    name = told.inner_text().partition(" took")[0]
+    name = reported.inner_text().partition(" took")[0]
 
     other.reload()  # who loads his page anew stays who he is
     other.get_by_role("button", name=RELEASE).wait_for()

@@ -39,7 +39,7 @@ def page(console: RunningConsole, browser: Browser) -> Iterator[Page]:
         yield opened
 
 
-def place(console: RunningConsole, name: str) -> Path:
+def position(console: RunningConsole, name: str) -> Path:
     return console.workspace / "studies" / name
 
 
@@ -53,17 +53,17 @@ def make(page: Page, name: str, **fields: str) -> None:
 
 def complained(page: Page, words: str) -> None:
     """Wait for what was complained of, and close it."""
-    told = page.get_by_role("alert").filter(has_text=words)
-    told.first.wait_for()
-    told.first.get_by_role("button", name="Close").click()
-    told.first.wait_for(state="hidden")
+    reported = page.get_by_role("alert").filter(has_text=words)
+    reported.first.wait_for()
+    reported.first.get_by_role("button", name="Close").click()
+    reported.first.wait_for(state="hidden")
 
 
 def readable(page: Page) -> None:
     still(page)
     assert faults(page) == []
     assert too_wide(page) == []
-    assert [each for each in texts(page) if each.contrast < each.least] == []
+    assert [item for item in texts(page) if item.contrast < item.least] == []
 
 
 def upload(page: Page, content: bytes, *, device: str = "palpation", threshold: str = "3", file: str = "r.csv") -> None:
@@ -101,8 +101,8 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     page.get_by_text("4 readings entered", exact=False).wait_for()
     page.get_by_text("Ada: 4 of 4 read").wait_for()
     assert page.get_by_role("cell", name="read", exact=True).count() == 4
-    blind = open_study(place(console, "trial"))
-    assert [each.operator for each in blind.readings] == ["Ada"] * 4
+    blind = open_study(position(console, "trial"))
+    assert [item.operator for item in blind.readings] == ["Ada"] * 4
     assert page.locator("tbody tr").all_inner_texts() == [
         f"{at}\t{code}\tread" for at, code in enumerate(blind.plan.codes, start=1)
     ]
@@ -131,21 +131,21 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     picture(page, "study-unblinding")
     dialog.get_by_role("button", name="Unblind and analyse").click()
     complained(page, "every target must be read before a study is unblinded")
-    assert open_study(place(console, "trial")).unblinded is None
+    assert open_study(position(console, "trial")).unblinded is None
     dialog.get_by_text("although incomplete").click()
     dialog.get_by_role("button", name="Unblind and analyse").click()
     dialog.wait_for(state="hidden")
     page.get_by_role("link", name="Report", exact=True).wait_for()
     page.get_by_role("img", name="Curve of each").wait_for()
 
-    study = open_study(place(console, "trial"))
+    study = open_study(position(console, "trial"))
     assert study.unblinded is not None
     assert study.unblinded.actor == "Eve"
     assert verify_study(study.folder).sound
     for card in study_page(analyse(study)).cards[1:]:
-        told = page.locator(".card").filter(has=page.get_by_text(card.title, exact=True))
-        assert told.locator(".number").inner_text() == card.value
-        assert card.detail in told.inner_text()
+        reported = page.locator(".card").filter(has=page.get_by_text(card.title, exact=True))
+        assert reported.locator(".number").inner_text() == card.value
+        assert card.detail in reported.inner_text()
     cells = page.locator("tbody tr").all_inner_texts()
     assert sum("\tinclusion\t" in row for row in cells) == 2
     assert sum("\tblank\t" in row for row in cells) == 2
@@ -188,21 +188,21 @@ def test_a_run_is_ended_goes_on_and_is_one_at_a_time(page: Page, console: Runnin
         page.get_by_text(re.compile(r"^Ada: [1-9]\d* of 16 read$")).wait_for()
         other.get_by_role("button", name="End", exact=True).click()
         other.get_by_text("What was read is kept: run it again to go on.").wait_for()
-        left = 16 - len(open_study(place(console, "long")).readings)
+        left = 16 - len(open_study(position(console, "long")).readings)
         assert 0 < left < 16
         other.reload()
         other.get_by_role("button", name="Run on the virtual probe", disabled=False).wait_for()
         assert other.get_by_label("Operator").input_value() == "Ada"
         other.get_by_role("button", name="Run on the virtual probe").click()
         other.get_by_text(f"{left} readings entered").wait_for()
-    study = open_study(place(console, "long"))
-    assert sorted(each.code for each in study.readings) == sorted(study.plan.codes)
-    assert {each.operator for each in study.readings} == {"Ada"}
+    study = open_study(position(console, "long"))
+    assert sorted(item.code for item in study.readings) == sorted(study.plan.codes)
+    assert {item.operator for item in study.readings} == {"Ada"}
 
 
 @pytest.mark.slow
 def test_what_cannot_be_made_is_said(page: Page, console: RunningConsole) -> None:
-    asked: tuple[tuple[dict[str, str], str], ...] = (
+    requested: tuple[tuple[dict[str, str], str], ...] = (
         ({"Name": "../up"}, "got '../up'"),
         ({"Name": "/etc/x"}, "got '/etc/x'"),
         ({"Name": "<b>x</b>"}, "got '<b>x</b>'"),
@@ -218,17 +218,17 @@ def test_what_cannot_be_made_is_said(page: Page, console: RunningConsole) -> Non
         ({"Seed": "-2"}, "seed must lie in"),
     )
     usual = {"Repeats": "1", "Threshold": "0.5"}
-    for fields, said in asked:
+    for fields, message in requested:
         make(page, fields.get("Name", "wrong"), **{**usual, **{at: fields[at] for at in fields if at != "Name"}})
-        complained(page, said)
+        complained(page, message)
     studies = console.workspace / "studies"
     assert not (studies / "wrong").exists()
-    assert not studies.exists() or all(re.fullmatch(r"[\w-]+", each.name) for each in studies.iterdir())
+    assert not studies.exists() or all(re.fullmatch(r"[\w-]+", item.name) for item in studies.iterdir())
 
 
 def test_a_study_of_another_device_is_unblinded(page: Page, console: RunningConsole) -> None:
-    made = new_study(place(console, "other"), printed_targets(2, 2), seed=1, actor="Ada")
-    import_table(made, rows_of(made.plan.codes, ("4", "1", "2", "5")), "r.csv", device="palpation", threshold=3)
+    created = new_study(position(console, "other"), printed_targets(2, 2), seed=1, actor="Ada")
+    import_table(created, rows_of(created.plan.codes, ("4", "1", "2", "5")), "r.csv", device="palpation", threshold=3)
     page.get_by_role("link", name="other").click()  # it is listed though another program has made it
     page.get_by_text("Ben: 4 of 4 read").wait_for()
     assert not any(word in page.inner_text("main") for word in TRUTH)
@@ -248,9 +248,9 @@ def test_a_study_of_another_device_is_unblinded(page: Page, console: RunningCons
 def test_hostile_tables_and_addresses_are_refused_in_a_sentence(page: Page, console: RunningConsole) -> None:
     make(page, "hostile")
     page.get_by_text("Study hostile", exact=True).wait_for()
-    codes = open_study(place(console, "hostile")).plan.codes
+    codes = open_study(position(console, "hostile")).plan.codes
     page.get_by_role("button", name="Import readings").click()
-    for content, said in (
+    for content, message in (
         (b"", "must"),
         (b"\x00\xff\xfe\x00", "must"),
         (b"code,score\nx,1", "must"),
@@ -261,19 +261,19 @@ def test_hostile_tables_and_addresses_are_refused_in_a_sentence(page: Page, cons
         (f'{HEADINGS}\n{codes[0]},1,"Ben\nA",1,,,'.encode(), "operator must be"),
     ):
         upload(page, content)
-        complained(page, said)
+        complained(page, message)
     upload(page, rows_of(codes, ("1",) * 4), device=DEVICE)
     complained(page, "device must not be")
     upload(page, rows_of(codes, ("1",) * 4), device="")
     complained(page, "device must be 1 to 120 printable letters")
     upload(page, rows_of(codes, ("1",) * 4), threshold="x")
     complained(page, "threshold must be a number")
-    assert open_study(place(console, "hostile")).readings == ()
+    assert open_study(position(console, "hostile")).readings == ()
     hostile = "<img src=x onerror=alert(1)>"
     upload(page, rows_of(codes, ("1", "2", "3", "4")), device=hostile, file="..\\..\\x<b>.csv")
     page.get_by_text(hostile, exact=True).first.wait_for()
     assert page.locator("main img[src=x]").count() == 0
-    log = (place(console, "hostile") / "log.jsonl").read_text(encoding="utf-8")
+    log = (position(console, "hostile") / "log.jsonl").read_text(encoding="utf-8")
     assert [json.loads(line)["content"]["file"] for line in log.splitlines() if '"imported"' in line] == ["x<b>.csv"]
 
     for name in ("absent", "..%2F..%2Frecords", "%3Cscript%3E", "a" * 300, "%E2%82%AC"):
@@ -287,7 +287,7 @@ def test_hostile_tables_and_addresses_are_refused_in_a_sentence(page: Page, cons
     answer = httpx.get(f"{console.address}/files/study/hostile/report.csv", headers=console.key, timeout=HANGS_S)
     assert answer.status_code == 404
 
-    (place(console, "hostile") / "study.json").write_text("{")
+    (position(console, "hostile") / "study.json").write_text("{")
     page.goto(f"{console.address}/study/hostile")
     page.get_by_role("alert").get_by_text("study.json").wait_for()
     page.get_by_role("link", name="All studies").click()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import asked, hold, run, tab
+from tests.console.operator import hold, requested, run, tab
 from tests.console.running import running_console
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
 from tests.system.gauge_peer import GaugeInTerminal
@@ -54,8 +54,8 @@ def test_a_camera_goes_and_comes_back_and_nothing_is_lost(tmp_path: Path, browse
             page.get_by_role("button", name="Snapshot").click()
             page.get_by_role("tab", name="Estimate").click()
             page.get_by_text("2 presses").wait_for()
-            assert asked(console, "/targets/1")["presses"] == 2
-            assert asked(console, "/state")["camera"]["interruptions"] == 1
+            assert requested(console, "/targets/1")["presses"] == 2
+            assert requested(console, "/state")["camera"]["interruptions"] == 1
 
 
 def test_a_camera_is_found_chosen_and_read_beside_a_gauge(tmp_path: Path, browser: Browser) -> None:

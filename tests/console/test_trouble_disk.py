@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import asked, hold, run, tab
+from tests.console.operator import hold, requested, run, tab
 from tests.console.running import running_console
 
 if TYPE_CHECKING:
@@ -48,21 +48,21 @@ def test_a_full_disk_is_one_sentence_and_nothing_is_lost(tmp_path: Path, browser
         run(page)
         page.get_by_role("button", name="Snapshot").click()
         page.get_by_text("1 press", exact=True).wait_for()
-        kept = {file: file.read_bytes() for file in disk.glob("workspace/Target1/*")}
-        assert kept
+        remaining = {file: file.read_bytes() for file in disk.glob("workspace/Target1/*")}
+        assert remaining
         ballast = _fill(disk)
         page.get_by_role("button", name="Snapshot").click()
         alert = page.get_by_role("alert").filter(has_text="No space left on device")
         alert.wait_for()
         assert "Traceback" not in alert.inner_text()
         picture(page, "trouble-disk-full")
-        before = asked(console, "/state")["camera"]["received"]
+        before = requested(console, "/state")["camera"]["received"]
         expect(page.get_by_text("frames/s shown")).not_to_have_text("0 frames/s shown")
         ballast.unlink()
         page.get_by_role("button", name="Snapshot").click()
         page.get_by_text("2 presses").wait_for()
-        assert asked(console, "/state")["camera"]["received"] > before
-        assert {file: file.read_bytes() for file in kept} == kept
+        assert requested(console, "/state")["camera"]["received"] > before
+        assert {file: file.read_bytes() for file in remaining} == remaining
         assert not [file for file in disk.rglob("*") if file.is_file() and file.stat().st_size == 0]
-        presses = asked(console, "/targets/1/presses")["presses"]
+        presses = requested(console, "/targets/1/presses")["presses"]
         assert len({press["frame"] for press in presses}) == 2

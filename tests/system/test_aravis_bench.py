@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 import pytest
-from tests.console.bench.places import ANN
+from tests.console.services.instruments import ANN
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port, served_probe
 from tests.waiting import until
 

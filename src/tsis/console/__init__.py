@@ -41,6 +41,6 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:  # NiceGUI loads when a console is wanted
+    if name in _HOMES:  # NiceGUI is loaded with the first use
         return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""Open the console in this user's browser. Its key is on no command line, which every user can read."""
+"""The console as one application, and its address opened in this user's browser without the key on a command line."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def opened_in_browser(address: str, *, folder: Path | None = None) -> Iterator[N
     Parameters
     ----------
     address
-        The one that `serve_console` reports.
+        As `serve_console` reports it.
     folder
         Folder of the file; by default `console_folder`.
     """
@@ -94,16 +94,9 @@ STATIC = Path(__file__).parent / "static"
 
 
 def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str]) -> ASGIApp:
-    """The console of an instrument, behind the authentication; one per process, since NiceGUI's pages are process-wide.
+    """The console of an instrument behind the authentication; one per process, since NiceGUI's pages are process-wide.
 
-    Parameters
-    ----------
-    instrument
-        What it shows and moves.
-    access
-        Who is let in.
-    hosts
-        Names by which it may be called.
+    ``hosts`` are the names by which it may be called.
     """
     hub = LiveHub(lambda: instrument.camera_controller.acquisition)
     reports = Reports(instrument.store, database=instrument.terms.database)

@@ -17,7 +17,7 @@ FILE = "console.log"
 LARGEST_BYTES = 2**20
 SOURCES = ("tsis", "nicegui", "uvicorn.error", "asyncio")
 LOGINS = "tsis.console.auth"  # of it the file holds who came in, too
-_NOT_TOLD = (
+_NOT_LOGGED = (
     "timeout graceful shutdown exceeded",  # an open page was ended with the console
     "Invalid HTTP request received",  # anybody can send such, as often as he likes, and was answered
     "Unsupported upgrade request",
@@ -52,7 +52,7 @@ def logging_to(folder: Path) -> Iterator[None]:
     short.setFormatter(OneLineFormatter())
     for handler, level in ((whole, logging.INFO), (short, logging.WARNING)):
         handler.setLevel(level)
-        handler.addFilter(_is_told)
+        handler.addFilter(_is_logged)
     sources = [logging.getLogger(name) for name in SOURCES]
     for source in sources:
         source.addHandler(whole)
@@ -70,9 +70,9 @@ def logging_to(folder: Path) -> Iterator[None]:
         whole.close()
 
 
-def _is_told(record: logging.LogRecord) -> bool:
+def _is_logged(record: logging.LogRecord) -> bool:
     if record.levelno < logging.WARNING and not record.name.startswith(LOGINS):
         return False
     if record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError):  # what waited when the console ended
         return False
-    return not any(item in record.getMessage() for item in _NOT_TOLD)
+    return not any(item in record.getMessage() for item in _NOT_LOGGED)

@@ -1,4 +1,4 @@
-"""The certificate of a console that listens on a network."""
+"""The server of a console: certificate, address, and start until interruption."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ def _no_password() -> str:
 
 LOOPBACK = "127.0.0.1"
 OWN_NAMES = ("127.0.0.1", "localhost", "[::1]")
-# A port that was left just now may be taken again. On Windows that option would let other programs take one that is
-# in use, and be given what was meant for the console; there this one forbids it.
+# A port that was closed just now may be taken again. On Windows that option would let other programs take a port in
+# use, and receive its requests; there this one forbids it.
 _OPTION: int = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 
 
@@ -113,7 +113,7 @@ def listen(address: str, port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, _OPTION, 1)
     try:
         listener.bind((address, port))
-        listener.listen()  # at once: of two consoles that begin together the second is told now
+        listener.listen()  # at once, so that the second of two consoles fails here
     except OSError as error:
         listener.close()
         raise InputError(
@@ -192,7 +192,7 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
     with _terminated_as_interrupted():
         address, tls, logins = _permitted(terms)
         folder = console_folder()
-        with listen(address, terms.port) as listener:  # before another key: whoever fails here shuts nobody out
+        with listen(address, terms.port) as listener:  # before a new key, so that a failure here ends no session
             token = saved_token(new=terms.new_token, folder=folder)
             access = Access(
                 token,
@@ -204,18 +204,11 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
             share_memory_among_threads()
             with logging_to(folder), Instrument(terms.instrument) as instrument:
                 application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
-                ready(_entrance(listener, address, terms, token))
-                with (
-                    collecting_garbage(),
-                    suppress(KeyboardInterrupt),
-                ):  # the server has ended in order, and raises what ended it
+                scheme, port = "http" if tls is None else "https", listener.getsockname()[1]
+                ready(f"{scheme}://{public_host(address, terms.names)}:{port}/?token={token}")
+                # The server has ended in order, and raises the interruption that ended it.
+                with collecting_garbage(), suppress(KeyboardInterrupt):
                     uvicorn.Server(_config(application, tls)).run(sockets=[listener])
-
-
-def _entrance(listener: socket.socket, address: str, terms: ConsoleSettings, token: str) -> str:
-    """The address to open."""
-    scheme = "http" if terms.certificate is None else "https"
-    return f"{scheme}://{public_host(address, terms.names)}:{listener.getsockname()[1]}/?token={token}"
 
 
 def _permitted(terms: ConsoleSettings) -> tuple[str, ssl.SSLContext | None, Logins | None]:
@@ -236,12 +229,12 @@ def _config(application: ASGIApp, tls: ssl.SSLContext | None) -> uvicorn.Config:
     return uvicorn.Config(
         application,
         http=TimeoutProtocol,  # by h11, which bounds headers; the quicker parser does not
-        ws="websockets-sansio",  # of which that one knows whether a WebSocket was asked for in good form
+        ws="websockets-sansio",  # which recognises malformed requests for a WebSocket
         h11_max_incomplete_event_size=LARGEST_HEADERS,
         ws_max_size=LARGEST_MESSAGE,
         ws_per_message_deflate=False,  # frames do not shrink
         limit_concurrency=CONNECTIONS,
-        proxy_headers=False,  # nobody stands between
+        proxy_headers=False,  # there is none
         log_config=None,
         access_log=False,
         server_header=False,

@@ -1,12 +1,10 @@
-"""HTTP statuses of errors, for pages and scripts.
-
-The classes of `tsis.errors` become statuses here and nowhere else.
-"""
+"""HTTP statuses of the classes of `tsis.errors`, for pages and scripts."""
 
 from __future__ import annotations
 
 import errno
 import sqlite3
+from contextlib import contextmanager
 from http import HTTPStatus
 from typing import TYPE_CHECKING
 
@@ -21,6 +19,15 @@ NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 class AbsentError(errors.UnknownNameError):
     """The address names nothing."""
+
+
+@contextmanager
+def absent_if_unknown() -> Iterator[None]:
+    """Raise an `InputError` about a part of an address as `AbsentError`."""
+    try:
+        yield
+    except errors.InputError as error:
+        raise AbsentError(str(error)) from error
 
 
 class NoControlError(errors.ControlError):

@@ -21,8 +21,8 @@ class TimeoutProtocol(H11Protocol):
 
     silence_s = SILENCE_S
 
-    def __init__(self, *given: Any, **named: Any) -> None:
-        super().__init__(*given, **named)
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
         self._last_cycle: object = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -31,7 +31,7 @@ class TimeoutProtocol(H11Protocol):
         self.loop.call_later(self.silence_s, self._check)
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Answer as well what cannot become a WebSocket: uvicorn says nothing, and nobody watches any more."""
+        """Answer a request that cannot become a WebSocket: uvicorn sends nothing, and no timeout applies any more."""
         super().handle_websocket_upgrade(event)
         understood = getattr(self.transport.get_protocol(), "handshake_initiated", True)
         if not understood and not self.transport.is_closing():
@@ -41,7 +41,7 @@ class TimeoutProtocol(H11Protocol):
         if self not in self.connections:  # it was closed, or has become a WebSocket
             return
         waits = self.cycle is None or self.cycle.response_complete
-        if waits and self.cycle is self._last_cycle:  # no whole request since the last look
+        if waits and self.cycle is self._last_cycle:  # no whole request since the last check
             self.transport.close()
             return
         self._last_cycle = self.cycle

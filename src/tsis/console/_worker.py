@@ -30,12 +30,7 @@ _log = logging.getLogger(__name__)
 class WorkerProcess:
     """A worker process that runs one call after the other; safe for several threads.
 
-    It starts with the first call.
-
-    Parameters
-    ----------
-    most
-        Calls after which the process is replaced.
+    It starts with the first call, and is replaced after ``most`` calls.
     """
 
     def __init__(self, *, most: int = MOST) -> None:
@@ -46,14 +41,8 @@ class WorkerProcess:
     def call(self, work: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs) -> Result:
         """Call a module's function there; its arguments and result can be pickled.
 
-        Raises
-        ------
-        TsisError
-            As the work did.
-        ControlError
-            When the console is being ended.
-        RuntimeError
-            When it failed for another reason, which is logged.
+        Raises `TsisError` as the work did, `ControlError` when the console is closing, and `RuntimeError` when the work
+        failed for another reason, which is logged.
         """
         requested = pickle.dumps((work, given, named))
         with self._lock:
@@ -103,9 +92,9 @@ def _answer(requested: bytes) -> Any:
 
 
 def _begin() -> None:
-    """Prepare the process: it stands behind the console, prints no answers and ends with the console.
+    """Prepare the process: lower priority, no output, and an end together with the console.
 
-    It has a session of its own, so that who interrupts the console at a terminal does not interrupt it.
+    It has its own session, so that an interruption of the console at a terminal does not interrupt it.
     """
     with suppress(AttributeError, OSError):
         os.setsid()
@@ -129,8 +118,8 @@ EVERY_S = 20.0
 def share_memory_among_threads() -> None:
     """Let threads share two heaps; to be called before they are started.
 
-    The GNU C library gives each of a dozen threads a heap of its own, and each keeps the room of the largest estimate
-    or figure that was ever made there: memory grows for hours. Other libraries have no such knob and no such habit.
+    The GNU C library gives each thread its own heap, which never shrinks below its largest estimate or figure: memory
+    would grow for hours. Other libraries have no such setting and no such behaviour.
     """
     try:
         ctypes.CDLL(None).mallopt(ARENA_MAX, ARENAS)
@@ -140,10 +129,10 @@ def share_memory_among_threads() -> None:
 
 @contextmanager
 def collecting_garbage(every_s: float = EVERY_S) -> Iterator[None]:
-    """Collect garbage now and then; to be entered once all is loaded, which is set aside as never to be looked at.
+    """Collect garbage at intervals; to be entered once everything is loaded, which is excluded from collection.
 
-    Python looks for garbage when many things were made, however large they are: the pictures of several reports, which
-    hold each other, would lie about at once. And as it would look through all that is loaded, every thread would stop.
+    Python collects by the number of objects, not by their size, so pictures of several reports could accumulate.
+    A collection over all loaded modules would stop every thread.
     """
     ended = threading.Event()
 

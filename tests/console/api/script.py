@@ -33,19 +33,19 @@ class Script:
 
     def refused(self, method: str, address: str, status: int, **more: Any) -> tuple[str, str]:
         """The kind and the sentence of a refusal."""
-        told = self.call(method, address, status, **more)
-        assert set(told) == {"error", "kind"}
-        assert told["error"].strip()
-        assert "\n" not in told["error"]
-        return told["kind"], told["error"]
+        reported = self.call(method, address, status, **more)
+        assert set(reported) == {"error", "kind"}
+        assert reported["error"].strip()
+        assert "\n" not in reported["error"]
+        return reported["kind"], reported["error"]
 
     def done(self, begun: Any) -> Any:
         """The answer of a job once it is over."""
         identity = begun["job"]["identity"]
         while True:
-            told = self.call("GET", f"/jobs/{identity}")
-            if told["job"]["status"] != "running":
-                return told
+            reported = self.call("GET", f"/jobs/{identity}")
+            if reported["job"]["status"] != "running":
+                return reported
 
     def ready(self) -> None:
         """Hold the camera, and have the virtual probe run on its phantom."""

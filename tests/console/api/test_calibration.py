@@ -26,9 +26,9 @@ def test_a_calibration_comes_back_as_it_was_sent(holder: Script) -> None:
 def test_a_calibration_that_was_changed_is_refused(holder: Script) -> None:
     document = json.loads(holder.client.get("/calibration/file").content)
     document["calibration"]["name"] = "another"
-    kind, sentence = holder.refused("PUT", "/calibration", 422, json=document)
+    kind, message = holder.refused("PUT", "/calibration", 422, json=document)
     assert kind == "CalibrationError"
-    assert "changed or damaged" in sentence
+    assert "changed or damaged" in message
     assert holder.call("GET", "/calibration")["calibration"]["name"] != "another"
 
 

@@ -22,7 +22,7 @@ def test_the_frame_is_sent_lossless_and_as_a_picture(holder: Script) -> None:
     assert exact.shape == (state["rows"], state["columns"]) == (492, 768)
     assert float(sent.headers["TSIS-Full-Scale"]) == state["full_scale"]
     assert int(sent.headers["TSIS-Frame"]) >= 0
-    pictures = [holder.call("GET", "/frame.jpg", params={"quality": each}) for each in (20, 95)]
+    pictures = [holder.call("GET", "/frame.jpg", params={"quality": item}) for item in (20, 95)]
     assert len(pictures[0].content) < len(pictures[1].content)
     for picture in pictures:
         near = np.asarray(Image.open(io.BytesIO(picture.content)), dtype=float)
@@ -42,26 +42,26 @@ def test_a_longer_exposure_makes_the_next_frame_brighter(holder: Script) -> None
 
 def test_settings_are_changed_together_or_not_at_all(holder: Script) -> None:
     before = holder.call("GET", "/camera/settings")["settings"]
-    kind, sentence = holder.refused("PATCH", "/camera/settings", 422, json={"values": {"gain": 3, "exposure_ms": 1e6}})
+    kind, message = holder.refused("PATCH", "/camera/settings", 422, json={"values": {"gain": 3, "exposure_ms": 1e6}})
     assert kind == "InputError"
-    assert "exposure_ms must lie in" in sentence
-    kind, sentence = holder.refused("PATCH", "/camera/settings", 422, json={"values": {"gain": 3, "exposre_ms": 1}})
+    assert "exposure_ms must lie in" in message
+    kind, message = holder.refused("PATCH", "/camera/settings", 422, json={"values": {"gain": 3, "exposre_ms": 1}})
     assert kind == "UnknownNameError"
-    assert "did you mean 'exposure_ms'" in sentence
+    assert "did you mean 'exposure_ms'" in message
     assert holder.call("GET", "/camera/settings")["settings"] == before
     after = holder.call("PATCH", "/camera/settings", json={"values": {"gain": 3}})["settings"]
-    assert {each["name"]: each["value"] for each in after}["gain"] == 3.0
+    assert {item["name"]: item["value"] for item in after}["gain"] == 3.0
     lowest = holder.call("POST", "/camera/preset", json={"name": "minimal"})["settings"]
-    assert {each["name"]: each["value"] for each in lowest}["gain"] == 0.0
+    assert {item["name"]: item["value"] for item in lowest}["gain"] == 0.0
     holder.call("POST", "/camera/preset", json={"name": "default"})
 
 
 def test_a_stopped_camera_gives_no_frame(holder: Script) -> None:
     assert not holder.call("POST", "/camera/stop")["camera"]["running"]
     for method, address in (("GET", "/frame.png"), ("POST", "/snapshot")):
-        kind, sentence = holder.refused(method, address, 503)
+        kind, message = holder.refused(method, address, 503)
         assert kind == "CameraError"
-        assert "start it" in sentence
+        assert "start it" in message
     while holder.call("GET", "/sight")["sight"] is not None:
         pass  # the watcher looks a few times a second
     assert holder.call("POST", "/camera/start")["camera"]["running"]
@@ -87,11 +87,11 @@ def test_another_camera_is_chosen_by_name(holder: Script) -> None:
 
 
 def test_a_search_is_a_job_whose_findings_stay(script: Script) -> None:
-    told = script.done(script.call("POST", "/cameras/search", 202))
-    assert told["job"]["status"] == "done"
+    reported = script.done(script.call("POST", "/cameras/search", 202))
+    assert reported["job"]["status"] == "done"
     listed = script.call("GET", "/cameras")
     assert listed["searched"]
-    assert told["result"] == {"kind": "cameras", "found": listed["found"], "missing": listed["missing"]}
+    assert reported["result"] == {"kind": "cameras", "found": listed["found"], "missing": listed["missing"]}
     for camera in listed["found"]:
         assert camera["spec"].startswith(camera["source"])
     assert script.refused("GET", "/jobs/" + "0" * 32, 404)[0] == "UnknownNameError"

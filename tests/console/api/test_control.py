@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from tests.console.api.script import Script
 
 pytestmark = pytest.mark.system
-ACTS: tuple[tuple[str, str, dict[str, object] | None], ...] = (
+COMMANDS: tuple[tuple[str, str, dict[str, object] | None], ...] = (
     ("PUT", "/camera", {}),
     ("POST", "/camera/start", None),
     ("POST", "/camera/stop", None),
@@ -26,19 +26,19 @@ ACTS: tuple[tuple[str, str, dict[str, object] | None], ...] = (
 )
 
 
-@pytest.mark.parametrize(("method", "address", "body"), ACTS)
+@pytest.mark.parametrize(("method", "address", "body"), COMMANDS)
 def test_an_act_needs_the_header_and_the_camera(
     holder: Script, method: str, address: str, body: dict[str, object] | None
 ) -> None:
     before = holder.call("GET", "/state")
     identity = holder.client.headers.pop("TSIS-Control")
     more = {} if body is None else {"json": body}
-    kind, sentence = holder.refused(method, address, 428, **more)
+    kind, message = holder.refused(method, address, 428, **more)
     assert kind == "ControlError"
-    assert "TSIS-Control" in sentence
-    kind, sentence = holder.refused(method, address, 409, headers={"TSIS-Control": "somebody else"}, **more)
+    assert "TSIS-Control" in message
+    kind, message = holder.refused(method, address, 409, headers={"TSIS-Control": "somebody else"}, **more)
     assert kind == "ControlError"
-    assert "held by script" in sentence
+    assert "held by script" in message
     after = holder.call("GET", "/state")
     holder.client.headers["TSIS-Control"] = identity
     for name in ("target", "force_n", "calibration_identity", "sequence"):

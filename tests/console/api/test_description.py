@@ -30,16 +30,16 @@ def description(console: RunningConsole) -> Any:
 
 def test_every_call_is_in_the_document_and_the_other_way_round(description: Any) -> None:
     described = {f"{method.upper()} {path}" for path, calls in description["paths"].items() for method in calls}
-    told = set(re.findall(r"^\| `([A-Z]+ /v1\S*)` \|", DOCUMENT.read_text(encoding="utf-8"), flags=re.MULTILINE))
-    assert told == described
+    reported = set(re.findall(r"^\| `([A-Z]+ /v1\S*)` \|", DOCUMENT.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    assert reported == described
 
 
 def test_every_status_is_in_the_document(description: Any) -> None:
-    told = DOCUMENT.read_text(encoding="utf-8").partition("## What may go wrong")[2]
+    reported = DOCUMENT.read_text(encoding="utf-8").partition("## What may go wrong")[2]
     for path in description["paths"].values():
         for call in path.values():
             for status in call["responses"]:
-                assert int(status) < 300 or re.search(rf"\b{status}\b", told), status
+                assert int(status) < 300 or re.search(rf"\b{status}\b", reported), status
 
 
 def test_generated_clients_find_names_words_and_places(description: Any) -> None:
@@ -55,8 +55,8 @@ def test_generated_clients_find_names_words_and_places(description: Any) -> None
 def test_acts_and_no_other_calls_demand_the_header(description: Any) -> None:
     for path in description["paths"].values():
         for call in path.values():
-            header = [each for each in call.get("parameters", []) if each["name"] == "TSIS-Control"]
-            assert [each["required"] for each in header] != [True] or "428" in call["responses"]
+            header = [item for item in call.get("parameters", []) if item["name"] == "TSIS-Control"]
+            assert [item["required"] for item in header] != [True] or "428" in call["responses"]
             assert "428" not in call["responses"] or len(header) == 1
 
 
@@ -68,10 +68,10 @@ def test_every_body_forbids_what_it_does_not_know(description: Any) -> None:
     schemas = description["components"]["schemas"]
     bodies = [call.get("requestBody") for path in description["paths"].values() for call in path.values()]
     names: set[str] = set()
-    found = schemas_named_in(bodies)
-    while found - names:
-        names |= found
-        found = schemas_named_in([schemas[name] for name in found])
+    result = schemas_named_in(bodies)
+    while result - names:
+        names |= result
+        result = schemas_named_in([schemas[name] for name in result])
     assert len(names) > 10
     assert {name for name in names if schemas[name].get("additionalProperties") is not False} == set()
 
@@ -80,8 +80,8 @@ def test_calls_made_up_from_the_description_are_answered_as_it_says(console: Run
     tally = made_up(console.address, console.key, cases=CASES, each=2, seed=5)
     assert dict(tally.faults) == {}
     assert tally.cases >= CASES
-    found = {status for _, status in tally.statuses}
-    assert {200, 201, 202, 404, 409, 422, 428} <= found, "the cases go deep"
+    result = {status for _, status in tally.statuses}
+    assert {200, 201, 202, 404, 409, 422, 428} <= result, "the cases go deep"
 
 
 def test_the_session_in_python_runs_as_it_is_written(
@@ -92,12 +92,12 @@ def test_the_session_in_python_runs_as_it_is_written(
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ADDRESS", console.address)
         patch.setenv("TOKEN", console.token)
-        told: dict[str, Any] = {}
-        exec(compile(text, str(DOCUMENT), "exec"), told)  # as it is written
-    assert told["report"].startswith(b"%PDF-")
-    assert told["estimate"]["parameters"]["diameter_mm"]["truth"] == 10.0
+        reported: dict[str, Any] = {}
+        exec(compile(text, str(DOCUMENT), "exec"), reported)  # as it is written
+    assert reported["report"].startswith(b"%PDF-")
+    assert reported["estimate"]["parameters"]["diameter_mm"]["truth"] == 10.0
     assert "diameter_mm" in capsys.readouterr().out
-    told["console"].close()
+    reported["console"].close()
 
 
 @pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")

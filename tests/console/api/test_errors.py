@@ -69,7 +69,7 @@ def test_the_kind_is_a_class_that_programs_know() -> None:
 
 
 def test_every_error_of_the_program_has_a_status_below_500_or_a_documented_one() -> None:
-    kinds = [each for each in vars(errors).values() if isinstance(each, type) and issubclass(each, errors.TsisError)]
+    kinds = [item for item in vars(errors).values() if isinstance(item, type) and issubclass(item, errors.TsisError)]
     assert len(kinds) > 10
     assert {status_of(kind("a")) for kind in kinds} <= {404, 409, 422, 428, 501, 503, 507}
 
@@ -88,16 +88,16 @@ def test_any_sentence_can_be_sent(text: str) -> None:
 )
 def test_any_value_can_be_told_of(value: object) -> None:
     fault = {"type": "value_error", "loc": ("body", "force_n"), "msg": "Value error, must be so", "input": value}
-    told = message_of([fault, fault])
-    assert told.startswith("force_n: must be so; got ")
-    assert "(and 1 more)" in told
-    assert len(told) < 200
-    assert "\n" not in told
+    reported = message_of([fault, fault])
+    assert reported.startswith("force_n: must be so; got ")
+    assert "(and 1 more)" in reported
+    assert len(reported) < 200
+    assert "\n" not in reported
 
 
 @pytest.mark.system
 @pytest.mark.parametrize(
-    ("content", "status", "words"),
+    ("content", "status", "label"),
     [
         (b'{"number": NaN}', 422, "got nan"),
         (b'{"number": -Infinity}', 422, "got -inf"),
@@ -119,16 +119,16 @@ def test_any_value_can_be_told_of(value: object) -> None:
         (b"null", 422, "the body"),
     ],
 )
-def test_whatever_is_sent_is_answered_in_one_sentence(holder: Script, content: bytes, status: int, words: str) -> None:
-    _, sentence = holder.refused("PUT", "/target", status, content=content, headers=AS_JSON)
-    assert words in sentence
+def test_whatever_is_sent_is_answered_in_one_sentence(holder: Script, content: bytes, status: int, label: str) -> None:
+    _, message = holder.refused("PUT", "/target", status, content=content, headers=AS_JSON)
+    assert label in message
 
 
 @pytest.mark.system
 def test_a_body_says_what_it_is(holder: Script) -> None:
     for kind in ("text/plain", "application/xml", "multipart/form-data"):
-        _, sentence = holder.refused("PUT", "/target", 415, content=b'{"number": 1}', headers={"Content-Type": kind})
-        assert "application/json" in sentence
+        _, message = holder.refused("PUT", "/target", 415, content=b'{"number": 1}', headers={"Content-Type": kind})
+        assert "application/json" in message
 
 
 @pytest.mark.system

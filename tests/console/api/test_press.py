@@ -23,9 +23,9 @@ pytestmark = pytest.mark.system
 def test_a_snapshot_is_in_the_store_and_on_the_disk_as_it_was_answered(holder: Script, console: RunningConsole) -> None:
     holder.call("PUT", "/target", json={"number": 31})
     holder.call("PUT", "/press", json={"role": "plain", "force_n": 0.8})
-    kept = holder.call("POST", "/snapshot", 201, json={"map_name": "cividis"})
-    press = kept["press"]
-    assert (kept["target"], press["role"], press["force_n"]) == (31, "plain", 0.8)
+    remaining = holder.call("POST", "/snapshot", 201, json={"map_name": "cividis"})
+    press = remaining["press"]
+    assert (remaining["target"], press["role"], press["force_n"]) == (31, "plain", 0.8)
     sent = holder.call("GET", f"/targets/31/presses/{press['id']}/frame.png")
     levels = np.asarray(Image.open(io.BytesIO(sent.content)))
     with open_store(console.store, kind="phantom") as store:
@@ -33,9 +33,9 @@ def test_a_snapshot_is_in_the_store_and_on_the_disk_as_it_was_answered(holder: S
         stored = store.press(target, press["id"])
         assert np.array_equal(store.levels(stored.frame), levels)
         assert (stored.role, stored.force_n, stored.frame) == ("plain", 0.8, press["frame"])
-    assert np.array_equal(np.asarray(Image.open(kept["files"]["raw"])), levels)
-    assert json.loads(Path(kept["files"]["sidecar"]).read_text())["role"] == "plain"
-    assert Path(kept["files"]["colour"]).is_relative_to(console.workspace)
+    assert np.array_equal(np.asarray(Image.open(remaining["files"]["raw"])), levels)
+    assert json.loads(Path(remaining["files"]["sidecar"]).read_text())["role"] == "plain"
+    assert Path(remaining["files"]["colour"]).is_relative_to(console.workspace)
 
 
 def test_the_press_is_held_as_told(holder: Script) -> None:
@@ -53,11 +53,11 @@ def test_the_press_is_held_as_told(holder: Script) -> None:
 
 def test_a_sequence_holds_as_many_frames_as_were_asked_for(holder: Script) -> None:
     begun = holder.call("POST", "/sequence", 202, json={"frames": 5})
-    told = holder.done(begun)
-    assert told["job"]["status"] == "done", told["job"]["sentence"]
-    assert told["result"]["report"]["kept"] == 5
-    assert len(list(Path(told["result"]["folder"]).glob("*.png"))) == 5
-    assert holder.call("GET", "/state")["sequence"] == told["job"]
+    reported = holder.done(begun)
+    assert reported["job"]["status"] == "done", reported["job"]["sentence"]
+    assert reported["result"]["report"]["kept"] == 5
+    assert len(list(Path(reported["result"]["folder"]).glob("*.png"))) == 5
+    assert holder.call("GET", "/state")["sequence"] == reported["job"]
 
 
 def test_a_sequence_is_ended_by_who_holds_the_camera(holder: Script) -> None:
@@ -71,19 +71,19 @@ def test_a_sequence_is_ended_by_who_holds_the_camera(holder: Script) -> None:
     assert holder.call("GET", address)["job"]["status"] == "running"
     holder.client.headers["TSIS-Control"] = identity
     holder.call("DELETE", address)
-    told = holder.done(begun)
-    assert told["job"]["status"] in ("done", "ended", "failed")
-    assert holder.call("DELETE", "/sequence")["sequence"]["status"] == told["job"]["status"]
+    reported = holder.done(begun)
+    assert reported["job"]["status"] in ("done", "ended", "failed")
+    assert holder.call("DELETE", "/sequence")["sequence"]["status"] == reported["job"]["status"]
 
 
 def test_the_sight_tells_what_the_state_tells(holder: Script) -> None:
     holder.call("PUT", "/press", json={"role": "target", "force_n": 1.0})
-    sight = None
-    while sight is None or sight["contact"] is None:
-        sight = holder.call("GET", "/sight")["sight"]
+    analysis = None
+    while analysis is None or analysis["contact"] is None:
+        analysis = holder.call("GET", "/sight")["sight"]
     state = holder.call("GET", "/state")
-    assert sum(sight["histogram"]) == state["camera"]["rows"] * state["camera"]["columns"]
-    assert sight["force"] == {"value_n": 1.0, "source": "virtual"}
-    x, y = sight["contact"]["centroid_px"]
+    assert sum(analysis["histogram"]) == state["camera"]["rows"] * state["camera"]["columns"]
+    assert analysis["force"] == {"value_n": 1.0, "source": "virtual"}
+    x, y = analysis["contact"]["centroid_px"]
     assert 0.3 * 768 < x < 0.7 * 768
     assert 0.3 * 492 < y < 0.7 * 492

@@ -29,24 +29,24 @@ def estimated(holder: Script) -> Any:
         for role in ("target", "plain"):
             holder.call("PUT", "/press", json={"role": role, "force_n": 1.0})
             holder.call("POST", "/snapshot", 201)
-        told = holder.done(holder.call("POST", f"/targets/{NUMBER}/estimate", 202, json={"kind": "inclusion"}))
-        assert told["job"]["status"] == "done", told["job"]["sentence"]
-        assert told["result"]["estimate"] == holder.call("GET", f"/targets/{NUMBER}/estimates")["estimates"][0]
+        reported = holder.done(holder.call("POST", f"/targets/{NUMBER}/estimate", 202, json={"kind": "inclusion"}))
+        assert reported["job"]["status"] == "done", reported["job"]["sentence"]
+        assert reported["result"]["estimate"] == holder.call("GET", f"/targets/{NUMBER}/estimates")["estimates"][0]
     return holder.call("GET", f"/targets/{NUMBER}/estimates")
 
 
 def test_an_estimate_tells_what_is_stored(estimated: Any, console: RunningConsole) -> None:
     with open_store(console.store, kind="phantom") as store:
         stored = store.estimates(store.target(NUMBER))[0].estimate
-    told = estimated["estimates"][0]
-    assert set(told["parameters"]) == {"diameter_mm", "depth_mm", "young_kpa"}
-    for name, parameter in told["parameters"].items():
+    reported = estimated["estimates"][0]
+    assert set(reported["parameters"]) == {"diameter_mm", "depth_mm", "young_kpa"}
+    for name, parameter in reported["parameters"].items():
         assert parameter["mean"] == pytest.approx(stored.mean[name], rel=1e-12)
         assert tuple(parameter["interval_90"]) == pytest.approx(stored.interval(0.9)[name], rel=1e-12)
         assert parameter["truth"] is not None
-    assert told["identifiability"] == stored.identifiability
-    assert told["trusted"] == stored.trusted
-    assert estimated["in_force"] == [told["id"]]
+    assert reported["identifiability"] == stored.identifiability
+    assert reported["trusted"] == stored.trusted
+    assert estimated["in_force"] == [reported["id"]]
 
 
 def test_presses_are_told_page_by_page(estimated: Any, holder: Script) -> None:
@@ -57,7 +57,7 @@ def test_presses_are_told_page_by_page(estimated: Any, holder: Script) -> None:
     for bad in ({"limit": 0}, {"limit": 1001}, {"offset": -1}, {"offset": "NaN"}, {"limits": 1}):
         holder.refused("GET", f"/targets/{NUMBER}/presses", 422, params=bad)
     listed = holder.call("GET", "/targets")
-    assert NUMBER in [each["target"]["number"] for each in listed["targets"]]
+    assert NUMBER in [item["target"]["number"] for item in listed["targets"]]
     assert listed["total"] == len(listed["targets"])
     assert holder.call("GET", "/targets", params={"offset": 10**12})["targets"] == []
 
@@ -67,9 +67,9 @@ def test_an_edit_of_what_somebody_else_has_changed_is_refused(estimated: Any, ho
     address, version = f"/targets/{NUMBER}", target["version"]
     edited = holder.call("PATCH", address, json={"version": version, "note": "left, at 3 o'clock"})["target"]
     assert (edited["version"], edited["note"], edited["name"]) == (version + 1, "left, at 3 o'clock", target["name"])
-    kind, sentence = holder.refused("PATCH", address, 409, json={"version": version, "note": "mine"})
+    kind, message = holder.refused("PATCH", address, 409, json={"version": version, "note": "mine"})
     assert kind == "StaleRecordError"
-    assert "read it again" in sentence
+    assert "read it again" in message
     assert holder.call("GET", address)["target"] == edited
     now = {"version": version + 1}
     refused: tuple[Any, ...] = (
@@ -85,19 +85,19 @@ def test_an_edit_of_what_somebody_else_has_changed_is_refused(estimated: Any, ho
 
 
 def test_an_estimate_is_made_again_the_same(estimated: Any, holder: Script) -> None:
-    told = holder.done(holder.call("POST", f"/targets/{NUMBER}/recompute", 202, json={"dry_run": True}))
-    made = told["result"]["recomputations"]
-    assert [each["before"] for each in made] == estimated["in_force"]
-    assert made[0]["same"]
-    assert made[0]["stored_as"] is None
-    assert all(shift["moved"] == 0.0 for shift in made[0]["shifts"])
+    reported = holder.done(holder.call("POST", f"/targets/{NUMBER}/recompute", 202, json={"dry_run": True}))
+    created = reported["result"]["recomputations"]
+    assert [item["before"] for item in created] == estimated["in_force"]
+    assert created[0]["same"]
+    assert created[0]["stored_as"] is None
+    assert all(shift["moved"] == 0.0 for shift in created[0]["shifts"])
 
 
 def test_the_prior_that_was_asked_for_is_the_one_that_is_kept(estimated: Any, holder: Script) -> None:
     assert len(estimated["estimates"]) >= 1
-    asked = {"kind": "inclusion", "prior": {"presence": 0.9}}
-    told = holder.done(holder.call("POST", f"/targets/{NUMBER}/estimate", 202, json=asked))
-    prior = told["result"]["estimate"]["options"]["prior"]
+    requested = {"kind": "inclusion", "prior": {"presence": 0.9}}
+    reported = holder.done(holder.call("POST", f"/targets/{NUMBER}/estimate", 202, json=requested))
+    prior = reported["result"]["estimate"]["options"]["prior"]
     assert prior["presence"] == 0.9
     assert prior["thickness_mm"] == 30.0, "the rest is kept as it was by default"
     for bad in (
@@ -112,8 +112,8 @@ def test_the_prior_that_was_asked_for_is_the_one_that_is_kept(estimated: Any, ho
 
 def test_presses_of_another_target_fail_the_job_with_a_sentence(estimated: Any, holder: Script) -> None:
     assert estimated["target"] == NUMBER
-    asked = {"kind": "inclusion", "presses": ["0" * 32]}
-    job = holder.done(holder.call("POST", f"/targets/{NUMBER}/estimate", 202, json=asked))
+    requested = {"kind": "inclusion", "presses": ["0" * 32]}
+    job = holder.done(holder.call("POST", f"/targets/{NUMBER}/estimate", 202, json=requested))
     assert job["job"]["status"] == "failed"
     assert f"those of target {NUMBER}" in job["job"]["sentence"]
     assert job["result"] is None
@@ -137,22 +137,22 @@ def test_the_report_is_a_page_and_a_paper(estimated: Any, holder: Script) -> Non
     "address", ["", "/presses", "/estimates", "/report.html", "/report.pdf", f"/presses/{'0' * 32}/frame.png"]
 )
 def test_what_is_not_there_is_said(script: Script, address: str) -> None:
-    kind, sentence = script.refused("GET", f"/targets/98765{address}", 404)
+    kind, message = script.refused("GET", f"/targets/98765{address}", 404)
     assert kind == "UnknownNameError"
-    assert "98765" in sentence
+    assert "98765" in message
 
 
 def test_a_damaged_frame_is_said_and_nothing_else_is_lost(holder: Script, console: RunningConsole) -> None:
     holder.call("PUT", "/target", json={"number": 51})
-    kept = holder.call("POST", "/snapshot", 201)["press"]
-    (blob,) = console.store.rglob(f"*{kept['frame'][2:]}*")
+    remaining = holder.call("POST", "/snapshot", 201)["press"]
+    (blob,) = console.store.rglob(f"*{remaining['frame'][2:]}*")
     content = bytearray(blob.read_bytes())
     content[len(content) // 2] ^= 0xFF
     blob.chmod(0o644)
     blob.write_bytes(content)
-    kind, _ = holder.refused("GET", f"/targets/51/presses/{kept['id']}/frame.png", 503)
+    kind, _ = holder.refused("GET", f"/targets/51/presses/{remaining['id']}/frame.png", 503)
     assert kind == "RecordsError"
-    assert holder.call("GET", "/targets/51/presses")["presses"] == [kept]
+    assert holder.call("GET", "/targets/51/presses")["presses"] == [remaining]
 
 
 def test_every_answer_says_what_it_may_be_used_for(script: Script) -> None:

@@ -68,9 +68,9 @@ def test_fields_are_left_out_and_properties_added(schemas: Any) -> None:
     assert sent["settings"] == {"gain": {"$number": "infinity"}, "roi": [0, 8]}
     assert sent["taken"] == "2026-11-22T00:00:00Z"
     camera = CameraInfo(source="aravis", identity="Fake_1")
-    (found,) = json.loads(CamerasResponse(searched=True, found=(camera,), missing={}).model_dump_json())["found"]
-    assert found["spec"] == "aravis:Fake_1"
-    assert set(found) == set(schemas["CameraInfo"]["properties"])
+    (result,) = json.loads(CamerasResponse(searched=True, found=(camera,), missing={}).model_dump_json())["found"]
+    assert result["spec"] == "aravis:Fake_1"
+    assert set(result) == set(schemas["CameraInfo"]["properties"])
 
 
 def test_a_mapping_that_cannot_be_changed_is_an_object() -> None:

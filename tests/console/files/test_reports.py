@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -34,8 +35,8 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
         )
         for form, content in here.items():
             file = write_export(store, target, form, reports=reports)
-            assert file.path.read_bytes() == content
-            file.remove()
+            assert file.read_bytes() == content
+            shutil.rmtree(file.parent)
         assert reports._worker.call(os.getpid) != os.getpid()
         with pytest.raises(InputError, match="got 9"):
             reports.content(replace(target, number=9), "html")
@@ -46,9 +47,9 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
 def test_another_store_in_its_place_is_not_taken_for_it(tmp_path: Path) -> None:
     with open_store(tmp_path) as store:
         store.import_target(sample_dossier())
-        place = StoreAddress(folder=tmp_path, kind=store.kind, database=None, identity=store.identity)
-    assert report_of_stored_target(place, NUMBER, "html").startswith(b"<!DOCTYPE html>")
+        position = StoreAddress(folder=tmp_path, kind=store.kind, database=None, identity=store.identity)
+    assert report_of_stored_target(position, NUMBER, "html").startswith(b"<!DOCTYPE html>")
     with pytest.raises(RecordsError, match="the store must be 000"):
-        report_of_stored_target(replace(place, identity="0" * 32), NUMBER, "html")
+        report_of_stored_target(replace(position, identity="0" * 32), NUMBER, "html")
     with pytest.raises(RecordsError, match="there is none"):
-        report_of_stored_target(replace(place, folder=tmp_path / "elsewhere"), NUMBER, "html")
+        report_of_stored_target(replace(position, folder=tmp_path / "elsewhere"), NUMBER, "html")

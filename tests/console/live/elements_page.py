@@ -28,14 +28,14 @@ ENDS: dict[str, str | tuple[float, float]] = {
 }
 
 
-def page(bench: Instrument, viewer: Viewer) -> None:
+def page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("split"):
         with ui.element("section").classes("panel"):
             view, surface, histogram = LiveView(), SurfaceView(), Histogram()
             with ui.element("div").classes("row"):
-                ui.button("Start", on_click=lambda: viewer.attempt(bench.start, by=viewer.identity))
-                ui.button("Stop", on_click=lambda: viewer.attempt(bench.stop, by=viewer.identity))
+                ui.button("Start", on_click=lambda: viewer.attempt(instrument.start, by=viewer.identity))
+                ui.button("Stop", on_click=lambda: viewer.attempt(instrument.stop, by=viewer.identity))
                 for name in MAPS:
                     ui.button(f"map {name}", on_click=partial(_coloured, (view, surface), name))
                 for name in ENDS:

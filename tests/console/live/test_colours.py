@@ -19,7 +19,7 @@ def unpacked(name: str) -> np.ndarray:
     return np.array(packed_colours(name), dtype="<u4").view(np.uint8).reshape(256, 4)
 
 
-@pytest.mark.parametrize("name", [each for each in MAPS if each != GREY])
+@pytest.mark.parametrize("name", [item for item in MAPS if item != GREY])
 def test_each_level_gets_the_colour_of_the_saved_picture(name: str) -> None:
     whole = colour_map(TactileImage(grey=np.arange(256.0)[None, :]), name=name)[0]
     assert np.array_equal(unpacked(name)[:, :3], whole)

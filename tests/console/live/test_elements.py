@@ -200,8 +200,8 @@ def test_a_lost_connection_comes_back(running: Page) -> None:
     running.evaluate(f"() => {LIVE}.stream.socket.close()")
     running.get_by_text("the connection is lost; trying again").wait_for()
     running.get_by_text("the connection is lost; trying again").wait_for(state="detached")
-    seen = running.evaluate(f"() => {LIVE}.stream.frame.number")
-    running.wait_for_function(f"(seen) => {LIVE}.stream.frame.number > seen", arg=seen)
+    observed = running.evaluate(f"() => {LIVE}.stream.frame.number")
+    running.wait_for_function(f"(seen) => {LIVE}.stream.frame.number > seen", arg=observed)
 
 
 def test_a_page_that_nobody_sees_asks_for_no_frames(running: Page) -> None:
@@ -211,9 +211,9 @@ def test_a_page_that_nobody_sees_asks_for_no_frames(running: Page) -> None:
     }"""
     running.evaluate(hide, True)
     assert running.evaluate(f"() => {LIVE}.stream.socket") is None
-    seen = running.evaluate(f"() => {LIVE}.stream.frame.number")
+    observed = running.evaluate(f"() => {LIVE}.stream.frame.number")
     running.evaluate(hide, False)
-    running.wait_for_function(f"(seen) => {LIVE}.stream.frame.number > seen", arg=seen)
+    running.wait_for_function(f"(seen) => {LIVE}.stream.frame.number > seen", arg=observed)
 
 
 def test_a_damaged_frame_is_passed_over(page: Page) -> None:
@@ -242,7 +242,7 @@ def as_text(levels: NDArray[np.uint8]) -> str:
     return levels.tobytes().decode("latin-1")
 
 
-def told(counts: NDArray[Any], **more: Any) -> dict[str, Any]:
+def reported(counts: NDArray[Any], **more: Any) -> dict[str, Any]:
     """As much of what a frame shows as the histogram uses."""
     return {"histogram": counts.tolist(), "clipped_share": 0.0125, "warnings": [], "contact": None, **more}
 
@@ -252,19 +252,19 @@ def test_bars_are_as_high_as_the_numbers_of_pixels(still: Page, logarithmic: boo
     counts = np.random.default_rng(7).integers(0, 5000, 64)
     counts[5], counts[6] = 0, 1
     still.get_by_role("checkbox", name="logarithmic").set_checked(logarithmic)
-    still.evaluate(f"(sight) => {HISTOGRAM}.see(sight)", told(counts))
+    still.evaluate(f"(sight) => {HISTOGRAM}.see(sight)", reported(counts))
     still.get_by_text("1.25 % of the pixels at full scale").wait_for()
     path = still.locator(".histogram-bars").get_attribute("d") or ""
-    heights = -np.array([float(each) for each in re.findall(r"v(-?[\d.e-]+)h", path)])
+    heights = -np.array([float(item) for item in re.findall(r"v(-?[\d.e-]+)h", path)])
     height = np.log10(1 + counts) if logarithmic else counts.astype(float)
     assert heights / heights.max() == pytest.approx(height / height.max(), abs=1e-6)
-    lefts = [float(each) for each in re.findall(r"M([\d.]+) ", path)]
+    lefts = [float(item) for item in re.findall(r"M([\d.]+) ", path)]
     assert lefts == pytest.approx(np.arange(64) * 4.0)
 
 
 def test_what_is_wrong_with_the_exposure_is_said(still: Page) -> None:
     sentence = "3.0% of the pixels are at full scale: shorten the exposure or lower the gain"
-    still.evaluate(f"(sight) => {HISTOGRAM}.see(sight)", told(np.ones(64), warnings=[sentence]))
+    still.evaluate(f"(sight) => {HISTOGRAM}.see(sight)", reported(np.ones(64), warnings=[sentence]))
     still.get_by_role("status").filter(has_text=f"Exposure: {sentence}").wait_for()
     still.evaluate(f"() => {HISTOGRAM}.see(null)")
     still.get_by_text(sentence).wait_for(state="detached")
@@ -317,14 +317,14 @@ def painted(page: Page, levels: NDArray[np.uint8], azimuth: float, elevation: fl
         }}""",
         [rows, columns, as_text(levels), azimuth, elevation],
     )
-    levels_shown, inside = (np.frombuffer(each.encode("latin-1"), np.uint8).astype(int) for each in (shown, covered))
+    levels_shown, inside = (np.frombuffer(item.encode("latin-1"), np.uint8).astype(int) for item in (shown, covered))
     return np.where(inside == 1, levels_shown, -1).reshape(HEIGHT, WIDTH)
 
 
 def test_seen_from_above_the_relief_is_the_picture(page: Page) -> None:
     levels = hill()
-    seen = painted(page, levels, 0.0, np.pi / 2)
-    inside = seen >= 0
+    observed = painted(page, levels, 0.0, np.pi / 2)
+    inside = observed >= 0
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
     top, left = rows[0], columns[0]
     height, width = rows[-1] - top + 1, columns[-1] - left + 1
@@ -334,20 +334,20 @@ def test_seen_from_above_the_relief_is_the_picture(page: Page) -> None:
     picked = levels[
         (6 + (y + 0.5) / height * (492 - 12)).astype(int), (6 + (x + 0.5) / width * (768 - 12)).astype(int)
     ].astype(float)
-    assert np.abs(seen[top : top + height, left : left + width] - picked).max() < 6
+    assert np.abs(observed[top : top + height, left : left + width] - picked).max() < 6
 
 
 @pytest.mark.parametrize("azimuth", [0.3, 2.0, 3.5, 5.5])
 def test_what_stands_before_hides_what_lies_behind(page: Page, azimuth: float) -> None:
     levels = np.full((41, 64), 10, dtype=np.uint8)
     levels[18:23, 28:36] = 210
-    seen = painted(page, levels, azimuth, 0.4)
+    observed = painted(page, levels, azimuth, 0.4)
     # Drawn far to near, no pixel of the floor behind shines through: the block's column of pixels is whole.
-    middle = round(np.nonzero(seen > 150)[1].mean())
-    line = np.flatnonzero(seen[:, middle] > 150)
+    middle = round(np.nonzero(observed > 150)[1].mean())
+    line = np.flatnonzero(observed[:, middle] > 150)
     assert len(line) >= 8
     assert np.array_equal(line, np.arange(line[0], line[-1] + 1))
-    assert (seen[:, middle][seen[:, middle] >= 0]).max() == 210
+    assert (observed[:, middle][observed[:, middle] >= 0]).max() == 210
     assert abs(middle - WIDTH / 2) < 25  # it stands in the middle, however it is turned
 
 

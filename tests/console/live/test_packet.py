@@ -25,14 +25,14 @@ def arrival(pixels: NDArray[Any], full_scale: float = 255.0) -> ReceivedFrame:
     return ReceivedFrame(frame=Frame(pixels=pixels, sequence=0, full_scale=full_scale), arrived_s=1.0)
 
 
-def taken_apart(made: bytes) -> tuple[dict[str, Any], bytes]:
+def taken_apart(created: bytes) -> tuple[dict[str, Any], bytes]:
     """The header's fields, each cut out by hand."""
     whole = {
-        name: int.from_bytes(made[a:b], "little")
+        name: int.from_bytes(created[a:b], "little")
         for name, a, b in (("encoding", 4, 5), ("number", 8, 12), ("rows", 12, 14), ("columns", 14, 16))
     }
-    real = {"came_ms": np.frombuffer(made[16:24], "<f8")[0], "full_scale": np.frombuffer(made[24:28], "<f4")[0]}
-    return {"magic": made[:4], **whole, **real}, made[32:]
+    real = {"came_ms": np.frombuffer(created[16:24], "<f8")[0], "full_scale": np.frombuffer(created[24:28], "<f4")[0]}
+    return {"magic": created[:4], **whole, **real}, created[32:]
 
 
 @settings(max_examples=30)

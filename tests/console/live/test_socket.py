@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from websockets.sync.client import ClientConnection
 
-SIGHT = FrameAnalysis(
+ANALYSIS = FrameAnalysis(
     number=1,
     flags=(),
     force=None,
@@ -52,17 +52,17 @@ class Served:
 
     def __init__(self, patience_s: float) -> None:
         self.feed: Feed | None = Feed()
-        self.bench = SimpleNamespace(frame_analysis=None)
+        self.instrument = SimpleNamespace(frame_analysis=None)
         self.hub = LiveHub(lambda: self.feed)  # type: ignore[arg-type, return-value]
-        made = FastAPI()
+        created = FastAPI()
 
-        @made.websocket("/live")
-        async def live(asked: WebSocket) -> None:
-            await live_view(asked, instrument=self.bench, hub=self.hub, timeout_s=patience_s)  # type: ignore[arg-type]
+        @created.websocket("/live")
+        async def live(requested: WebSocket) -> None:
+            await live_view(requested, instrument=self.instrument, hub=self.hub, timeout_s=patience_s)  # type: ignore[arg-type]
 
         listener = socket.create_server(("127.0.0.1", 0))
         self.port = listener.getsockname()[1]
-        self.server = uvicorn.Server(uvicorn.Config(made, log_level="error", ws_per_message_deflate=False))
+        self.server = uvicorn.Server(uvicorn.Config(created, log_level="error", ws_per_message_deflate=False))
         self._thread = threading.Thread(target=self.server.run, kwargs={"sockets": [listener]}, daemon=True)
         self._thread.start()
 
@@ -83,9 +83,9 @@ class Served:
     def viewer(self, asks: str = "") -> ClientConnection:
         """A client that has joined."""
         before = self.hub.viewers
-        made = connect(f"ws://127.0.0.1:{self.port}/live{asks}", max_size=None)
+        created = connect(f"ws://127.0.0.1:{self.port}/live{asks}", max_size=None)
         until(lambda: self.hub.viewers > before)
-        return made
+        return created
 
     def end(self) -> None:
         self.server.should_exit = True
@@ -194,7 +194,7 @@ def test_pictures_of_the_quality_that_was_asked_for(served: Served, asks: str, q
         assert isinstance(body, bytes)
         expected = io.BytesIO()
         Image.fromarray(pixels).save(expected, "jpeg", quality=quality)
-        ours, theirs = (np.asarray(Image.open(each), float) for each in (io.BytesIO(body), expected))
+        ours, theirs = (np.asarray(Image.open(item), float) for item in (io.BytesIO(body), expected))
         assert abs(np.abs(ours - pixels).mean() - np.abs(theirs - pixels).mean()) < 0.25
 
 
@@ -209,14 +209,14 @@ def test_raw_pixels_on_this_machine_whatever_else_is_asked(served: Served, asks:
 @pytest.mark.system
 def test_what_is_seen_comes_before_the_frame_once(served: Served) -> None:
     with served.viewer() as viewer:
-        served.bench.frame_analysis = SIGHT
+        served.instrument.frame_analysis = ANALYSIS
         served.bring()
-        assert json.loads(viewer.recv(HANGS_S)) == json.loads(json.dumps(asdict(SIGHT)))
+        assert json.loads(viewer.recv(HANGS_S)) == json.loads(json.dumps(asdict(ANALYSIS)))
         assert isinstance(viewer.recv(HANGS_S), bytes)
         viewer.send("ok")
         served.bring()
         assert isinstance(viewer.recv(HANGS_S), bytes)
-        served.bench.frame_analysis = None
+        served.instrument.frame_analysis = None
         viewer.send("ok")
         served.bring()
         assert viewer.recv(HANGS_S) == "null"
@@ -247,8 +247,8 @@ def test_who_goes_is_noticed_while_no_frames_come(served: Served, frames: int) -
 @pytest.mark.system
 def test_anything_that_is_sent_counts_as_an_acknowledgement(served: Served) -> None:
     with served.viewer() as viewer:
-        words: tuple[str | bytes, ...] = ("", "no", b"\x00\xff", "x" * 1000)
-        for number, word in enumerate(words, start=1):
+        label: tuple[str | bytes, ...] = ("", "no", b"\x00\xff", "x" * 1000)
+        for number, word in enumerate(label, start=1):
             served.bring()
             assert next_frame(viewer)[0] == number
             viewer.send(word)
@@ -272,49 +272,49 @@ def test_viewers_are_told_when_the_server_ends() -> None:
 def test_a_frame_is_made_once_for_all_and_not_where_all_wait_for_it(
     served: Served, monkeypatch: pytest.MonkeyPatch, asks: str, full_scale: float, apart: bool
 ) -> None:
-    made: list[str] = []
+    created: list[str] = []
     second = threading.Event()
 
     def packed(*given: Any, **named: Any) -> bytes:
-        made.append(threading.current_thread().name)
+        created.append(threading.current_thread().name)
         if apart:
-            second.wait(0.2 if len(made) == 1 else 0.0)  # in which another one could begin
+            second.wait(0.2 if len(created) == 1 else 0.0)  # in which another one could begin
         return packet(*given, **named)
 
     monkeypatch.setattr("tsis.console.live._hub.packet", packed)
     with served.viewer(asks) as one, served.viewer(asks) as other:
         served.bring(full_scale=full_scale)
         assert next_frame(one)[0] == next_frame(other)[0] == 1
-    assert made == [made[0]]
-    assert (made[0] == served.thread_name) is not apart
+    assert created == [created[0]]
+    assert (created[0] == served.thread_name) is not apart
 
 
 @pytest.mark.system
 def test_words_of_a_frame_are_made_once_for_all(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[FrameAnalysis | None] = []
+    created: list[FrameAnalysis | None] = []
 
-    def text(sight: FrameAnalysis | None) -> str:
-        made.append(sight)
-        return analysis_json(sight)
+    def text(analysis: FrameAnalysis | None) -> str:
+        created.append(analysis)
+        return analysis_json(analysis)
 
     monkeypatch.setattr("tsis.console.live._hub.analysis_json", text)
     with served.viewer() as one, served.viewer() as other:
-        for sight in (SIGHT, replace(SIGHT, number=2)):
-            served.bench.frame_analysis = sight
+        for analysis in (ANALYSIS, replace(ANALYSIS, number=2)):
+            served.instrument.frame_analysis = analysis
             served.bring()
             for viewer in (one, other):
-                assert json.loads(viewer.recv(HANGS_S))["number"] == sight.number
+                assert json.loads(viewer.recv(HANGS_S))["number"] == analysis.number
                 next_frame(viewer)
                 viewer.send("ok")
-    assert [each and each.number for each in made] == [1, 2]
+    assert [item and item.number for item in created] == [1, 2]
 
 
 def test_what_is_not_finite_is_told_as_unknown() -> None:
     text = analysis_json(
-        replace(SIGHT, clipped_share=math.nan, contact=ContactView(centroid_px=(math.inf, 1.0), outline_px=()))
+        replace(ANALYSIS, clipped_share=math.nan, contact=ContactView(centroid_px=(math.inf, 1.0), outline_px=()))
     )
-    told = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
-    assert (told["clipped_share"], told["contact"]["centroid_px"]) == (None, [None, 1.0])
+    reported = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
+    assert (reported["clipped_share"], reported["contact"]["centroid_px"]) == (None, [None, 1.0])
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A page that is open in no browser: its elements are there, and what they would do can be done."""
+"""A page without a browser: its elements exist, and their actions can be called."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument
 
 
-class Told(Viewer):
-    """A viewer whose name is known without a request, and who keeps what he is told."""
+class RecordingViewer(Viewer):
+    """A viewer with a fixed name, which records the messages to it."""
 
-    def __init__(self, client: Client, bench: Instrument) -> None:
-        super().__init__(client, bench, StatePoller(bench), Tabs())
+    def __init__(self, client: Client, instrument: Instrument) -> None:
+        super().__init__(client, instrument, StatePoller(instrument), Tabs())
         client.tab_id = "1"  # as if a browser had connected
         self.complaints: list[str] = []
 
@@ -31,25 +31,25 @@ class Told(Viewer):
     def name(self) -> str:
         return "Ann"
 
-    def complain(self, sentence: str) -> None:
-        self.complaints.append(sentence)
+    def complain(self, message: str) -> None:
+        self.complaints.append(message)
 
 
-def on_a_page(bench: Any, act: Callable[[Told], Awaitable[None]]) -> None:
-    """Open a page on a bench, or on what stands for one, and do something on it."""
+def on_a_page(instrument: Any, command: Callable[[RecordingViewer], Awaitable[None]]) -> None:
+    """Open a page of an instrument, or of a substitute, and run a call on it."""
 
     async def done() -> None:
         client = Client(page("/"))
         try:
             with client:
-                await act(Told(client, cast("Instrument", bench)))
+                await command(RecordingViewer(client, cast("Instrument", instrument)))
         finally:
             client.delete()
 
     asyncio.run(done())
 
 
-def texts(viewer: Told) -> list[str]:
+def texts(viewer: RecordingViewer) -> list[str]:
     """All texts of the page that are shown."""
     elements: list[Element] = list(viewer._client.elements.values())
-    return [cast("TextElement", each).text for each in elements if getattr(each, "text", "") and each.visible]
+    return [cast("TextElement", item).text for item in elements if getattr(item, "text", "") and item.visible]

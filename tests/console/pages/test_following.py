@@ -6,8 +6,8 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from nicegui import run, ui
-from tests.console.bench.places import lit_bench
-from tests.console.pages.open_page import Told, on_a_page, texts
+from tests.console.pages.open_page import RecordingViewer, on_a_page, texts
+from tests.console.services.instruments import lit_instrument
 
 from tsis.console.pages.components import CalibrationMemory, follow_store
 from tsis.console.pages.examine._estimate import EstimatePanel
@@ -24,120 +24,120 @@ if TYPE_CHECKING:
 
 def timers(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], Awaitable[None]]]:
     """What timers would do, to be done by hand."""
-    looks: list[Callable[[], Awaitable[None]]] = []
-    monkeypatch.setattr(ui, "timer", lambda _, look, **__: looks.append(look))
-    return looks
+    checks: list[Callable[[], Awaitable[None]]] = []
+    monkeypatch.setattr(ui, "timer", lambda _, check, **__: checks.append(check))
+    return checks
 
 
 def test_a_page_that_nobody_sees_looks_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, looked = timers(monkeypatch), []
+    checks, looked = timers(monkeypatch), []
 
-    async def look() -> None:
+    async def check() -> None:
         looked.append(1)
 
-    async def hidden(viewer: Told) -> None:
-        viewer.every(1.0, look)
+    async def hidden(viewer: RecordingViewer) -> None:
+        viewer.every(1.0, check)
         viewer.visible = False
-        await looks[0]()
-        await looks[0]()
+        await checks[0]()
+        await checks[0]()
         assert len(looked) == 1
         viewer.visible = True
-        await looks[0]()
+        await checks[0]()
         assert len(looked) == 2
 
     on_a_page(SimpleNamespace(), hidden)
 
 
 def test_every_change_is_told_once_whoever_made_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    looks, told = timers(monkeypatch), []
+    checks, reported = timers(monkeypatch), []
     monkeypatch.setattr("tsis.console.pages.components._summary.ENTRIES_FRESH_S", 0.0)
 
     async def changed() -> None:
-        told.append(1)
+        reported.append(1)
 
-    with lit_bench(tmp_path) as bench:
-        target = bench.store.add_target(number=1, name="one")
+    with lit_instrument(tmp_path) as instrument:
+        target = instrument.store.add_target(number=1, name="one")
 
-        async def followed(viewer: Told) -> None:
+        async def followed(viewer: RecordingViewer) -> None:
             follow_store(viewer, changed)
-            await looks[0]()
-            await looks[0]()
-            assert len(told) == 1
-            bench.store.edit_target(target, name="another")
-            await looks[0]()
-            await looks[0]()
-            assert len(told) == 2
+            await checks[0]()
+            await checks[0]()
+            assert len(reported) == 1
+            instrument.store.edit_target(target, name="another")
+            await checks[0]()
+            await checks[0]()
+            assert len(reported) == 2
 
-        on_a_page(bench, followed)
+        on_a_page(instrument, followed)
 
 
 def test_a_name_that_was_changed_is_shown_on_examine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    looks = timers(monkeypatch)
+    checks = timers(monkeypatch)
     monkeypatch.setattr("tsis.console.pages.components._summary.ENTRIES_FRESH_S", 0.0)
-    with lit_bench(tmp_path) as bench:
-        target = bench.store.add_target(number=1, name="one")
+    with lit_instrument(tmp_path) as instrument:
+        target = instrument.store.add_target(number=1, name="one")
 
-        async def shown(viewer: Told) -> None:
-            panel = EstimatePanel(bench, viewer)
-            panel.show(bench.state())
-            await looks[0]()
+        async def shown(viewer: RecordingViewer) -> None:
+            panel = EstimatePanel(instrument, viewer)
+            panel.show(instrument.state())
+            await checks[0]()
             assert "Target 1: one" in texts(viewer)
-            bench.store.edit_target(target, name="another")
-            await looks[0]()
+            instrument.store.edit_target(target, name="another")
+            await checks[0]()
             assert "Target 1: another" in texts(viewer)
 
-        on_a_page(bench, shown)
+        on_a_page(instrument, shown)
 
 
 def test_of_two_readings_the_one_asked_for_last_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with lit_bench(tmp_path) as bench:
-        target: Target = bench.store.add_target(number=1, name="old")
+    with lit_instrument(tmp_path) as instrument:
+        target: Target = instrument.store.add_target(number=1, name="old")
         readings: list[int] = []
         pages: list[TargetPage] = []
         io_bound = run.io_bound
 
-        async def slow_at_first(act: Callable[..., Any], *given: Any) -> Any:
+        async def slow_at_first(command: Callable[..., Any], *given: Any) -> Any:
             readings.append(1)
-            found = await io_bound(act, *given)
+            result = await io_bound(command, *given)
             if len(readings) == 1:  # it has read what was there; the other overtakes it
-                bench.store.edit_target(target, name="new")
+                instrument.store.edit_target(target, name="new")
                 await pages[0].load()
-            return found
+            return result
 
         monkeypatch.setattr("tsis.console.pages.records._target.run", SimpleNamespace(io_bound=slow_at_first))
 
-        async def overtaken(viewer: Told) -> None:
-            pages.append(TargetPage(bench, viewer, "1"))
+        async def overtaken(viewer: RecordingViewer) -> None:
+            pages.append(TargetPage(instrument, viewer, "1"))
             await pages[0].load()
             assert len(readings) == 2
             assert "Target 1: new" in texts(viewer)
 
-        on_a_page(bench, overtaken)
+        on_a_page(instrument, overtaken)
 
 
 def test_a_calibration_is_asked_for_when_it_is_another_one() -> None:
-    asked: list[int] = []
+    requested: list[int] = []
 
     class Judging:
-        known: Any = SimpleNamespace(identity="a")
+        latest: Any = SimpleNamespace(identity="a")
 
         @property
         def calibration(self) -> Any:
-            asked.append(1)
-            return self.known
+            requested.append(1)
+            return self.latest
 
-    bench: Any = Judging()
-    seen = CalibrationMemory(bench)
+    instrument: Any = Judging()
+    observed = CalibrationMemory(instrument)
 
     def state(identity: str) -> Any:
         return SimpleNamespace(calibration_identity=identity)
 
-    assert seen.of(state("")) is None
-    assert not asked
-    assert [seen.of(state("a")) for _ in range(3)] == [bench.known] * 3
-    assert len(asked) == 1
-    before, bench.known = bench.known, None
-    assert seen.of(state("b")) is None
-    assert seen.of(state("")) is None
-    bench.known = before
-    assert seen.of(state("a")) is before
+    assert observed.of(state("")) is None
+    assert not requested
+    assert [observed.of(state("a")) for _ in range(3)] == [instrument.latest] * 3
+    assert len(requested) == 1
+    before, instrument.latest = instrument.latest, None
+    assert observed.of(state("b")) is None
+    assert observed.of(state("")) is None
+    instrument.latest = before
+    assert observed.of(state("a")) is before

@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from tsis.records.store import Store
 
 NOON = datetime(2026, 11, 22, 12, tzinfo=UTC)
-KNOWN = ProbeCalibration(name="of the test", probe="tsis-direct")
+USABLE = ProbeCalibration(name="of the test", probe="tsis-direct")
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[Store]:
-    with open_store(tmp_path / "records", kind="phantom") as made:
-        yield made
+    with open_store(tmp_path / "records", kind="phantom") as created:
+        yield created
 
 
 def pressed(store: Store, number: int, forces: dict[str, tuple[float, ...]]) -> None:
     """A target with presses of these forces by role, in this order."""
     target = store.add_target(number=number, name="ball")
     minute = 0
-    for role, each in forces.items():
-        for force in each:
+    for role, item in forces.items():
+        for force in item:
             minute += 1
             store.add_press(
                 target,
@@ -44,7 +44,7 @@ def pressed(store: Store, number: int, forces: dict[str, tuple[float, ...]]) -> 
                 role=role,
                 taken=NOON + timedelta(minutes=minute),
                 probe="tsis-direct",
-                calibration=KNOWN,
+                calibration=USABLE,
                 flags=(),
             )
 
@@ -56,12 +56,12 @@ def state(choice: CameraChoice, *, running: bool = True, lost: bool = False, cal
 
 def test_of_each_force_the_newest_press_counts(store: Store) -> None:
     pressed(store, 4, {"target": (0.7, 1.2, 0.7), "ball": (1.0,), "untouched": (0.0,)})
-    found = saved_presses(store, 4)
-    assert [press.force_n for press in found.on_object] == [1.2, 0.7]
-    assert found.on_object[1].taken == NOON + timedelta(minutes=3)
-    assert [press.force_n for press in found.on_ball] == [1.0]
-    assert found.estimate is None
-    assert not found.is_current
+    result = saved_presses(store, 4)
+    assert [press.force_n for press in result.on_object] == [1.2, 0.7]
+    assert result.on_object[1].taken == NOON + timedelta(minutes=3)
+    assert [press.force_n for press in result.presses if press.role == "ball"] == [1.0]
+    assert result.estimate is None
+    assert not result.is_current
 
 
 def test_the_next_step_follows_from_what_is_kept(store: Store) -> None:

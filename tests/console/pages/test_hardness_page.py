@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tests.console.bench.places import ANN, lit_bench
-from tests.console.pages.open_page import Told, on_a_page, texts
+from tests.console.pages.open_page import RecordingViewer, on_a_page, texts
+from tests.console.services.instruments import ANN, lit_instrument
 
-from tsis.console.pages.hardness._page import _Measurement
+from tsis.console.pages.hardness._page import HardnessPage
 from tsis.errors import RecordsError
 
 if TYPE_CHECKING:
@@ -19,40 +19,40 @@ START = "Next: start the camera, on the page Examine; it is stopped."
 
 
 def test_a_target_that_was_not_read_is_said_to_be_read(tmp_path: Path) -> None:
-    with lit_bench(tmp_path) as bench:
+    with lit_instrument(tmp_path) as instrument:
 
-        async def changed(viewer: Told) -> None:
-            page = _Measurement(bench, viewer)
-            page._show(bench.state())
+        async def changed(viewer: RecordingViewer) -> None:
+            page = HardnessPage(instrument, viewer)
+            page._show(instrument.state())
             assert "Target 1 is being read." in texts(viewer)
             await page._refresh()
             assert START in texts(viewer)
-            bench.set_target(7, by=ANN)
-            page._show(bench.state())
+            instrument.set_target(7, by=ANN)
+            page._show(instrument.state())
             assert "Target 7 is being read." in texts(viewer)
             assert START not in texts(viewer)
             await page._refresh()
             assert START in texts(viewer)
 
-        on_a_page(bench, changed)
+        on_a_page(instrument, changed)
 
 
 def test_why_the_store_was_not_read_stays_until_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken() -> int:
         raise RecordsError("the store must be there; it is not")
 
-    with lit_bench(tmp_path) as bench:
+    with lit_instrument(tmp_path) as instrument:
 
-        async def troubled(viewer: Told) -> None:
-            page = _Measurement(bench, viewer)
-            page._show(bench.state())
+        async def troubled(viewer: RecordingViewer) -> None:
+            page = HardnessPage(instrument, viewer)
+            page._show(instrument.state())
             with monkeypatch.context() as patched:
-                patched.setattr(bench.store, "entries", broken)
+                patched.setattr(instrument.store, "entries", broken)
                 await page._refresh()
-                page._show(bench.state())  # which comes much more often
+                page._show(instrument.state())  # which comes much more often
                 assert "the store must be there; it is not" in texts(viewer)
             await page._refresh()
             assert "the store must be there; it is not" not in texts(viewer)
             assert START in texts(viewer)
 
-        on_a_page(bench, troubled)
+        on_a_page(instrument, troubled)

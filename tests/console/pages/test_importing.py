@@ -7,8 +7,8 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
-from tests.console.bench.places import Held, lit_bench
-from tests.console.pages.open_page import Told, on_a_page
+from tests.console.pages.open_page import RecordingViewer, on_a_page
+from tests.console.services.instruments import FixedGauge, lit_instrument
 from tests.waiting import HANGS_S
 
 from tsis.console.pages.components._upload import FileField
@@ -32,23 +32,23 @@ def test_the_copy_goes_also_when_the_import_is_ended_before_it_begins(
     monkeypatch.setattr(tempfile, "tempdir", str(copies))
     monkeypatch.setattr(FileField, "reset", lambda _: None)  # which asks a browser, as the next does
     monkeypatch.setattr("tsis.console.pages.components._upload.name_parts", lambda *_: None)
-    with lit_bench(tmp_path) as bench:
-        held = [Held() for _ in range(AT_ONCE)]
+    with lit_instrument(tmp_path) as instrument:
+        owned = [FixedGauge() for _ in range(AT_ONCE)]
 
-        async def uploaded(viewer: Told) -> None:
-            import_button(bench, viewer, ui.element("div"))
-            (field,) = (each for each in viewer._client.elements.values() if isinstance(each, FileField))
+        async def uploaded(viewer: RecordingViewer) -> None:
+            import_button(instrument, viewer, ui.element("div"))
+            (field,) = (item for item in viewer._client.elements.values() if isinstance(item, FileField))
             taken: Any = field._upload_handlers[0]
             await taken(SimpleNamespace(file=SimpleNamespace(save=_save)))
             assert len(list(copies.iterdir())) == 1
-            job = bench.jobs.get(bench.state().jobs[-1].identity)
+            job = instrument.jobs.get(instrument.state().jobs[-1].identity)
             job.end()
-            for each in held:
-                each.over.set()
+            for item in owned:
+                item.over.set()
             assert job.wait(HANGS_S)
             assert job.state().status == "ended"
 
-        for each in held:
-            bench.jobs.begin("long", each)
-        on_a_page(bench, uploaded)
+        for item in owned:
+            instrument.jobs.begin("long", item)
+        on_a_page(instrument, uploaded)
     assert list(copies.iterdir()) == []

@@ -27,7 +27,7 @@ def _constant(value: ast.expr) -> bool:
     if isinstance(value, ast.JoinedStr):
         return all(_constant(part.value) for part in value.values if isinstance(part, ast.FormattedValue))
     if isinstance(value, ast.Call):  # of a constant, as list(SHEETS)
-        return bool(value.args) and all(_constant(each) for each in value.args)
+        return bool(value.args) and all(_constant(item) for item in value.args)
     return isinstance(value, ast.Constant) or (isinstance(value, ast.Name) and value.id.isupper())
 
 
@@ -39,6 +39,6 @@ def test_a_quotation_mark_of_a_device_would_be_found() -> None:
 
 
 def test_properties_are_written_out() -> None:
-    found = {str(file): put_together(file.read_text()) for file in FILES}
-    assert len(found) > 100
-    assert {file: arguments for file, arguments in found.items() if arguments} == {}
+    result = {str(file): put_together(file.read_text()) for file in FILES}
+    assert len(result) > 100
+    assert {file: arguments for file, arguments in result.items() if arguments} == {}

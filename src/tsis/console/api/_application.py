@@ -52,22 +52,14 @@ ROUTERS = (
 )
 DESCRIPTION = f"""Calls for scripts beside the pages of `tsis console`. {RESEARCH_USE_ONLY}
 
-Every call needs `Authorization: Bearer TOKEN` with the token of the address that the console printed. Acts on the
-camera need the header `{CONTROL}` as well, which `POST {VERSION}/control` gives: one holds the camera, others watch.
-Numbers are finite; null stands for what nobody knows or nothing bounds. Names carry units.
+Every call needs `Authorization: Bearer TOKEN` with the token of the address that the console printed. Commands of
+the camera need the header `{CONTROL}` as well, which `POST {VERSION}/control` gives: one client owns the camera, others
+watch. Numbers are finite; null stands for unknown or unbounded values. Names carry units.
 """
 
 
 def api_app(instrument: Instrument, reports: Reports) -> FastAPI:
-    """The calls of a bench, to be mounted at `PLACE`.
-
-    Parameters
-    ----------
-    bench
-        What they show and move.
-    reports
-        Makes the reports of its store.
-    """
+    """The calls of an instrument, to be mounted at `PLACE`; ``reports`` builds the reports of its store."""
     application = FastAPI(
         title="tsis console",
         version=__version__,
@@ -92,7 +84,7 @@ def api_app(instrument: Instrument, reports: Reports) -> FastAPI:
 
 
 class NoticeMiddleware:
-    """Says with every answer what the program may be used for, and that nobody on the way keeps a copy."""
+    """Adds the notice of use to every response, and forbids intermediate copies."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

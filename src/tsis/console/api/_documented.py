@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def description(application: FastAPI) -> dict[str, Any]:
-    """The description of an application's calls; made once.
+    """The description of an application's calls; built once.
 
-    FastAPI takes the header of acts for optional, for who leaves it out is to read a sentence of ours.
+    FastAPI takes the header of commands for optional, since a request without it gets our own message.
     """
     if application.openapi_schema is None:
         schema = get_openapi(
@@ -63,9 +63,9 @@ def picture(kind: str) -> Responses:
     return {200: {"description": "the picture", "content": _binary(kind), "headers": headers}}
 
 
-def file(kind: str, words: str) -> Responses:
+def file(kind: str, text: str) -> Responses:
     """A response that is a file."""
-    return {200: {"description": words, "content": _binary(kind)}}
+    return {200: {"description": text, "content": _binary(kind)}}
 
 
 CALIBRATION_FILE: Responses = {
@@ -92,31 +92,31 @@ CALIBRATION_BODY: dict[str, Any] = {
     }
 }
 
-_WORDS = {"text/plain": {"schema": {"type": "string"}}}
+_TEXT = {"text/plain": {"schema": {"type": "string"}}}
 
 
-def _problem(words: str) -> dict[str, Any]:
-    return {"model": Problem, "description": words}
+def _problem(text: str) -> dict[str, Any]:
+    return {"model": Problem, "description": text}
 
 
-OF_CALLS: Responses = {  # 400, 401, 403, 413 and 421 also by the gate before all calls, in plain words
-    400: {**_problem("not in good form, or no JSON such as can be read"), "content": _WORDS},
-    401: {"description": "no key: send Authorization: Bearer with the token of the printed address", "content": _WORDS},
-    403: {"description": "sent by a page of another place", "content": _WORDS},
-    413: {**_problem("more than is taken"), "content": _WORDS},
-    421: {"description": "the console is not called by that name", "content": _WORDS},
+OF_CALLS: Responses = {  # 400, 401, 403, 413 and 421 also by the authentication before all calls, as plain text
+    400: {**_problem("malformed, or no readable JSON"), "content": _TEXT},
+    401: {"description": "no key: send Authorization: Bearer with the token of the printed address", "content": _TEXT},
+    403: {"description": "sent by a page of another site", "content": _TEXT},
+    413: {**_problem("too large"), "content": _TEXT},
+    421: {"description": "the console is not called by that name", "content": _TEXT},
     422: _problem("a value outside what the call accepts"),
     503: _problem("the camera is stopped or away, or a stored file is damaged or cannot be read or written"),
 }
 OF_BODIES: Responses = {415: _problem("not sent as JSON")}
 OF_ACTS: Responses = {
-    409: _problem("somebody else holds the camera, or it cannot be done at this moment"),
+    409: _problem("somebody else owns the camera, or it cannot be done at this moment"),
     428: _problem("the header TSIS-Control is missing"),
     501: _problem("a library is not installed that this camera needs"),
     507: _problem("the disk is full"),
 }
-OF_CONTROL: Responses = {409: _problem("somebody else holds the camera")}
-OF_RECORDS: Responses = {404: _problem("the address names nothing that is there")}
+OF_CONTROL: Responses = {409: _problem("somebody else owns the camera")}
+OF_RECORDS: Responses = {404: _problem("the address names nothing that exists")}
 OF_JOBS: Responses = {409: _problem("too many jobs wait already")}
 OF_EDITS: Responses = {
     409: _problem("somebody has changed the record since it was read"),

@@ -1,4 +1,4 @@
-"""What is answered to a call that cannot be done: one sentence, the kind of the error, and its status."""
+"""Error responses: one message, the kind of the error, and its status."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from starlette.requests import Request
 
 
-LONGEST = 1000  # letters of a sentence
+LONGEST = 1000  # letters of a message
 
 
 MESSAGES = {
@@ -31,16 +31,16 @@ MESSAGES = {
 
 
 def install_error_handlers(application: FastAPI) -> None:
-    """Have errors of an application's own routes answered as ``{"error": sentence, "kind": class}``."""
+    """Have errors of an application's own routes answered as ``{"error": message, "kind": class}``."""
     application.add_exception_handler(errors.TsisError, _of_tsis)
     application.add_exception_handler(RequestValidationError, _of_request)
     application.add_exception_handler(HTTPException, _of_http)
     application.add_exception_handler(Exception, _of_program)
 
 
-def problem(status: int, sentence: str, kind: str, headers: Any = None) -> JSONResponse:
-    """The answer."""
-    text = sentence.encode(errors="backslashreplace").decode()
+def problem(status: int, message: str, kind: str, headers: Any = None) -> JSONResponse:
+    """The response."""
+    text = message.encode(errors="backslashreplace").decode()
     shown = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
     return JSONResponse({"error": shown, "kind": kind}, status, headers=headers)
 

@@ -1,4 +1,4 @@
-"""What every body and every answer has."""
+"""Base models of requests and responses, and those of program, calibration and control."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ Measured = Annotated[float | None, Field(description="null where there is no suc
 
 
 class RequestModel(BaseModel):
-    """What a call takes: no field more than these, of their own types, numbers finite."""
+    """Body of a call: only these fields, of their own types, with finite numbers."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class ItemModel(BaseModel):
-    """Part of an answer, read off the program's own values."""
+    """Part of a response, read from the program's own values."""
 
     model_config = ConfigDict(from_attributes=True)
 
 
 class ResponseModel(ItemModel):
-    """What every answer starts with; each also tells by ``command`` what it is."""
+    """First fields of every response; ``command`` names its kind."""
 
     notice: str = Field(default=RESEARCH_USE_ONLY, description="what the program may be used for")
     tsis: str = Field(default=__version__, description="version of the program")
 
 
 class Problem(BaseModel):
-    """Why a call was not done."""
+    """Why a call failed."""
 
     error: str = Field(description="one sentence: the name, the requirement, the value received, the cure")
     kind: str = Field(description="class of the error, as in tsis.errors", examples=["InputError"])
 
 
 class StoreItem(ItemModel):
-    """Where records are kept."""
+    """Where records are stored."""
 
     folder: str
     kind: str
@@ -55,7 +55,7 @@ class StoreItem(ItemModel):
 
 
 class AboutResponse(ResponseModel):
-    """The program and where it keeps things."""
+    """The program and its folders."""
 
     command: Literal["about"] = "about"
     environment: dict[str, Any] = Field(description="versions of program, language and libraries, SHA-256 of the code")
@@ -68,25 +68,25 @@ class CalibrationItem(ItemModel):
 
     name: str
     probe: str
-    sha256: str = Field(description="its identity, by which results cite it")
+    sha256: str = Field(description="its identity, which results cite")
     made: datetime | None
     expires: datetime | None = Field(description="null for one that is simulated")
 
 
 class CalibrationResponse(ResponseModel):
-    """The calibration in force; null without one."""
+    """The active calibration; null without one."""
 
     command: Literal["calibration"] = "calibration"
     calibration: CalibrationItem | None
 
 
 class ControlRequest(RequestModel):
-    """A wish to hold the camera."""
+    """A request for the camera's control."""
 
     name: str = Field(
         min_length=1, max_length=LONGEST_OWNER_NAME, description="what others see, one line", examples=["script of Ann"]
     )
-    over: bool = Field(default=False, description="whether to take it from whoever holds it")
+    over: bool = Field(default=False, description="whether to take it from another owner")
     held_s: float = Field(
         default=LOCK_S,
         ge=SHORTEST_LOCK_S,
@@ -96,10 +96,10 @@ class ControlRequest(RequestModel):
 
 
 class ControlResponse(ResponseModel):
-    """The camera is held."""
+    """The caller owns the camera's control."""
 
     command: Literal["control"] = "control"
-    identity: str = Field(description="to be sent as header TSIS-Control with each act; it is a secret")
+    identity: str = Field(description="to be sent as header TSIS-Control with each command; it is a secret")
     name: str
     held_s: float
 

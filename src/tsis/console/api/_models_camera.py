@@ -60,7 +60,7 @@ class SettingsResponse(ResponseModel):
 
 
 class SettingsRequest(RequestModel):
-    """New values of settings by name; all are looked at before the first is made."""
+    """New values of settings by name; all are checked before the first is changed."""
 
     values: dict[Annotated[str, Field(max_length=LONGEST_SPEC)], float] = Field(
         min_length=1, max_length=100, examples=[{"exposure_ms": 12.5, "gain": 3.0}]
@@ -68,7 +68,7 @@ class SettingsRequest(RequestModel):
 
 
 class PresetRequest(RequestModel):
-    """A way back to a known state of the settings."""
+    """A known state of the settings."""
 
     name: Literal["default", "minimal"] = Field(description="as the camera came, or as low as exposure and gain go")
 
@@ -79,11 +79,11 @@ class CamerasResponse(ResponseModel):
     command: Literal["cameras"] = "cameras"
     searched: bool = Field(description="whether a search is over; begin one with POST /v1/cameras/search")
     found: tuple[CameraInfoItem, ...]
-    missing: dict[str, str] = Field(description="for each source that could not look, why and what to do")
+    missing: dict[str, str] = Field(description="for each source that could not be searched, why and what to do")
 
 
 class FrameAnalysisResponse(ResponseModel):
-    """What the newest frame shows; null while none is looked at."""
+    """Analysis of the newest frame; null without one."""
 
     command: Literal["sight"] = "sight"
     sight: FrameAnalysis | None
@@ -98,14 +98,14 @@ class StateResponse(ResponseModel):
     role: str = Field(description="what is pressed: target, plain, untouched or ball")
     roles: list[str] = Field(description="what may be pressed")
     force_n: float | None = Field(description="newtons, as typed or that of the virtual probe; null where not known")
-    calibration: str = Field(description="name of the one in force; empty without one")
+    calibration: str = Field(description="name of the active one; empty without one")
     calibration_identity: str = Field(description="its SHA-256; empty without one")
-    sight: FrameAnalysis | None = Field(description="what the newest frame shows; null while none is looked at")
-    holder: OwnerItem | None = Field(description="who holds the camera; null when nobody does")
-    sequence: JobState | None = Field(description="the sequence under way or the last one")
+    sight: FrameAnalysis | None = Field(description="analysis of the newest frame; null without one")
+    holder: OwnerItem | None = Field(description="owner of the camera's control; null without one")
+    sequence: JobState | None = Field(description="the running or last sequence")
     jobs: tuple[JobState, ...]
-    trouble: list[str] = Field(description="one sentence for each thing to know, the most urgent first")
-    busy: str = Field(description="what is being done now that acts must wait for; empty when nothing is")
+    trouble: list[str] = Field(description="one message for each problem, the most urgent first")
+    busy: str = Field(description="the running command that others wait for; empty without one")
     gauge: str = Field(description="name of the gauge that forces are read from; empty without one")
 
 
@@ -126,5 +126,5 @@ class PressRequest(RequestModel):
         ge=0.0,
         le=MOST_TYPED_N,
         description=f"newtons, at most {LARGEST_FORCE_N:g} for the virtual probe, whose force is always known; "
-        "of other cameras null says that nobody knows it",
+        "of other cameras null stands for an unknown force",
     )

@@ -1,4 +1,4 @@
-"""Presses: taken now, and those that are stored."""
+"""Models of presses, targets, estimates and jobs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tsis.records import LONGEST_NAME, LONGEST_NOTE
 
 
 class SnapshotRequest(RequestModel):
-    """How a snapshot is coloured for the eye; the raw frame beside it is not."""
+    """Colours of a snapshot; the raw frame beside it has none."""
 
     map_name: str = Field(
         default="viridis", max_length=40, description="a colour map", json_schema_extra={"enum": list(COLOUR_MAPS)}
@@ -39,7 +39,7 @@ class SavedPressResponse(ResponseModel):
     target: int
     press: PressItem
     files: FilesItem
-    flags: tuple[GuardFlag, ...] = Field(description="what speaks against it")
+    flags: tuple[GuardFlag, ...] = Field(description="flags of the press")
     notes: list[str]
 
 
@@ -117,7 +117,7 @@ Presses = Annotated[
 
 
 class InclusionPriorRequest(RequestModel):
-    """What is believed of the inclusion and its surroundings before the data; what is left out is as by default."""
+    """Prior of the inclusion and its surroundings; omitted values are defaults."""
 
     diameter_mm: Numbers | None = Field(default=None, description="range (low, high)")
     depth_mm: Numbers | None = Field(default=None, description="range from the skin to the inclusion's top")
@@ -135,7 +135,7 @@ class InclusionPriorRequest(RequestModel):
 
 
 class HardnessPriorRequest(RequestModel):
-    """What is believed of the object before the data; what is left out is as by default."""
+    """Prior of the object; omitted values are defaults."""
 
     young_kpa: Numbers | None = Field(default=None, description="range within [1, 1e5]")
     poisson: Numbers | None = Field(default=None, description="range within [0.45, 0.495]")
@@ -168,19 +168,19 @@ EstimateRequest = Annotated[InclusionRequest | HardnessRequest, Field(discrimina
 
 
 class ParameterItem(ItemModel):
-    """What is known of one parameter, in the unit that its name carries."""
+    """Posterior of one parameter, in the unit of its name."""
 
     mean: float
     sd: float
     interval_90: tuple[float, float]
     prior_sd: float
-    narrowing: float = Field(description="sd over prior_sd: 1 says that the data told nothing")
-    cramer_rao_sd: Measured = Field(description="least sd of any unbiased estimate; null where nothing bounds it")
-    truth: float | None = Field(default=None, description="of a phantom, where somebody knows it")
+    narrowing: float = Field(description="sd over prior_sd: 1 means that the data are not informative")
+    cramer_rao_sd: Measured = Field(description="least sd of any unbiased estimate; null without a bound")
+    truth: float | None = Field(default=None, description="of a phantom, where known")
 
 
 class EstimateItem(ItemModel):
-    """A stored estimate with all that is needed to make it again."""
+    """A stored estimate with everything that is needed to recompute it."""
 
     id: str
     kind: str
@@ -190,13 +190,13 @@ class EstimateItem(ItemModel):
     calibration: str
     supersedes: str | None
     parameters: dict[str, ParameterItem]
-    presence: float | None = Field(description="probability that there is an inclusion; null where nobody asked")
+    presence: float | None = Field(description="probability that there is an inclusion; null where not computed")
     log_bayes_factor: float | None = Field(
         default=None, description="natural logarithm of how much better an inclusion explains the frames, not rounded"
     )
-    identifiability: str = Field(description="what the data tell and what not")
+    identifiability: str = Field(description="what the data determine and what not")
     prior: str
-    trusted: bool = Field(description="false says: use no number of this estimate")
+    trusted: bool = Field(description="false: use no number of this estimate")
     flags: list[str]
     notes: list[str]
     options: dict[str, Any]
@@ -205,33 +205,33 @@ class EstimateItem(ItemModel):
 
 
 class EstimatesResponse(ResponseModel):
-    """Estimates of a target in the order in which they were made."""
+    """Estimates of a target, the oldest first."""
 
     command: Literal["estimates"] = "estimates"
     target: int
     in_force: list[str] = Field(description="identities of the last of each kind")
     estimates: list[EstimateItem]
-    damaged: list[str] = Field(description="one sentence for each that is stored but is not as it was")
+    damaged: list[str] = Field(description="one message for each stored estimate that was changed")
 
 
 class RecomputeRequest(RequestModel):
-    """How to make the estimates in force again."""
+    """How to recompute the current estimates."""
 
     dry_run: bool = Field(default=False, description="whether to store nothing")
 
 
 class RecomputationItem(ItemModel):
-    """An estimate made again."""
+    """A recomputed estimate."""
 
     kind: str
     same: bool
-    sentence: str = Field(description="what became of the result, and why")
+    sentence: str = Field(description="how the result changed, and why")
     causes: list[str]
     notes: list[str]
     shifts: tuple[ShiftItem, ...]
     flags_gained: list[str]
     flags_lost: list[str]
-    before: str = Field(description="identity of the estimate that was made again")
+    before: str = Field(description="identity of the recomputed estimate")
     stored_as: str | None = Field(description="identity of the new one; null when nothing was stored")
 
 
@@ -243,7 +243,7 @@ class EstimateResult(ItemModel):
 
 
 class RecomputeResult(ItemModel):
-    """Estimates made again."""
+    """Recomputed estimates."""
 
     kind: Literal["recompute"] = "recompute"
     recomputations: list[RecomputationItem]

@@ -1,4 +1,4 @@
-"""What calls ask the bench through: the bench itself, who acts, and the record that an address names."""
+"""Dependencies of calls: the instrument, the owner of its control, and the record that an address names."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from fastapi import Depends, Header, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.requests import Request
 
-from tsis.console._statuses import AbsentError, NoControlError
+from tsis.console._statuses import NoControlError, absent_if_unknown
 from tsis.console.files import Reports
 from tsis.console.services import Instrument
-from tsis.errors import InputError
 from tsis.files import LARGEST_TARGET
 
 if TYPE_CHECKING:
@@ -33,22 +32,22 @@ class PageQuery(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    limit: int = Field(default=100, ge=1, le=MOST_A_PAGE, description="most that are told")
-    offset: int = Field(default=0, ge=0, le=MOST_OFFSET, description="how many are left out before")
+    limit: int = Field(default=100, ge=1, le=MOST_A_PAGE, description="most that are listed")
+    offset: int = Field(default=0, ge=0, le=MOST_OFFSET, description="how many are skipped before")
 
 
 PageOfList = Annotated[PageQuery, Query()]
 
 
 async def instrument_of(request: Request) -> Instrument:
-    """The bench that the application is of."""
+    """The instrument of the application."""
     instrument: Any = request.app.state.instrument
     assert isinstance(instrument, Instrument)
     return instrument
 
 
 async def reports_of(request: Request) -> Reports:
-    """What makes the reports of the bench's store."""
+    """Reports of the instrument's store."""
     reports: Any = request.app.state.reports
     assert isinstance(reports, Reports)
     return reports
@@ -58,29 +57,25 @@ TheInstrument = Annotated[Instrument, Depends(instrument_of)]
 TheReports = Annotated[Reports, Depends(reports_of)]
 
 
-async def holder(instrument: TheInstrument, identity: ActingCaller = None) -> str:
-    """Who acts; refused with 428 who does not say it, and with 409 who does not hold the camera."""
+async def owner(instrument: TheInstrument, identity: ActingCaller = None) -> str:
+    """The owner of the camera's control; 428 without the header, 409 for anybody else."""
     if not identity:
         raise NoControlError(f"an act needs the header {CONTROL} with the identity that POST /v1/control gives")
     instrument.control.require(identity)
     return identity
 
 
-Acting = Annotated[str, Depends(holder)]
+Acting = Annotated[str, Depends(owner)]
 
 
 def find_target(instrument: Instrument, number: int) -> Target:
     """The target of that number; `AbsentError` when there is none."""
-    try:
+    with absent_if_unknown():
         return instrument.store.target(number)
-    except InputError as error:
-        raise AbsentError(str(error)) from error
 
 
 def find_press(instrument: Instrument, number: int, identity: str) -> tuple[Target, StoredPress]:
     """A press of a target; `AbsentError` when there is none."""
     target = find_target(instrument, number)
-    try:
+    with absent_if_unknown():
         return target, instrument.store.press(target, identity)
-    except InputError as error:
-        raise AbsentError(str(error)) from error

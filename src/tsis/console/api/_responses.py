@@ -1,4 +1,4 @@
-"""From the program's values to what answers hold."""
+"""Response models of stored values."""
 
 from __future__ import annotations
 
@@ -26,11 +26,10 @@ if TYPE_CHECKING:
 
 def estimate_item(stored: StoredEstimate, truth: Mapping[str, float] | None = None) -> EstimateItem:
     """A stored estimate with the truth beside its parameters, where all of them are known."""
-    reference = estimate_to_json(stored)
-    created = reference.pop("estimate")
-    beside = None if truth is None or not set(stored.estimate.samples) <= set(truth) else truth
-    document = estimate_document(stored.estimate, beside)
-    return EstimateItem(**{**reference, **document, "provenance": created["provenance"]})
+    fields = estimate_to_json(stored)
+    provenance = fields.pop("estimate")["provenance"]
+    known = None if truth is None or not set(stored.estimate.samples) <= set(truth) else truth
+    return EstimateItem(**{**fields, **estimate_document(stored.estimate, known), "provenance": provenance})
 
 
 def job_result(result: Any, store: Store) -> JobResult | None:
@@ -49,16 +48,16 @@ def job_result(result: Any, store: Store) -> JobResult | None:
             return None
 
 
-def _recomputation(made: Recomputation) -> RecomputationItem:
+def _recomputation(item: Recomputation) -> RecomputationItem:
     return RecomputationItem(
-        kind=made.before.kind,
-        same=made.same,
-        sentence=made.message,
-        causes=list(made.causes),
-        notes=list(made.notes),
-        shifts=made.shifts,
-        flags_gained=list(made.flags_gained),
-        flags_lost=list(made.flags_lost),
-        before=made.before.id,
-        stored_as=made.after.id if made.stored else None,
+        kind=item.before.kind,
+        same=item.same,
+        sentence=item.message,
+        causes=list(item.causes),
+        notes=list(item.notes),
+        shifts=item.shifts,
+        flags_gained=list(item.flags_gained),
+        flags_lost=list(item.flags_lost),
+        before=item.before.id,
+        stored_as=item.after.id if item.stored else None,
     )

@@ -1,4 +1,4 @@
-"""The camera: found, chosen, started, stopped, adjusted."""
+"""Calls of the instrument: state, control, camera, press and frames."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ state_router = APIRouter(tags=["state"])
 
 @state_router.get("/state", operation_id="get_state")
 def get_state(instrument: TheInstrument, caller: Caller = None) -> StateResponse:
-    """Tell how camera, target, press, calibration and jobs are; with the header it keeps the camera held."""
+    """Return the state of camera, target, press, calibration and jobs; with the header a sign of life of the owner."""
     if caller:
         instrument.control.heard_of(caller)
     return state_response(instrument, caller)
@@ -55,14 +55,14 @@ def get_state(instrument: TheInstrument, caller: Caller = None) -> StateResponse
 
 @state_router.get("/sight", operation_id="get_sight")
 def get_frame_analysis(instrument: TheInstrument) -> FrameAnalysisResponse:
-    """Tell what the newest frame shows: contact, force, stillness, flags, grey histogram and exposure."""
+    """Return the analysis of the newest frame: contact, force, stillness, flags, grey histogram and exposure."""
     return FrameAnalysisResponse(sight=instrument.frame_analysis)
 
 
 def state_response(instrument: Instrument, caller: str | None) -> StateResponse:
-    """The whole state; what identifies the holder is told to nobody."""
+    """The whole state; the owner's identity is a secret."""
     state = instrument.state()
-    stored = state.owner
+    owner = state.owner
     return StateResponse(
         camera=state.camera,
         target=state.target,
@@ -72,7 +72,7 @@ def state_response(instrument: Instrument, caller: str | None) -> StateResponse:
         calibration=state.calibration,
         calibration_identity=state.calibration_identity,
         sight=state.frame_analysis,
-        holder=None if stored is None else OwnerItem(name=stored.name, yours=stored.identity == caller),
+        holder=None if owner is None else OwnerItem(name=owner.name, yours=owner.identity == caller),
         sequence=state.sequence,
         jobs=state.jobs,
         trouble=list(state.trouble),
@@ -85,9 +85,9 @@ camera_router = APIRouter(prefix="/camera", tags=["camera"])
 
 
 @camera_router.put("", operation_id="choose_camera", responses={**OF_ACTS, **OF_BODIES})
-def choose_camera(instrument: TheInstrument, given: CameraChoiceRequest, by: Acting) -> StateResponse:
-    """Take another camera, not yet started."""
-    instrument.choose(CameraChoice(**given.model_dump()), by=by)
+def choose_camera(instrument: TheInstrument, body: CameraChoiceRequest, by: Acting) -> StateResponse:
+    """Choose another camera, not yet started."""
+    instrument.choose(CameraChoice(**body.model_dump()), by=by)
     return state_response(instrument, by)
 
 
@@ -107,27 +107,27 @@ def stop_camera(instrument: TheInstrument, by: Acting) -> StateResponse:
 
 @camera_router.get("/settings", operation_id="get_settings")
 def get_settings(instrument: TheInstrument) -> SettingsResponse:
-    """Tell what can be adjusted now, with ranges; null for an end that the driver does not tell."""
+    """Return the adjustable settings with ranges; null for an end that the driver does not report."""
     return _settings(instrument)
 
 
 @camera_router.patch("/settings", operation_id="change_settings", responses={**OF_ACTS, **OF_BODIES})
-def change_settings(instrument: TheInstrument, given: SettingsRequest, by: Acting) -> SettingsResponse:
+def change_settings(instrument: TheInstrument, body: SettingsRequest, by: Acting) -> SettingsResponse:
     """Change settings; none when one of them is unknown or outside its range."""
     present = {setting.name: setting for setting in instrument.camera_controller.settings()}
     if not present:
         raise CameraError("the camera must run to be adjusted; it is stopped or away (start it)")
-    for name, value in given.values.items():
+    for name, value in body.values.items():
         present[require_one_of("setting", name, present)].checked(value)
-    for name, value in given.values.items():
+    for name, value in body.values.items():
         instrument.adjust(name, value, by=by)
     return _settings(instrument)
 
 
 @camera_router.post("/preset", operation_id="apply_preset", responses={**OF_ACTS, **OF_BODIES})
-def apply_preset(instrument: TheInstrument, given: PresetRequest, by: Acting) -> SettingsResponse:
-    """Make all settings of a preset."""
-    instrument.preset(given.name, by=by)
+def apply_preset(instrument: TheInstrument, body: PresetRequest, by: Acting) -> SettingsResponse:
+    """Apply all settings of a preset."""
+    instrument.preset(body.name, by=by)
     return _settings(instrument)
 
 
@@ -149,7 +149,7 @@ def list_cameras(instrument: TheInstrument) -> CamerasResponse:
 
 @cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)
 def search_cameras(instrument: TheInstrument) -> JobResponse:
-    """Ask every source for its cameras, which takes seconds; the job's result tells them."""
+    """Ask every source for its cameras, which takes seconds; the job's result lists them."""
     return JobResponse(job=instrument.search.begin().state())
 
 
@@ -157,22 +157,22 @@ control_router = APIRouter(tags=["control"])
 
 
 @control_router.post("/control", operation_id="take_control", responses={**OF_CONTROL, **OF_BODIES})
-async def take_control(instrument: TheInstrument, given: ControlRequest, caller: Caller = None) -> ControlResponse:
-    """Hold the camera; who holds it already, and says so by the header, keeps the identity.
+async def take_control(instrument: TheInstrument, body: ControlRequest, caller: Caller = None) -> ControlResponse:
+    """Take control of the camera; its owner keeps the identity that the header gives.
 
-    It is held until nothing was heard of the holder for `held_s` seconds: acts and `GET /v1/state` with the header
-    count. Answers 409 when somebody else holds it and `over` is false.
+    It ends after `held_s` seconds without a sign of life: commands, and `GET /v1/state` with the header. Answers 409
+    when somebody else has it and `over` is false.
     """
-    require_label("name", given.name)
-    stored = instrument.control.owner()
-    identity = stored.identity if stored is not None and stored.identity == caller else uuid.uuid4().hex
-    instrument.control.take(identity, given.name, over=given.over, held_s=given.held_s)
-    return ControlResponse(identity=identity, name=given.name, held_s=given.held_s)
+    require_label("name", body.name)
+    owner = instrument.control.owner()
+    identity = owner.identity if owner is not None and owner.identity == caller else uuid.uuid4().hex
+    instrument.control.take(identity, body.name, over=body.over, held_s=body.held_s)
+    return ControlResponse(identity=identity, name=body.name, held_s=body.held_s)
 
 
 @control_router.delete("/control", operation_id="release_control", status_code=204)
 async def release_control(instrument: TheInstrument, caller: Caller = None) -> Response:
-    """Give the camera back; from anybody but the holder it changes nothing."""
+    """Release the camera; from anybody but the owner it changes nothing."""
     if caller:
         instrument.control.release(caller)
     return Response(status_code=204)
@@ -182,28 +182,28 @@ press_router = APIRouter(tags=["press"])
 
 
 @press_router.put("/target", operation_id="choose_target", responses={**OF_ACTS, **OF_BODIES})
-def choose_target(instrument: TheInstrument, given: TargetChoiceRequest, by: Acting) -> StateResponse:
+def choose_target(instrument: TheInstrument, body: TargetChoiceRequest, by: Acting) -> StateResponse:
     """Choose the target that snapshots go to; it is entered with its first press."""
-    instrument.set_target(given.number, by=by)
+    instrument.set_target(body.number, by=by)
     return state_response(instrument, by)
 
 
 @press_router.put("/press", operation_id="hold_press", responses={**OF_ACTS, **OF_BODIES})
-def set_press(instrument: TheInstrument, given: PressRequest, by: Acting) -> StateResponse:
-    """Say what is pressed and how hard; the virtual probe is moved there."""
-    if not given.model_fields_set:
+def set_press(instrument: TheInstrument, body: PressRequest, by: Acting) -> StateResponse:
+    """Set what is pressed and how hard; the virtual probe moves there."""
+    if not body.model_fields_set:
         raise InputError("press must say something: role, force_n or both; got neither")
-    forget = "force_n" in given.model_fields_set and given.force_n is None
-    instrument.hold(role=given.role, force_n=given.force_n, forget=forget, by=by)
+    forget = "force_n" in body.model_fields_set and body.force_n is None
+    instrument.hold(role=body.role, force_n=body.force_n, forget=forget, by=by)
     return state_response(instrument, by)
 
 
 @press_router.post("/snapshot", operation_id="take_snapshot", responses={**OF_ACTS, **OF_BODIES}, status_code=201)
 def take_snapshot(
-    instrument: TheInstrument, by: Acting, given: Annotated[SnapshotRequest | None, Body()] = None
+    instrument: TheInstrument, by: Acting, body: Annotated[SnapshotRequest | None, Body()] = None
 ) -> SavedPressResponse:
-    """Keep the press as it is seen now: its files, and the press in the store; when this answers, both last."""
-    saved = instrument.snapshot(by=by, map_name=(given or SnapshotRequest()).map_name)
+    """Save the present press: its files, and the press in the store; both are on the disk with the response."""
+    saved = instrument.snapshot(by=by, map_name=(body or SnapshotRequest()).map_name)
     files = {name: str(path.resolve()) for name, path in asdict(saved.files).items()}
     return SavedPressResponse(
         target=saved.target.number,
@@ -215,9 +215,9 @@ def take_snapshot(
 
 
 @press_router.post("/sequence", operation_id="begin_sequence", responses={**OF_ACTS, **OF_BODIES}, status_code=202)
-def begin_sequence(instrument: TheInstrument, given: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobResponse:
+def begin_sequence(instrument: TheInstrument, body: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobResponse:
     """Record every frame until so many have come or so much time has passed."""
-    job = instrument.begin_sequence(**given.model_dump(), by=by)
+    job = instrument.begin_sequence(**body.model_dump(), by=by)
     return JobResponse(job=job.state())
 
 
@@ -245,12 +245,12 @@ def get_frame_png(instrument: TheInstrument) -> Response:
 
 @frames_router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))
 def get_frame_jpg(instrument: TheInstrument, quality: Quality = 85) -> Response:
-    """Send the newest frame as a small picture of 8 bits, for the eye."""
+    """Send the newest frame as a small picture of 8 bits."""
     received = instrument.camera_controller.fresh()
     content = encode_picture(display_levels(received), "jpg", quality=quality)
     return _sent(received, content, "image/jpeg")
 
 
-def _sent(arrival: ReceivedFrame, content: bytes, kind: str) -> Response:
-    headers = {"TSIS-Frame": str(arrival.frame.sequence), "TSIS-Full-Scale": f"{arrival.frame.full_scale:g}"}
+def _sent(received: ReceivedFrame, content: bytes, kind: str) -> Response:
+    headers = {"TSIS-Frame": str(received.frame.sequence), "TSIS-Full-Scale": f"{received.frame.full_scale:g}"}
     return Response(content, media_type=kind, headers=headers)

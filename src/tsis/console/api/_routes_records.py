@@ -1,4 +1,4 @@
-"""Stored targets and their presses."""
+"""Calls of stored targets, estimates, the calibration and jobs."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from tsis.calibration import UsableCalibration
-from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, parse_calibration
-from tsis.console._statuses import AbsentError, NoControlError
+from tsis.calibration.file import calibration_bytes, calibration_sha256, parse_calibration
+from tsis.console._statuses import AbsentError, NoControlError, absent_if_unknown
 from tsis.console.api._documented import (
     CALIBRATION_BODY,
     CALIBRATION_FILE,
@@ -53,7 +53,7 @@ from tsis.console.api._query import (
 from tsis.console.api._responses import estimate_item, job_result
 from tsis.errors import InputError
 from tsis.files import QUICK_PNG, encode_picture
-from tsis.records import PRIORS, environment, recompute
+from tsis.records import PRIORS, environment
 
 if TYPE_CHECKING:
     from tsis.console.services import Instrument, Job
@@ -76,22 +76,22 @@ def list_targets(instrument: TheInstrument, page: PageOfList) -> TargetsResponse
 
 @targets_router.get("/{number}", operation_id="get_target", responses=OF_RECORDS)
 def get_target(instrument: TheInstrument, number: TargetNumber) -> TargetResponse:
-    """Tell what is stored of a target."""
+    """Return what is stored of a target."""
     target = find_target(instrument, number)
     return TargetResponse(target=target, presses=instrument.store.press_count(target))
 
 
 @targets_router.patch("/{number}", operation_id="edit_target", responses={**OF_RECORDS, **OF_EDITS, **OF_BODIES})
-def edit_target(instrument: TheInstrument, number: TargetNumber, given: TargetRequest) -> TargetResponse:
+def edit_target(instrument: TheInstrument, number: TargetNumber, body: TargetRequest) -> TargetResponse:
     """Change name, note or truth of a target as it was read; 409 when somebody has changed it since.
 
-    The audit of the store keeps that it was changed, and when.
+    The audit of the store records the change and its time.
     """
     target = find_target(instrument, number)
-    changes = given.model_dump(exclude={"version"}, exclude_none=True)
+    changes = body.model_dump(exclude={"version"}, exclude_none=True)
     if not changes:
         raise InputError("an edit must change something: name, note or truth; got none of them")
-    edited = instrument.store.edit_target(replace(target, version=given.version), **changes)
+    edited = instrument.store.edit_target(replace(target, version=body.version), **changes)
     return TargetResponse(target=edited, presses=instrument.store.press_count(edited))
 
 
@@ -114,7 +114,7 @@ def list_presses(instrument: TheInstrument, number: TargetNumber, page: PageOfLi
     responses={**file("image/png", "the frame, lossless: grey levels of 8 or 16 bits"), **OF_RECORDS},
 )
 def get_press_frame(instrument: TheInstrument, number: TargetNumber, identity: PressIdentity) -> Response:
-    """Send the stored frame of a press, after its hash was found right; 503 when it is damaged."""
+    """Send the stored frame of a press, after a check of its hash; 503 when it is damaged."""
     _, press = find_press(instrument, number, identity)
     content = encode_picture(instrument.store.levels(press.frame), level=QUICK_PNG)
     return Response(content, media_type="image/png", headers={"TSIS-Full-Scale": f"{press.full_scale:g}"})
@@ -125,7 +125,7 @@ estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
 
 @estimates_router.get("/estimates", operation_id="list_estimates", responses=OF_RECORDS)
 def list_estimates(instrument: TheInstrument, number: TargetNumber) -> EstimatesResponse:
-    """List the estimates of a target in the order in which they were made."""
+    """List the estimates of a target, the oldest first."""
     target = find_target(instrument, number)
     record = instrument.store.record(target, limit=0)
     return EstimatesResponse(
@@ -140,11 +140,11 @@ def list_estimates(instrument: TheInstrument, number: TargetNumber) -> Estimates
     "/estimate", operation_id="estimate_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def estimate_target(
-    instrument: TheInstrument, number: TargetNumber, given: Annotated[EstimateRequest, Body()]
+    instrument: TheInstrument, number: TargetNumber, body: Annotated[EstimateRequest, Body()]
 ) -> JobResponse:
-    """Estimate a target from its presses and store what was found; the job's result tells it."""
+    """Estimate a target from its presses and store the estimate, which is the job's result."""
     find_target(instrument, number)
-    job = instrument.estimate(number, kind=given.kind, presses=given.presses, options=_options(given))
+    job = instrument.estimate(number, kind=body.kind, presses=body.presses, options=_options(body))
     return JobResponse(job=job.state())
 
 
@@ -152,15 +152,11 @@ def estimate_target(
     "/recompute", operation_id="recompute_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def recompute_target(
-    instrument: TheInstrument, number: TargetNumber, given: Annotated[RecomputeRequest | None, Body()] = None
+    instrument: TheInstrument, number: TargetNumber, body: Annotated[RecomputeRequest | None, Body()] = None
 ) -> JobResponse:
-    """Make the estimates in force again with the code of today, and store those that came out otherwise."""
-    target, dry_run = find_target(instrument, number), given is not None and given.dry_run
-    job = instrument.jobs.begin(
-        f"recomputation of target {number}",
-        lambda job: recompute(instrument.store, target, dry_run=dry_run, progress=job.advance),
-    )
-    return JobResponse(job=job.state())
+    """Recompute the current estimates with the present code, and store those that differ."""
+    dry_run = body is not None and body.dry_run
+    return JobResponse(job=instrument.recompute(find_target(instrument, number), dry_run=dry_run).state())
 
 
 @estimates_router.get(
@@ -185,17 +181,15 @@ def get_report_pdf(instrument: TheInstrument, reports: TheReports, number: Targe
     return Response(reports.content(find_target(instrument, number), "pdf"), media_type="application/pdf")
 
 
-def _options(given: EstimateRequest) -> dict[str, Any]:
-    """Options as a stored estimate keeps them: a prior whole, so that a later release knows what was believed."""
-    requested = given.model_dump(exclude={"kind", "presses"}, exclude_none=True)
-    if "prior" in requested:
-        prior = PRIORS[given.kind](**{name: _pair(value) for name, value in requested["prior"].items()})
-        requested["prior"] = asdict(prior)
-    return requested
-
-
-def _pair(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+def _options(body: EstimateRequest) -> dict[str, Any]:
+    """Options of a stored estimate: with the whole prior, so that later releases with other defaults have it."""
+    options = body.model_dump(exclude={"kind", "presses"}, exclude_none=True)
+    if "prior" in options:
+        values: dict[str, Any] = {
+            name: tuple(item) if isinstance(item, list) else item for name, item in options["prior"].items()
+        }
+        options["prior"] = asdict(PRIORS[body.kind](**values))
+    return options
 
 
 calibration_router = APIRouter(prefix="/calibration", tags=["calibration"])
@@ -204,15 +198,15 @@ LARGEST_UPLOAD = 32 * 2**20  # bytes
 
 @calibration_router.get("", operation_id="get_calibration")
 def get_calibration(instrument: TheInstrument) -> CalibrationResponse:
-    """Tell which calibration is in force."""
-    return _answer(instrument)
+    """Return the active calibration."""
+    return _active(instrument)
 
 
 @calibration_router.get(
     "/file", operation_id="get_calibration_file", response_class=Response, responses={**CALIBRATION_FILE, **OF_RECORDS}
 )
 def get_calibration_file(instrument: TheInstrument) -> Response:
-    """Send the calibration in force as its file, which `PUT /v1/calibration` takes again."""
+    """Send the active calibration as its file, which `PUT /v1/calibration` accepts."""
     given = instrument.calibration
     if given is None:
         raise AbsentError("a calibration must be in force to be sent; there is none")
@@ -223,20 +217,20 @@ def get_calibration_file(instrument: TheInstrument) -> Response:
     "", operation_id="use_calibration", responses={**OF_ACTS, **OF_BODIES}, openapi_extra=CALIBRATION_BODY
 )
 async def use_calibration(request: Request, instrument: TheInstrument, by: Acting) -> CalibrationResponse:
-    """Put a calibration in force: the body is a calibration file of at most 32 MiB.
+    """Activate a calibration: the body is a calibration file of at most 32 MiB.
 
     Answers 422 when it was changed, is expired, or is of another camera or other settings than those that run.
     """
     content = await _uploaded(request)
     await run_in_threadpool(_use, instrument, content, by)
-    return _answer(instrument)
+    return _active(instrument)
 
 
 @calibration_router.delete("", operation_id="forget_calibration", responses=OF_ACTS)
 def forget_calibration(instrument: TheInstrument, by: Acting) -> CalibrationResponse:
     """Go back to the virtual probe's own calibration, or to none."""
     instrument.use_calibration(None, by=by)
-    return _answer(instrument)
+    return _active(instrument)
 
 
 async def _uploaded(request: Request) -> bytes:
@@ -261,13 +255,15 @@ def _use(instrument: Instrument, content: bytes, by: str) -> None:
     )
 
 
-def _answer(instrument: Instrument) -> CalibrationResponse:
-    cited = instrument.calibration
-    return CalibrationResponse(calibration=None if cited is None else _told(cited.calibration, cited.identity))
-
-
-def _told(known: ProbeCalibration, sha256: str) -> CalibrationItem:
-    return CalibrationItem(name=known.name, probe=known.probe, sha256=sha256, made=known.made, expires=known.expires)
+def _active(instrument: Instrument) -> CalibrationResponse:
+    active = instrument.calibration
+    if active is None:
+        return CalibrationResponse(calibration=None)
+    given = active.calibration
+    item = CalibrationItem(
+        name=given.name, probe=given.probe, sha256=active.identity, made=given.made, expires=given.expires
+    )
+    return CalibrationResponse(calibration=item)
 
 
 jobs_router = APIRouter(prefix="/jobs", tags=["jobs"])
@@ -281,25 +277,23 @@ def list_jobs(instrument: TheInstrument) -> JobsResponse:
 
 @jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
 def get_job(instrument: TheInstrument, identity: JobIdentity) -> JobResponse:
-    """Tell how far a job is, and what it returned."""
-    return _job_response(instrument, _known(instrument, identity))
+    """Return the state of a job, and its result."""
+    return _job_response(instrument, _job(instrument, identity))
 
 
 @jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
 def end_job(instrument: TheInstrument, identity: JobIdentity, caller: Caller = None) -> JobResponse:
-    """Ask a job to end, which it does at its next step; one that follows the camera only for who holds it."""
-    job = _known(instrument, identity)
+    """Cancel a job, which ends at its next step; a job of the camera only for its owner."""
+    job = _job(instrument, identity)
     if job.follows_camera and not caller:
         raise NoControlError(f"to end what follows the camera needs the header {CONTROL}, which POST /v1/control gives")
     instrument.end_job(identity, by=caller or "")
     return _job_response(instrument, job)
 
 
-def _known(instrument: Instrument, identity: str) -> Job:
-    try:
+def _job(instrument: Instrument, identity: str) -> Job:
+    with absent_if_unknown():
         return instrument.jobs.get(identity)
-    except InputError as error:
-        raise AbsentError(str(error)) from error
 
 
 def _job_response(instrument: Instrument, job: Job) -> JobResponse:
@@ -311,7 +305,7 @@ about_router = APIRouter(tags=["about"])
 
 @about_router.get("/about", operation_id="get_about")
 def get_about(instrument: TheInstrument) -> AboutResponse:
-    """Tell versions, and where records and files are kept."""
+    """Return versions, and where records and files are stored."""
     store = instrument.store
     return AboutResponse(
         environment=environment(),

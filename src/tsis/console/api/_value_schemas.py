@@ -21,7 +21,7 @@ from tsis.records import Shift, StoredPress, Target
 class Fields:
     """Marks a value class in an annotation: which fields JSON leaves out, and which properties it adds.
 
-    Mappings become plain objects, their infinite numbers words.
+    Mappings become plain objects, their infinite numbers strings.
     """
 
     def __init__(self, *, without: tuple[str, ...] = (), also: tuple[str, ...] = ()) -> None:
@@ -76,6 +76,6 @@ def docstring_parts(value: type) -> tuple[str, dict[str, str]]:
     """The summary of a class's docstring, and the description of each of its parameters or attributes."""
     text = inspect.cleandoc(value.__doc__ or "") + "\n"
     described: dict[str, str] = {}
-    for names, words in re.findall(r"^(\w+(?:, \w+)*)\n((?:    .*\n)+)", text, flags=re.MULTILINE):
-        described |= dict.fromkeys(names.split(", "), re.sub(r"\bNone\b", "null", " ".join(words.split())))
+    for names, description in re.findall(r"^(\w+(?:, \w+)*)\n((?:    .*\n)+)", text, flags=re.MULTILINE):
+        described |= dict.fromkeys(names.split(", "), re.sub(r"\bNone\b", "null", " ".join(description.split())))
     return text.partition("\n")[0], described

@@ -1,4 +1,4 @@
-"""Who was let in, as pages and calls learn it."""
+"""Checks of a request: host, origin, headers, and whose key, login or session it carries."""
 
 from __future__ import annotations
 
@@ -20,18 +20,12 @@ if TYPE_CHECKING:
     from tsis.console.auth._sessions import Session
 
 
-CLIENT = "visitor"
+CLIENT = "client"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClientIdentity:
-    """Somebody whom the gate let in.
-
-    Attributes
-    ----------
-    name
-        Of the login; empty for who came with the console's key.
-    """
+    """An authenticated client; the name is that of the login, and empty with the console's key."""
 
     name: str = ""
 
@@ -54,7 +48,7 @@ ONCE = (b"host", b"origin", b"authorization")  # more than one of these is someb
 _HOST = re.compile(r"(\[[0-9A-Fa-f:.]{2,45}\]|[A-Za-z0-9](?:[A-Za-z0-9._-]{0,252}))(?::([0-9]{1,5}))?")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 _SCHEMES = {"ws": "http", "wss": "https"}
-# What servers in between write to tell whom they stand for. Nobody stands between here, so whoever sends them lies.
+# Headers of reverse proxies. There is none here, so that these are forged.
 _FORWARDED = (b"forwarded", b"x-forwarded-", b"x-real-ip", b"x-original-", b"x-rewrite-", b"x-script-name")
 
 
@@ -99,7 +93,7 @@ def name_of(host: str) -> str:
 def is_known(host: str, *, names: Collection[str], local: str) -> bool:
     """Whether the console is called by that ``Host``: by one of its names, or by the address that was reached.
 
-    A name that is not known is a page elsewhere that has its own name point here; an address cannot be pointed.
+    An unknown name is another site that resolves its own name to this address; an address cannot be redirected so.
     """
     name = name_of(host)
     if not name:
@@ -135,19 +129,10 @@ BEARER = "bearer "
 class Access:
     """The key of a running console, the sessions of browsers, and the logins.
 
-    Parameters
-    ----------
-    token
-        Part of the address that the console prints; also what scripts send as ``Authorization: Bearer``.
-    sessions
-        Of browsers; by default sessions that are kept in memory alone.
-    logins
-        Who may come in by name and password; None when nobody may.
-    port
-        Part of the cookie's name: browsers give cookies to every port of a machine, and two consoles must not take
-        each other's away.
-    secure
-        Whether the console is served over TLS, and cookies go over nothing else.
+    The token is part of the printed address, and scripts send it as ``Authorization: Bearer``. Sessions are in memory
+    alone by default; without ``logins`` nobody may log in. The port is part of the cookie's name: browsers send cookies
+    to every port of a machine, and two consoles must not overwrite each other's. With ``secure`` the console is served
+    over TLS, and cookies go over nothing else.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Files of the console that nobody but this user may read: its key, the logins, the sessions that were ended."""
+"""Files of the console that only this user may read: key, logins and ended sessions."""
 
 from __future__ import annotations
 
@@ -25,12 +25,9 @@ def console_folder() -> Path:
 
 
 def read_private(path: Path) -> bytes | None:
-    """What the file holds; None when there is none.
+    """Contents of the file; None when there is none.
 
-    Raises
-    ------
-    FileInputError
-        When it cannot be read, or others than this user could have read or written it.
+    Raises `FileInputError` when it cannot be read, or others than this user could have read or written it.
     """
     try:
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0))
@@ -48,14 +45,9 @@ def read_private(path: Path) -> bytes | None:
 
 
 def write_private(path: Path, content: bytes, *, replace: bool = True) -> None:
-    """Write a file that this user alone may read, whole or not at all; its folder is made when missing.
+    """Write a file that this user alone may read, whole or not at all; its folder is created when missing.
 
-    Raises
-    ------
-    FileExistsError
-        When it may not take the place of one that is there.
-    FileInputError
-        When it cannot be written.
+    Raises `FileExistsError` when it may not replace an existing one, and `FileInputError` when it cannot be written.
     """
     try:
         make_folder_durably(path.parent, private=True)
@@ -93,19 +85,9 @@ _TOKEN = re.compile(r"[A-Za-z0-9_-]{43}")
 
 
 def saved_token(*, new: bool = False, folder: Path | None = None) -> str:
-    """Give this user's token: the one of the last start, or another.
+    """The token of this user's last start; a new one with ``new``, which ends every earlier session.
 
-    Parameters
-    ----------
-    new
-        Make another one; every page and script that was let in before is then shut out.
-    folder
-        Where it lies; by default `console_folder`.
-
-    Raises
-    ------
-    FileInputError
-        When its file cannot be read or written, others could read it, or it holds no token.
+    Raises `FileInputError` when its file cannot be read or written, others could read it, or it contains no token.
     """
     path = (folder or console_folder()) / FILE
     if new:

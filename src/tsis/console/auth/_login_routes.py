@@ -1,4 +1,4 @@
-"""What stands before the console: small pages without scripts for who is not in yet, and for who goes."""
+"""Login pages: small pages without scripts to log in and out."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KEY_NEEDED = "Open the address that tsis console printed when it was started: it
 def refusal(
     message: str, status: HTTPStatus, *, requested: Mapping[str, str], others: Mapping[str, str] | None = None
 ) -> Response:
-    """One sentence: a page for browsers, text for the rest."""
+    """One message: a page for browsers, text for the rest."""
     if "text/html" in requested.get("accept", ""):
         again = '<p><a href="">Try again</a></p>' if status == HTTPStatus.UNAUTHORIZED else ""
         return _page("tsis console", f"<p>{escape(message)}</p>{again}", status, others)
@@ -66,10 +66,10 @@ def login_page(
 
 
 def onward(address: str, *, requested: Mapping[str, str], others: Mapping[str, str]) -> Response:
-    """Send somebody on to a path of this console.
+    """Redirect a browser to a path of this console.
 
-    Who was led here by a page of another place would be sent on without the cookie, for browsers keep a strict one
-    from all that another place has begun. So a page of the console itself sends him on.
+    After a link from another site the browser would omit the strict cookie on a redirect, so that a page of the
+    console itself forwards then.
     """
     if requested.get("sec-fetch-site", "none") in ("none", "same-origin"):
         return RedirectResponse(address, HTTPStatus.SEE_OTHER, headers=dict(others))
@@ -85,13 +85,13 @@ def logout_page(name: str) -> Response:
 
 
 def gone_page(others: Mapping[str, str], *, logins: bool) -> Response:
-    """Say that the session is over, and have the browser forget the pictures that it has kept."""
+    """Say that the session is over, and have the browser delete its cached pictures."""
     back = f'<p><a href="{LOGIN}">Log in</a></p>' if logins else f"<p>{KEY_NEEDED}</p>"
     return _page("You are logged out", back, HTTPStatus.OK, {**others, "clear-site-data": '"cache"'})
 
 
 def local_address(text: str) -> str:
-    """A path of this console, whatever was asked for: nobody is sent elsewhere.
+    """A path of this console, whatever was requested; never another site.
 
     Examples
     --------
@@ -109,34 +109,26 @@ def _page(title: str, content: str, status: HTTPStatus, others: Mapping[str, str
 
 @cache
 def _template() -> Template:
-    return Template(Path(__file__).with_name("door.html").read_text(encoding="utf-8"))
+    return Template(Path(__file__).with_name("login.html").read_text(encoding="utf-8"))
 
 
 LARGEST_FORM = 8192  # bytes
 FORM_S = 20.0  # in which it must have come
 AT_ONCE = 2  # passwords that are hashed: each takes 64 MiB
 WRONG = "This name and password do not belong together."
-PLACES = (LOGIN, LOGOUT)
+LOGIN_PATHS = (LOGIN, LOGOUT)
 _log = logging.getLogger(__name__)
 
 
 class AuthRoutes:
-    """Logs people in and out.
-
-    Parameters
-    ----------
-    access
-        Keys, sessions and logins.
-    attempts
-        Counts tries.
-    """
+    """Logs users in and out; ``tries`` limits the rate of attempts."""
 
     def __init__(self, access: Access, *, tries: LoginRateLimiter | None = None) -> None:
         self._access, self._rate_limiter = access, tries or LoginRateLimiter()
         self._hashing = asyncio.Semaphore(AT_ONCE)
 
     async def respond(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> Response:
-        """What is answered at `LOGIN` and `LOGOUT`."""
+        """The response at `LOGIN` and `LOGOUT`."""
         method = scope["method"]
         if method not in ("GET", "HEAD", "POST"):
             allowed = {"allow": "GET, HEAD, POST"}

@@ -26,7 +26,7 @@ SHORTEST, LONGEST = 12, 1024
 MOST = 200
 NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9._-]{0,38}[A-Za-z0-9])?")
 ARGON2ID = PasswordHasher(time_cost=3, memory_cost=65536, parallelism=4)  # RFC 9106, for where memory is dear: 64 MiB
-# Of a password that nobody knows, made alike, so that unknown names take as long as known ones.
+# Of an unknown password with the same parameters, so that unknown names take as long as known ones.
 NOBODY = "$argon2id$v=19$m=65536,t=3,p=4$TylLJWqDiU/u2kZa2K8P/Q$Qjay62Sd4mM9uwf9VH7d6ptFoYFFwb34+2vGGAbxlCE"
 
 
@@ -127,7 +127,7 @@ class Logins:
         return login
 
     def holds(self, name: str, proof: str) -> bool:
-        """Whether there is still a login of that name with the password that it had; damaged files hold nobody."""
+        """Whether there is still a login of that name with the password that it had; False for a damaged file."""
         try:
             login = self._read().get(name)
         except FileInputError:

@@ -1,4 +1,4 @@
-"""Marks the scripts that stand in the console's own pages, so that browsers run them and no others."""
+"""Authentication of every request, security headers, and limits of size."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tsis.console.auth._login_routes import (
     FAILED,
     KEY_NEEDED,
     LOGIN,
-    PLACES,
+    LOGIN_PATHS,
     AuthRoutes,
     local_address,
     onward,
@@ -51,7 +51,7 @@ HTML = b"text/html"
 def with_nonce(send: Send, nonce: str) -> Send:
     """Send pages with ``nonce`` on each of their scripts; anything else as it is.
 
-    The pages' templates hold ``<script`` for scripts alone: text from elsewhere reaches them escaped.
+    The pages' templates contain ``<script`` for scripts alone: text from elsewhere reaches them escaped.
     """
     start: Message | None = None
     parts: list[bytes] = []
@@ -84,35 +84,29 @@ def _is_page(message: Message) -> bool:
 YEAR_S = 365 * 86400
 
 
-def policy(nonce: str) -> str:
-    """Content security policy: own files, own connections, scripts in a page only with this page's nonce.
+def safe_headers(nonce: str) -> dict[str, str]:
+    """Headers of every response; scripts in a page run only with this page's nonce.
 
     The library that builds the pages compiles its templates in the browser, hence ``unsafe-eval``, and sets styles on
     elements, hence ``unsafe-inline`` for styles.
     """
-    return "; ".join(
-        (
-            "default-src 'self'",
-            f"script-src 'self' 'nonce-{nonce}' 'unsafe-eval'",
-            "style-src 'self' 'unsafe-inline'",
-            "img-src 'self' data: blob:",
-            "font-src 'self' data:",
-            "connect-src 'self'",
-            "object-src 'none'",
-            "base-uri 'none'",
-            "form-action 'self'",
-            "frame-ancestors 'none'",
-        )
+    policy = (
+        "default-src 'self'",
+        f"script-src 'self' 'nonce-{nonce}' 'unsafe-eval'",
+        "style-src 'self' 'unsafe-inline'",
+        "img-src 'self' data: blob:",
+        "font-src 'self' data:",
+        "connect-src 'self'",
+        "object-src 'none'",
+        "base-uri 'none'",
+        "form-action 'self'",
+        "frame-ancestors 'none'",
     )
-
-
-def safe_headers(nonce: str) -> dict[str, str]:
-    """Headers of every answer."""
     return {
-        "content-security-policy": policy(nonce),
+        "content-security-policy": "; ".join(policy),
         "x-content-type-options": "nosniff",
         "x-frame-options": "DENY",
-        "referrer-policy": "same-origin",  # without any, forms would not say from which page they were sent
+        "referrer-policy": "same-origin",  # without it forms would not say from which page they were sent
         "cross-origin-opener-policy": "same-origin",
         "cross-origin-resource-policy": "same-origin",
         "permissions-policy": "camera=(), microphone=(), geolocation=(), usb=(), serial=(), payment=()",
@@ -120,11 +114,11 @@ def safe_headers(nonce: str) -> dict[str, str]:
 
 
 def with_safe_headers(send: Send, nonce: str, *, tls: bool, host: str) -> Send:
-    """Add the safe headers to answers, in place of others of their names.
+    """Add the security headers to responses, in place of others of their names.
 
-    Browsers are told to use nothing but TLS from now on where the console does, unless it is called ``localhost``:
-    they would hold every other program of this machine to it too. What says nothing of being kept is not kept, so
-    that nothing is left in a browser whose user has logged out.
+    Over TLS browsers are told to use nothing else, unless the console is called ``localhost``, where they would apply
+    it to every program of this machine. A response without its own caching rule is not cached, so that nothing is left
+    in a browser after logout.
     """
     own = safe_headers(nonce)
     if tls and name_of(host) != "localhost":
@@ -147,14 +141,9 @@ LARGEST_BYTES = 32 * 2**20
 
 
 class CappedBody:
-    """The body of a request up to a size; what reads more of it is told that the sender has gone.
+    """The body of a request up to ``most`` bytes; a larger one reads as a disconnection.
 
-    Parameters
-    ----------
-    receive, send
-        Of the request. What is answered after the body was too large is not sent: the gate answers that.
-    most
-        Bytes.
+    What the application answers after that is not sent: the middleware answers itself.
     """
 
     def __init__(self, receive: Receive, send: Send, *, most: int = LARGEST_BYTES) -> None:
@@ -194,18 +183,9 @@ _log = logging.getLogger(__name__)
 
 
 class AuthMiddleware:
-    """ASGI application that lets through what may pass.
+    """ASGI application that passes authenticated requests to ``inner``.
 
-    Parameters
-    ----------
-    inner
-        The application behind it.
-    access
-        Who has been let in.
-    hosts
-        Names, without port, by which this console may be called.
-    attempts
-        Counts tries to log in.
+    ``hosts`` are the names, without port, by which this console may be called; ``tries`` limits the rate of logins.
     """
 
     def __init__(
@@ -246,7 +226,7 @@ class AuthMiddleware:
             return refusal("Pages of other places may not use this console.", HTTPStatus.FORBIDDEN, requested=headers)
         if announced_bytes(headers) > LARGEST_BYTES:
             return refusal(TOO_LARGE, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, requested=headers)
-        if scope["type"] == "http" and scope["path"] in PLACES:
+        if scope["type"] == "http" and scope["path"] in LOGIN_PATHS:
             return await self._auth_routes.respond(scope, receive, headers)
         client = self._access.client_identity(headers)
         given, address = _key_and_rest(scope)
@@ -261,7 +241,7 @@ class AuthMiddleware:
         return client
 
     def _refused(self, opens: bool, address: str, headers: Mapping[str, str]) -> Response:
-        """Say where the door is."""
+        """Redirect a browser to the login page, and refuse other clients."""
         if opens and self._access.logins is not None and "text/html" in headers.get("accept", ""):
             return RedirectResponse(f"{LOGIN}?{urlencode({'then': address})}", HTTPStatus.SEE_OTHER)
         needed = {"www-authenticate": "Bearer"}
@@ -302,7 +282,7 @@ def _key_and_rest(scope: Scope) -> tuple[str, str]:
 
 
 def _marked(scope: Scope, client_identity: ClientIdentity) -> Scope:
-    """The scope as those behind the gate see it."""
+    """The scope of the application behind the authentication."""
     state = {**scope.get("state", {}), CLIENT: client_identity}
     return {**scope, "headers": without_forwarded(scope["headers"]), "state": state}
 

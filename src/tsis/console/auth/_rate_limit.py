@@ -43,14 +43,9 @@ class _Tries:
 
 
 class LoginRateLimiter:
-    """Counts tries to log in, by address and over all.
+    """Counts login attempts, by address and overall; ``clock`` gives monotonic seconds.
 
-    Tries are counted before the password is looked at, so that many at once count as many.
-
-    Parameters
-    ----------
-    clock
-        Seconds, monotonic.
+    Attempts are counted before the password is checked, so that concurrent ones count too.
     """
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:

@@ -28,38 +28,20 @@ ENDED = "ended.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
-    """What a cookie says.
+    """Contents of a cookie."""
 
-    Attributes
-    ----------
-    identity
-        Different for each session.
-    name, proof
-        The login and a mark of its password; both empty for who came with the console's key.
-    ends_s
-        Seconds since 1970 at which it ends.
-    """
-
-    identity: str
+    identity: str  # different for each session
     name: str
-    proof: str
-    ends_s: int
+    proof: str  # a mark of the login's password; name and proof are empty with the console's key
+    ends_s: int  # seconds since 1970
 
 
 class Sessions:
     """Makes and reads the cookies.
 
-    A cookie holds no secret: it is signed by a key that is made from the console's token, so that neither can be
-    had from the other, and a new token ends every session.
-
-    Parameters
-    ----------
-    token
-        The console's.
-    folder
-        Where it is kept which sessions were ended early; None keeps it in memory alone.
-    clock
-        Seconds since 1970.
+    A cookie contains no secret: it is signed by a key that is derived from the console's token, so that neither can be
+    computed from the other, and a new token ends every session. Sessions that were ended early are saved in ``folder``,
+    or in memory alone without one; ``clock`` gives seconds since 1970.
     """
 
     def __init__(self, token: str, *, folder: Path | None = None, clock: Callable[[], float] = time.time) -> None:
@@ -90,14 +72,10 @@ class Sessions:
         return None if session.ends_s <= self._clock() or session.identity in self._ended else session
 
     def end(self, session: Session) -> None:
-        """End a session before its time; it stays ended when the console is started anew.
+        """End a session early; it stays ended after a restart of the console.
 
-        What another console of this user has ended meanwhile is kept beside it, and holds here too from now on.
-
-        Raises
-        ------
-        FileInputError
-            When that cannot be written; it is ended all the same until then.
+        Sessions that another console of this user has ended meanwhile are read too. Raises `FileInputError` when the
+        file cannot be written; the session is then ended until the restart.
         """
         with self._ending:
             self._ended = {**self._ended, session.identity: session.ends_s}  # before anything that can fail

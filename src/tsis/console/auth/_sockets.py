@@ -1,4 +1,4 @@
-"""WebSockets that are open: not too many, and none longer than whoever opened it may stay."""
+"""Open WebSockets: limited in number, and closed when their session ends."""
 
 from __future__ import annotations
 
@@ -12,19 +12,13 @@ if TYPE_CHECKING:
 
 
 MOST = 64  # eight open pages of four tablets
-LOOK_S = 2.0
+CHECK_EVERY_S = 2.0
 POLICY_VIOLATION = 1008  # code by which a WebSocket is closed
 _log = logging.getLogger(__name__)
 
 
 class OpenSockets:
-    """Counts WebSockets, and cuts those of sessions that are over.
-
-    Parameters
-    ----------
-    most
-        Open at once.
-    """
+    """Counts WebSockets, at most ``most`` at once, and cancels those of sessions that are over."""
 
     def __init__(self, *, most: int = MOST) -> None:
         self._most = most
@@ -37,14 +31,9 @@ class OpenSockets:
         return len(self._open) >= self._most
 
     async def serve(self, served: Awaitable[None], *, stays: Callable[[], bool]) -> bool:
-        """Serve one in the present task until it ends or is cut; whether it was cut.
+        """Serve a WebSocket in the present task until it ends or is cancelled; whether it was cancelled.
 
-        Parameters
-        ----------
-        served
-            What serves it.
-        stays
-            Whether who opened it may stay.
+        ``stays`` says whether its client is still authenticated.
         """
         task = asyncio.current_task()
         assert task is not None
@@ -62,23 +51,22 @@ class OpenSockets:
         return False
 
     def check(self) -> None:
-        """Cut those whose time is over, and those of whom nobody can say whether it is."""
+        """Cancel those whose client is not authenticated any more, or cannot be checked."""
         for task, stays in list(self._open.items()):
-            if task not in self._cut and not _may_stay(stays):
+            if task in self._cut:
+                continue
+            try:
+                over = not stays()
+            except Exception:  # the check of the other sockets goes on
+                _log.exception("a WebSocket is closed, for it cannot be found out whether it may stay open")
+                over = True
+            if over:
                 self._cut.add(task)
                 task.cancel()
 
     async def watch(self) -> None:
-        """Look again and again, until cancelled."""
+        """Check at intervals, until cancelled."""
         with suppress(asyncio.CancelledError):
             while True:
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(CHECK_EVERY_S)
                 self.check()
-
-
-def _may_stay(stays: Callable[[], bool]) -> bool:
-    try:
-        return stays()
-    except Exception:  # whatever it is, the watch over the others goes on
-        _log.exception("a WebSocket is closed, for it cannot be found out whether it may stay open")
-        return False

@@ -1,10 +1,9 @@
-"""A form of a target written for a browser: one file in a folder of its own, removed once it was sent."""
+"""Exports of a target for a browser: one file in its own folder, removed once it was sent."""
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,51 +26,18 @@ MEDIA_TYPES = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportFile:
-    """A file that waits to be sent.
-
-    Attributes
-    ----------
-    path
-        Where it lies, under the name that the receiver gets.
-    folder
-        What is removed afterwards.
-    """
-
-    path: Path
-    folder: Path
-
-    @property
-    def media_type(self) -> str:
-        """Of its content."""
-        return MEDIA_TYPES[self.path.suffix]
-
-    def remove(self) -> None:
-        """Take it away; what cannot be removed stays."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-
 def write_export(
     store: Store, target: Target, form: str, *, identified: bool = False, reports: Reports | None = None
-) -> ExportFile:
-    """Write a form of a target; a folder becomes a zip file.
+) -> Path:
+    """Write a form of `tsis.report.ENDINGS` of a target into its own new folder; a folder becomes a zip file.
 
-    Parameters
-    ----------
-    store, target
-        What is written.
-    form
-        A name in `tsis.report.ENDINGS`.
-    identified
-        Whether fhir and dicom tell label, names and true times; other forms mask nothing.
-    reports
-        Makes html and pdf; they are made here when None.
+    With ``identified`` fhir and dicom include label, names and true times; other forms mask nothing. Without
+    ``reports`` html and pdf are built in this process.
 
     Raises
     ------
     InputError
-        When the form masks nothing and was asked to tell names.
+        When the form masks nothing and ``identified`` is set.
     FileInputError
         When it cannot be written.
     MissingExtraError
@@ -94,7 +60,7 @@ def write_export(
             if form not in PAGE_FORMS:
                 record.require_whole()
             write_form(form, record, path, identified=identified)
-        return ExportFile(path=_one_file(path), folder=folder)
+        return _one_file(path)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
@@ -113,15 +79,7 @@ def _one_file(path: Path) -> Path:
 
 
 class Reports:
-    """Makes the reports of a store, one at a time, in a process of its own.
-
-    Parameters
-    ----------
-    store
-        Whose targets.
-    database
-        URL of the PostgreSQL database with its rows, if any.
-    """
+    """Builds the reports of a store, one at a time, in a worker process."""
 
     def __init__(self, store: Store, *, database: str | None = None) -> None:
         self._folder = StoreAddress(folder=store.folder, kind=store.kind, database=database, identity=store.identity)

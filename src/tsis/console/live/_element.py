@@ -21,8 +21,8 @@ ADDRESS = "/live"
 class FrameElement(Element, esm={"tsis-live": "browser"}):
     """An element that shows frames.
 
-    Props that are no plain words are JSON: whenever one of them changes all are sent, and the browser would take a list
-    for a new one each time, and draw anew.
+    Props other than text are JSON: all props are sent when one changes, and the browser would take an equal list for a
+    new one and redraw.
     """
 
     def __init__(self) -> None:
@@ -35,15 +35,7 @@ class FrameElement(Element, esm={"tsis-live": "browser"}):
 
 
 class ColouredFrames(FrameElement):
-    """An element that shows frames in colours, with the scale of a pixel.
-
-    Parameters
-    ----------
-    map_name
-        One of `tsis.console.live._hub.MAPS`.
-    ends
-        As `ends`.
-    """
+    """An element that shows frames in a colour map of `MAPS`, with the scale of a pixel."""
 
     def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__()
@@ -52,22 +44,13 @@ class ColouredFrames(FrameElement):
         self.ends(ends)
 
     def colour(self, map_name: str) -> None:
-        """Choose the colour map; the frames sent stay the same.
-
-        Raises
-        ------
-        UnknownNameError
-            When there is none of that name.
-        """
+        """Choose the colour map; the frames sent stay the same. Raises `UnknownNameError`."""
         self._set("map", json.dumps(packed_colours(map_name)))
 
     def ends(self, ends: str | tuple[float, float]) -> None:
-        """Choose the levels of 255 that get the map's two end colours; ``"auto"`` follows what the frames hold.
+        """Choose the levels of 255 that get the map's two end colours; ``"auto"`` follows the frames.
 
-        Raises
-        ------
-        InputError
-            When they lie outside [0, 255], or the upper one does not exceed the lower one.
+        Raises `InputError` when they lie outside [0, 255], or the upper one does not exceed the lower one.
         """
         self._set("range", json.dumps(checked_ends(ends)))
 
@@ -83,7 +66,7 @@ class LiveView(ColouredFrames, component="live_view.js"):
     def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__(map_name=map_name, ends=ends)
         self._props["overlay"] = True
-        self._props["words"] = "live image of the probe"
+        self._props["label"] = "live image of the probe"
         self._props["notice"] = ""
 
     def overlay(self, shown: bool) -> None:
@@ -93,7 +76,7 @@ class LiveView(ColouredFrames, component="live_view.js"):
     def update_state(self, state: InstrumentState) -> None:
         """Set scale and text from the instrument's state."""
         super().update_state(state)
-        self._set("words", f"live image of the probe: {analysis_text(state)}")
+        self._set("label", f"live image of the probe: {analysis_text(state)}")
         self._set("notice", notice(state))
 
 
@@ -102,31 +85,25 @@ class SurfaceView(ColouredFrames, component="surface_view.js"):
 
     def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__(map_name=map_name, ends=ends)
-        self._props["words"] = "relief of the live image"
+        self._props["label"] = "relief of the live image"
 
     def update_state(self, state: InstrumentState) -> None:
         """Set scale and text from the instrument's state."""
         super().update_state(state)
-        self._set("words", f"relief of the live image: {analysis_text(state)}; arrow keys turn it")
+        self._set("label", f"relief of the live image: {analysis_text(state)}; arrow keys turn it")
 
 
 class Histogram(FrameElement, component="histogram.js"):
-    """Shows how many pixels have which grey level, and what is wrong with the exposure.
-
-    Parameters
-    ----------
-    log
-        Whether the numbers of pixels are drawn by their logarithm at first.
-    """
+    """Shows the number of pixels per grey level, logarithmic at first with ``log``, and problems of the exposure."""
 
     def __init__(self, *, log: bool = True) -> None:
         super().__init__()
         self._props["log"] = log
-        self._props["words"] = "grey levels of the newest frame"
+        self._props["label"] = "grey levels of the newest frame"
 
     def update_state(self, state: InstrumentState) -> None:
         """Set the text from the instrument's state."""
-        self._set("words", f"grey levels of the newest frame: {histogram_text(state)}")
+        self._set("label", f"grey levels of the newest frame: {histogram_text(state)}")
 
 
 def analysis_text(state: InstrumentState) -> str:

@@ -1,20 +1,20 @@
-"""Colour maps as the browser takes them: 256 words of 4 bytes, and the levels of their two ends."""
+"""Frames as the browser takes them, and the thread that distributes the newest one to all viewers."""
 
 from __future__ import annotations
 
 import asyncio
-import json
-import math
 import struct
 import threading
 import time
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import TypeAdapter
 
+from tsis.console.services import FrameAnalysis
 from tsis.errors import InputError
 from tsis.files import encode_picture
 from tsis.imaging import COLOUR_MAPS, colour_map
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.console.services import FrameAnalysis
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
 
 
@@ -37,7 +36,7 @@ FULL = 255.0
 
 @lru_cache(maxsize=len(MAPS))
 def packed_colours(map_name: str) -> tuple[int, ...]:
-    """256 colours as the words of 4 bytes that a canvas holds: red lowest, alpha 255."""
+    """256 colours as the 32-bit integers of a canvas: red lowest, alpha 255."""
     if require_one_of("colour map", map_name, MAPS) == GREY:
         rgb = np.repeat(np.arange(256, dtype=np.uint32)[:, None], 3, axis=1)
     else:
@@ -48,13 +47,7 @@ def packed_colours(map_name: str) -> tuple[int, ...]:
 
 
 def checked_ends(ends: str | tuple[float, float]) -> str | list[float]:
-    """The two ends of a colour map in levels of 255, or ``"auto"``.
-
-    Raises
-    ------
-    InputError
-        When they are neither, or lie outside [0, 255], or the upper one does not exceed the lower one.
-    """
+    """The two ends of a colour map in levels of 255, or ``"auto"``; `InputError` for anything else."""
     if isinstance(ends, str):
         return require_one_of("ends", ends, (AUTO,))
     low, high = (require_number(name, end, 0.0, FULL) for name, end in zip(("low", "high"), ends, strict=True))
@@ -76,18 +69,9 @@ def is_as_shown(frame: ReceivedFrame) -> bool:
 
 
 def packet(frame: ReceivedFrame, *, number: int, came_ms: float, jpeg_quality: int | None = None) -> bytes:
-    """The newest frame for a viewer.
+    """The newest frame for a viewer, with its number and the time of its arrival in ms since 1970.
 
-    Parameters
-    ----------
-    frame
-        The frame, and when it came.
-    number
-        How many frames had come with it.
-    came_ms
-        When it came, on the clock of the wall, ms since 1970: the browser subtracts it from its own.
-    jpeg_quality
-        In [1, 100]; raw pixels when None.
+    Raw pixels, or a JPEG of a quality in [1, 100].
     """
     levels = display_levels(frame)
     rows, columns = levels.shape
@@ -109,15 +93,12 @@ def display_levels(frame: ReceivedFrame) -> NDArray[np.uint8]:
 
 def analysis_json(frame_analysis: FrameAnalysis | None) -> str:
     """What a frame shows, as JSON; ``null`` stands for what is not finite, and where nothing is known."""
-    return json.dumps(None if frame_analysis is None else _finite(asdict(frame_analysis)), allow_nan=False)
+    return _analysis_type().dump_json(frame_analysis).decode()
 
 
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _finite(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+@cache
+def _analysis_type() -> TypeAdapter[FrameAnalysis | None]:
+    return TypeAdapter(FrameAnalysis | None)
 
 
 WAIT_S = 0.25
@@ -126,45 +107,26 @@ REST_S = 0.1  # while no camera runs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NewestFrame:
-    """The newest frame.
-
-    Attributes
-    ----------
-    received
-        The frame, and when it came.
-    number
-        How many frames had come with it.
-    """
+    """The newest frame, and how many frames had come with it."""
 
     received: ReceivedFrame
     number: int
 
 
 class LiveHub:
-    """A thread that waits for frames and notifies the clients in an event loop.
-
-    Parameters
-    ----------
-    acquisition
-        Gives the running acquisition; None while there is none.
-    """
+    """A thread that waits for frames of the running ``acquisition()`` and notifies the clients in an event loop."""
 
     def __init__(self, acquisition: Callable[[], Acquisition | None]) -> None:
         self._acquisition = acquisition
         self._lock = threading.Lock()
         self._viewers: set[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = set()
-        self._latest: NewestFrame | None = None
+        self.latest: NewestFrame | None = None  # before the first frame of a camera
         self._packed: dict[int | None, tuple[NewestFrame, bytes]] = {}  # by quality
         self._packing: dict[int | None, threading.Lock] = {}
         self._described: tuple[FrameAnalysis | None, str] = (None, analysis_json(None))
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live view", daemon=True)
         self._thread.start()
-
-    @property
-    def latest(self) -> NewestFrame | None:
-        """The newest frame; None before the first one of a camera."""
-        return self._latest
 
     @property
     def viewers(self) -> int:
@@ -184,10 +146,10 @@ class LiveHub:
 
     def text(self, frame_analysis: FrameAnalysis | None) -> str:
         """The analysis as `analysis_json`, built once for all clients."""
-        reported = self._described
-        if reported[0] is not frame_analysis:
-            self._described = reported = frame_analysis, analysis_json(frame_analysis)
-        return reported[1]
+        last = self._described
+        if last[0] is not frame_analysis:
+            self._described = last = frame_analysis, analysis_json(frame_analysis)
+        return last[1]
 
     @contextmanager
     def watched(self) -> Iterator[asyncio.Event]:
@@ -195,7 +157,7 @@ class LiveHub:
         event = asyncio.Event()
         with self._lock:
             self._viewers.add((asyncio.get_running_loop(), event))
-        if self._latest is not None:
+        if self.latest is not None:
             event.set()
         try:
             yield event
@@ -219,14 +181,14 @@ class LiveHub:
         while not self._closing.is_set():
             acquisition = self._acquisition()
             if acquisition is not followed:
-                followed, position, self._latest = acquisition, 0, None
+                followed, position, self.latest = acquisition, 0, None
             if acquisition is None or (acquisition.ring.closed and acquisition.ring.end <= position):
                 self._closing.wait(REST_S)
             elif acquisition.ring.wait(position, WAIT_S):
                 position = acquisition.ring.end
                 received = acquisition.latest()
                 if received is not None:
-                    self._latest = NewestFrame(received=received, number=position)
+                    self.latest = NewestFrame(received=received, number=position)
                     self._wake()
 
     def _wake(self) -> None:

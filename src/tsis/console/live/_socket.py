@@ -21,27 +21,19 @@ if TYPE_CHECKING:
 
 
 REMOTE_QUALITY = 85  # of JPEG for viewers on other machines
-PATIENCE_S = 10.0  # without an acknowledgement a viewer counts as gone
+ACKNOWLEDGED_S = 10.0  # without an acknowledgement a viewer counts as gone
 TRY_AGAIN, FAILED = 1013, 1011  # codes with which a WebSocket is closed
 _log = logging.getLogger(__name__)
 
 
-async def live_view(socket: WebSocket, *, instrument: Instrument, hub: LiveHub, timeout_s: float = PATIENCE_S) -> None:
-    """Send the latest frame and what it shows each time that the viewer has drawn the one before.
+async def live_view(
+    socket: WebSocket, *, instrument: Instrument, hub: LiveHub, timeout_s: float = ACKNOWLEDGED_S
+) -> None:
+    """Send the latest frame and its analysis each time that the viewer has drawn the one before.
 
     ``?jpeg=70`` asks for pictures of that quality, ``?jpeg=0`` for raw pixels; by default viewers on this machine get
-    raw pixels and others pictures. Whatever the viewer sends counts as an acknowledgement.
-
-    Parameters
-    ----------
-    socket
-        Not yet accepted.
-    instrument
-        Tells what the frames show.
-    hub
-        Brings the frames.
-    timeout_s
-        How long an acknowledgement is waited for, s; then the socket is closed.
+    raw pixels and others pictures. Whatever the viewer sends counts as an acknowledgement; without one within
+    ``timeout_s`` seconds the socket is closed.
     """
     await socket.accept()
     drawn = asyncio.Event()
@@ -76,15 +68,15 @@ async def _send(
 async def _send_frames(
     socket: WebSocket, instrument: Instrument, hub: LiveHub, news: asyncio.Event, drawn: asyncio.Event, timeout_s: float
 ) -> None:
-    quality, reported = _quality(socket), None
+    quality, last = _quality(socket), None
     while True:
         await news.wait()
         news.clear()
         newest, analysis = hub.latest, instrument.frame_analysis
         if newest is None:
             continue
-        if analysis is not reported:
-            reported = analysis
+        if analysis is not last:
+            last = analysis
             await socket.send_text(hub.text(analysis))
         at_once = quality is None and is_as_shown(newest.received)
         packed = hub.packed(newest, quality) if at_once else await to_thread(hub.packed, newest, quality)
@@ -95,9 +87,9 @@ async def _send_frames(
 
 
 def _quality(socket: WebSocket) -> int | None:
-    requested = socket.query_params.get("jpeg", "")
-    if requested.isdecimal() and len(requested) <= 3:
-        return min(int(requested), 100) or None
+    quality = socket.query_params.get("jpeg", "")
+    if quality.isdecimal() and len(quality) <= 3:
+        return min(int(quality), 100) or None
     return None if is_here(socket) else REMOTE_QUALITY
 
 

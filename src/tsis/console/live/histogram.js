@@ -7,7 +7,7 @@ const [WIDTH, HEIGHT] = [256, 96]; // of the drawing, which is scaled to its pla
 export default {
   template: `
     <figure class="histogram">
-      <svg role="img" :aria-label="words" viewBox="0 0 ${WIDTH + 4} ${HEIGHT}" preserveAspectRatio="none">
+      <svg role="img" :aria-label="label" viewBox="0 0 ${WIDTH + 4} ${HEIGHT}" preserveAspectRatio="none">
         <path class="histogram-bars" :d="bars" />
         <path class="histogram-full" d="M${WIDTH + 2} 0V${HEIGHT}" />
       </svg>
@@ -22,13 +22,13 @@ export default {
   props: {
     address: String, // of the WebSocket
     log: Boolean, // how the number of pixels is drawn at first
-    words: String, // what is seen, for those who do not see it
+    label: String, // what is seen, for those who do not see it
   },
   data: () => ({ bars: "", clipped: "", fullScale: "", logarithmic: false, warnings: [] }),
   mounted() {
     this.logarithmic = this.log;
     this.leave = streamOf(this.address).join({
-      sight: (sight) => this.see(sight),
+      analysis: (analysis) => this.see(analysis),
       frame: (frame) => (this.fullScale = String(frame.fullScale)),
     });
   },
@@ -44,10 +44,10 @@ export default {
     },
   },
   methods: {
-    see(sight) {
-      this.counts = sight?.histogram ?? [];
-      this.warnings = sight?.warnings ?? [];
-      this.clipped = sight ? `${(100 * sight.clipped_share).toFixed(2)} % of the pixels at full scale` : "";
+    see(analysis) {
+      this.counts = analysis?.histogram ?? [];
+      this.warnings = analysis?.warnings ?? [];
+      this.clipped = analysis ? `${(100 * analysis.clipped_share).toFixed(2)} % of the pixels at full scale` : "";
       this.draw();
     },
     draw() {

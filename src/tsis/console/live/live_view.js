@@ -1,49 +1,33 @@
 // The live image on a canvas: colours by a table, what was found drawn over it.
 
-import { colourTable, drawBar, drawContact, endsOf, streamOf } from "tsis-live";
+import { coloured, colourTable, drawBar, drawContact, endsOf, streamOf } from "tsis-live";
 
-const TOLD_EVERY_MS = 500;
+const RATE_EVERY_MS = 500;
 
 export default {
   template: `
     <figure class="live">
       <div class="live-stage">
-        <canvas ref="image" class="live-image" role="img" :aria-label="words"></canvas>
+        <canvas ref="image" class="live-image" role="img" :aria-label="label"></canvas>
         <canvas ref="over" class="live-over" aria-hidden="true"></canvas>
         <p v-if="notice || waiting" class="live-waiting"><span>{{ notice || waiting }}</span></p>
       </div>
       <figcaption class="live-caption"><span>{{ rate }}</span><span>{{ endsText }}</span><span>{{ scaleText }}</span>
       </figcaption>
     </figure>`,
+  mixins: [coloured],
   props: {
-    address: String, // of the WebSocket
-    map: String, // JSON of 256 packed colours, as a Uint32Array of canvas pixels holds them
-    range: String, // JSON of the ends of the colour map: "auto", or two levels of 255
-    scale: String, // JSON of the size (x, y) of a pixel, mm; null when nobody knows it
-    notice: String, // why what is seen may be old; empty while frames come
+    notice: String, // why the image may be old; empty while frames come
     overlay: Boolean,
-    words: String, // what the image shows, for those who do not see it
   },
   data: () => ({ rate: "", waiting: "", scaleText: "", endsText: "" }),
-  computed: {
-    // Each is read anew when its text is another one, and not whenever some other prop is.
-    colours() {
-      return JSON.parse(this.map);
-    },
-    ends() {
-      return JSON.parse(this.range);
-    },
-    mmPerPixel() {
-      return JSON.parse(this.scale);
-    },
-  },
   mounted() {
     this.colour();
     this.stream = streamOf(this.address);
     this.leave = this.stream.join({
       frame: (frame) => this.draw(frame),
-      sight: (sight) => this.see(sight),
-      waiting: (words) => (this.waiting = words),
+      analysis: (analysis) => this.see(analysis),
+      waiting: (label) => (this.waiting = label),
     });
   },
   unmounted() {
@@ -64,13 +48,13 @@ export default {
     },
   },
   methods: {
-    see(sight) {
-      this.sight = sight;
+    see(analysis) {
+      this.analysis = analysis;
       if (this.ends === "auto") this.colour();
       this.drawOver();
     },
     colour() {
-      const ends = endsOf(this.ends, this.sight?.histogram);
+      const ends = endsOf(this.ends, this.analysis?.histogram);
       this.table = colourTable(this.colours, ends);
       this.endsText = ends[0] === 0 && ends[1] === 255 ? "" : `colours from ${ends[0]} to ${ends[1]} of 255`;
     },
@@ -94,8 +78,8 @@ export default {
       for (let at = 0; at < packed.length; at++) packed[at] = table[pixels[at]];
       this.context.putImageData(this.picture, 0, 0);
       const now = performance.now();
-      if (!(now - this.toldAt < TOLD_EVERY_MS)) {
-        this.toldAt = now;
+      if (!(now - this.rateAt < RATE_EVERY_MS)) {
+        this.rateAt = now;
         this.rate = `${this.stream?.rate().toFixed(0) ?? 0} frames/s shown`;
       }
     },
@@ -107,7 +91,7 @@ export default {
       canvas.height = image.height;
       const context = canvas.getContext("2d");
       this.scaleText = this.mmPerPixel ? drawBar(context, this.mmPerPixel[0]) : "";
-      if (this.overlay && this.sight?.contact) drawContact(context, this.sight.contact);
+      if (this.overlay && this.analysis?.contact) drawContact(context, this.analysis.contact);
     },
     // For those who judge the view: of the last frames, when each was drawn and how old it was then, ms.
     measured() {

@@ -1,6 +1,6 @@
 // The live image as a relief that can be turned.
 
-import { blockMeans, colourTable, drawAxes, endsOf, Relief, streamOf } from "tsis-live";
+import { blockMeans, coloured, colourTable, drawAxes, endsOf, Relief, streamOf } from "tsis-live";
 
 const ACROSS = 64; // blocks
 const EVERY_MS = 55; // between two drawings: a hand sees no more, and the live image goes before
@@ -15,31 +15,13 @@ const REMEMBERED = 120;
 export default {
   template: `
     <figure class="surface">
-      <canvas ref="canvas" class="surface-image" tabindex="0" role="img" :aria-label="words"
+      <canvas ref="canvas" class="surface-image" tabindex="0" role="img" :aria-label="label"
         @keydown="turnByKey" @pointerdown="grasp" @pointermove="drag" @pointerup="release" @pointercancel="release">
       </canvas>
       <figcaption class="live-caption"><span>Drag, or press arrow keys here, to turn it</span>
         <button type="button" class="surface-reset" @click="reset">Turn back</button></figcaption>
     </figure>`,
-  props: {
-    address: String, // of the WebSocket
-    map: String, // JSON of 256 packed colours
-    range: String, // JSON of the ends of the colour map: "auto", or two levels of 255
-    scale: String, // JSON of the size (x, y) of a pixel, mm; null when nobody knows it
-    words: String, // what is shown, for those who do not see it
-  },
-  computed: {
-    // Each is read anew when its text is another one, and not whenever some other prop is.
-    colours() {
-      return JSON.parse(this.map);
-    },
-    ends() {
-      return JSON.parse(this.range);
-    },
-    mmPerPixel() {
-      return JSON.parse(this.scale);
-    },
-  },
+  mixins: [coloured],
   mounted() {
     this.turned = { ...START };
     this.drawn = [];
@@ -50,7 +32,7 @@ export default {
     this.fit();
     this.leave = streamOf(this.address).join({
       frame: (frame) => this.see(frame),
-      sight: (sight) => this.seeEnds(sight),
+      analysis: (analysis) => this.seeEnds(analysis),
     });
   },
   unmounted() {
@@ -71,8 +53,8 @@ export default {
     },
   },
   methods: {
-    seeEnds(sight) {
-      this.counts = sight?.histogram;
+    seeEnds(analysis) {
+      this.counts = analysis?.histogram;
       if (this.ends === "auto") this.colour();
     },
     colour() {
@@ -144,17 +126,17 @@ export default {
       event.stopPropagation(); // elsewhere arrows choose a target
     },
     grasp(event) {
-      this.held = [event.clientX, event.clientY];
+      this.grasped = [event.clientX, event.clientY];
       this.$refs.canvas.setPointerCapture(event.pointerId);
     },
     drag(event) {
-      if (!this.held) return;
-      const [x, y] = this.held;
-      this.held = [event.clientX, event.clientY];
+      if (!this.grasped) return;
+      const [x, y] = this.grasped;
+      this.grasped = [event.clientX, event.clientY];
       this.turn((x - event.clientX) * 0.01, (event.clientY - y) * 0.01);
     },
     release() {
-      this.held = null;
+      this.grasped = null;
     },
     // For those who judge it: when it was drawn for a new frame, ms.
     measured() {

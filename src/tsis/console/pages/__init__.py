@@ -1,4 +1,4 @@
-"""The pages: one file a page, each built from the bench's state by a call `page(bench, viewer)`."""
+"""The pages: each is built by a call `page(instrument, viewer)`."""
 
 from tsis.console.pages._directory import PAGES
 

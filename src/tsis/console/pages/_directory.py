@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 from tsis.console.pages import about, calibrate, camera, design, examine, hardness, records, study
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable
+    from collections.abc import Callable
 
 
-# A page is called with the bench, the viewer, and what its address holds in braces.
-PAGES: dict[str, tuple[str, Callable[..., Awaitable[None] | None]]] = {
+# A page is called with the instrument, the viewer, and the parts of its address in braces.
+PAGES: dict[str, tuple[str, Callable[..., object]]] = {
     "/": ("Examine", examine.examine_page),
     "/camera": ("Camera", camera.camera_page),
     "/calibrate": ("Calibrate", calibrate.calibrate_page),
     "/calibrate/{name}": ("Calibrate", calibrate.session_page),
-    "/hardness": ("Hardness", hardness.hardness_tab),
+    "/hardness": ("Hardness", hardness.HardnessPage),
     "/study": ("Study", study.study_listing),
     "/study/{name}": ("Study", study.show_study),
     "/records": ("Records", records.target_listing),

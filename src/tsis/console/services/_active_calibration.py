@@ -22,27 +22,13 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ActiveCalibration:
-    """Result of one check; its parts belong to the same camera settings.
-
-    Attributes
-    ----------
-    calibration
-        The active calibration; None without one.
-    why
-        Why there is none; empty where none is requested.
-    scale
-        Size (x, y) of a pixel on the face, mm; None when unknown.
-    probe
-        Name of the probe: of the virtual one, of the calibration, or as it was chosen with the camera.
-    reference
-        Reference frame of the press guard.
-    """
+    """Result of one check; its parts belong to the same camera settings."""
 
     calibration: UsableCalibration | None
-    why: str
-    scale: Pair | None
-    probe: str
-    reference: GuardReference
+    why: str  # why there is none; empty where none is requested
+    scale: Pair | None  # size (x, y) of a pixel on the face, mm
+    probe: str  # of the virtual probe, of the calibration, or as chosen with the camera
+    reference: GuardReference  # of the press guard
 
     @property
     def compared(self) -> tuple[GuardReference, Pair | None]:
@@ -57,12 +43,7 @@ class ActiveCalibration:
 class ActiveCalibrationCheck:
     """Checks a calibration against the running camera: it is inactive while a setting such as the exposure differs.
 
-    Parameters
-    ----------
-    desk
-        Where the camera is.
-    given
-        The chosen calibration; None for the virtual probe's own, or none.
+    Without a chosen calibration the virtual probe's own is checked, if any.
     """
 
     def __init__(self, camera_controller: CameraController, given: UsableCalibration | None) -> None:
@@ -70,13 +51,7 @@ class ActiveCalibrationCheck:
         self._checked: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
 
     def use(self, given: UsableCalibration | None) -> None:
-        """Choose another one; None for the virtual probe's own, or none.
-
-        Raises
-        ------
-        CalibrationError
-            When it does not fit; the one before stays.
-        """
+        """Choose another one, or None; `CalibrationError` when it does not fit, and the one before stays."""
         if given is not None:
             _require_fit(given, self._camera)
         self._chosen = given

@@ -1,4 +1,4 @@
-"""The camera's present settings, read in a thread: drivers are slow, and settings change elsewhere."""
+"""The camera controller: one camera at a time, its settings, and what is pressed."""
 
 from __future__ import annotations
 
@@ -23,22 +23,14 @@ if TYPE_CHECKING:
 
 
 EVERY_S = 1.0
-LOOK_S = 1.0  # for which a reading waits for another one, which may be stuck in a driver
+LOCK_TIMEOUT_S = 1.0  # for which a reading waits for another one, which may be stuck in a driver
 
 
 class SettingsCache:
-    """Caches the camera's settings.
+    """Caches the camera's settings, read in a thread every ``every_s`` seconds: drivers are slow.
 
-    The force of the virtual probe is left out: no camera has such a setting.
-
-    Parameters
-    ----------
-    acquisition
-        Gives the running acquisition; None while there is none.
-    changed
-        Called when a setting has changed since the last reading.
-    every_s
-        Time between two readings, s.
+    Settings may also change elsewhere; ``changed`` is called then. The force of the virtual probe is left out: no
+    camera has such a setting.
     """
 
     def __init__(
@@ -60,7 +52,7 @@ class SettingsCache:
 
     def refresh(self) -> None:
         """Ask the camera now."""
-        if not self._lock.acquire(timeout=LOOK_S):
+        if not self._lock.acquire(timeout=LOCK_TIMEOUT_S):
             return
         try:
             acquisition = self._acquisition()
@@ -92,22 +84,14 @@ FRESH_S = 5.0  # within which a frame must come, or within some frames of a slow
 # in camera and driver too, and of exposures that cameras change one or two frames later.
 UNDER_WAY, IN_CAMERAS = 1, 3
 MOST_TYPED_N = 1000.0
-PATIENT_S = 60.0  # the virtual probe is never unplugged: its silence is a busy computer's
+VIRTUAL_LOST_AFTER_S = 60.0  # the virtual probe is never unplugged: its silence is a busy computer's
 
 
 class CameraController:
-    """Holds one camera at a time, and knows what is pressed.
+    """Controls one camera at a time, and knows what is pressed.
 
-    Acts come one at a time, as `Acts` lets them; everything can be read, and `close` called, from any thread meanwhile.
-
-    Parameters
-    ----------
-    choice
-        What to begin with; nothing is connected before `start`.
-    changed
-        Called when a setting of the camera was changed, here or elsewhere.
-    connect_to
-        Gives a live camera by its name, as `tsis.instrument.connect`.
+    Commands come one at a time (`Commands`); meanwhile everything can be read, and `close` called, from any thread.
+    Nothing is connected before `start`. ``changed`` is called after a change of a setting, here or elsewhere.
 
     Attributes
     ----------
@@ -118,7 +102,7 @@ class CameraController:
     acquisition
         The running camera; None while it is stopped.
     role, force_n
-        What is pressed, and how hard: as the virtual probe holds it or as a person says, None where nobody does.
+        What is pressed, and how hard: of the virtual probe or as typed, None where unknown.
     """
 
     def __init__(
@@ -141,7 +125,7 @@ class CameraController:
 
     @property
     def running(self) -> bool:
-        """Whether frames are wanted, though the camera may be away."""
+        """Whether the camera was started, though it may be away."""
         return self.acquisition is not None
 
     @property
@@ -149,11 +133,6 @@ class CameraController:
         """The camera's name; empty while it is stopped."""
         acquisition = self.acquisition
         return "" if acquisition is None else acquisition.name
-
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """What may be pressed."""
-        return self.choice.roles
 
     def choose(self, choice: CameraChoice) -> None:
         """Let go of the camera, and take another one; it is not yet started."""
@@ -163,13 +142,7 @@ class CameraController:
         self._as_it_came, self._requested = (), {}
 
     def start(self) -> None:
-        """Connect and begin to stream; when it runs already, nothing happens.
-
-        Raises
-        ------
-        TsisError
-            As `Acquisition.start`; it can be started again.
-        """
+        """Connect and begin to stream; nothing happens when it runs already. Errors as `Acquisition.start`."""
         if self.acquisition is not None:
             return
         connector = self._connector()
@@ -177,7 +150,7 @@ class CameraController:
             connector,
             mode=self.choice.mode,
             settings=self._requested,
-            lost_after_s=PATIENT_S if self.choice.is_virtual else LOST_AFTER_S,
+            lost_after_s=VIRTUAL_LOST_AFTER_S if self.choice.is_virtual else LOST_AFTER_S,
         )
         self._beginning = acquisition
         try:
@@ -236,19 +209,9 @@ class CameraController:
             self.adjust(setting, value)
 
     def completed(self, role: str | None, force_n: float | None, *, forget: bool = False) -> tuple[str, float | None]:
-        """Role and force that somebody means who names only what changes.
+        """Role and force in newtons after a change that names only one of them; ``forget`` makes the force unknown.
 
-        Parameters
-        ----------
-        role, force_n
-            What is to be pressed, and the force in newtons; None for those at present.
-        forget
-            Whether nobody knows the force any more.
-
-        Raises
-        ------
-        InputError
-            When a force is given and to be forgotten, or that of the virtual probe is to be forgotten.
+        Raises `InputError` for a force together with ``forget``, or ``forget`` with the virtual probe.
         """
         if forget and force_n is not None:
             raise InputError(f"force_n must be given or forgotten, not both; got {force_n!r:.40} and forget")
@@ -258,16 +221,12 @@ class CameraController:
         return self.role if role is None else role, present if force_n is None else force_n
 
     def hold(self, role: str, force_n: float | None) -> None:
-        """Say what is pressed and how hard, or that nobody knows it; the virtual probe is moved there.
+        """Set what is pressed and how hard, or that the force is unknown; the virtual probe moves there.
 
-        Raises
-        ------
-        InputError
-            When there is nothing of that role, or the force lies outside its range.
-        MechanicsError
-            When the tissue cannot be pressed so hard; the press is as it was.
+        Raises `InputError` for an unknown role or a force outside its range, and `MechanicsError` when the tissue
+        cannot be pressed so hard; the press then stays as it was.
         """
-        require_one_of("role", role, self.roles)
+        require_one_of("role", role, self.choice.roles)
         if self.choice.is_virtual or force_n is not None:
             most = LARGEST_FORCE_N if self.choice.is_virtual else MOST_TYPED_N
             force_n = require_number("force_n", force_n, 0.0, most, hint="newtons")
@@ -279,10 +238,7 @@ class CameraController:
     def fresh(self) -> ReceivedFrame:
         """The newest frame that was begun after the last change.
 
-        Raises
-        ------
-        CameraError
-            When the camera is stopped or away, or brings none in time.
+        Raises `CameraError` when the camera is stopped or away, or delivers none in time.
         """
         acquisition = self._streaming()
         period_s = _period_s(acquisition)

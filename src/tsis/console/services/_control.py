@@ -25,27 +25,14 @@ LONGEST_OWNER_NAME = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Owner:
-    """The owner of the camera's control.
-
-    Attributes
-    ----------
-    identity
-        Identity of a browser tab or a script.
-    name
-        Name shown to others.
-    """
+    """The owner of the camera's control: a browser tab or a script by its identity, and the name that others see."""
 
     identity: str
     name: str
 
 
 class ControlLock:
-    """Gives the camera to one owner at a time; safe for several threads.
-
-    Parameters
-    ----------
-    clock
-        Seconds, monotonic.
+    """Gives the camera to one owner at a time; safe for several threads. ``clock`` gives monotonic seconds.
 
     Examples
     --------
@@ -68,16 +55,10 @@ class ControlLock:
             return self._present()
 
     def take(self, identity: str, name: str, *, over: bool = False, held_s: float = LOCK_S) -> None:
-        """Take the camera; ``over`` takes it from another owner.
+        """Take the camera; ``over`` takes it from another owner, else that is a `ControlError`.
 
-        The lock ends after ``held_s`` seconds, in [1, 3600], without a sign of life of the owner.
-
-        Raises
-        ------
-        ControlError
-            When another owner has it.
-        InputError
-            When the name cannot be shown, or the time lies outside its range.
+        The lock ends after ``held_s`` seconds, in [1, 3600], without a sign of life of the owner. Raises `InputError`
+        when the name cannot be shown, or the time lies outside its range.
         """
         require_type("identity", identity, str)
         require_type("name", name, str)
@@ -130,7 +111,7 @@ class ControlLock:
                     self._heard_s = self._clock()
 
     def _present(self) -> Owner | None:
-        """Whoever acts is there, however long nothing else was heard."""
+        """The owner; a running command is a sign of life."""
         silent = self._clock() - self._heard_s > self._lock_s
         if silent and self._owner is not None and self._owner.identity != self._acting:
             self._owner = None
@@ -142,36 +123,24 @@ class ControlLock:
         return ControlError(f"the camera is held by {owner.name}; watch, or take it over")
 
 
-COMMAND_TIMEOUT_S = 2.0  # for which an act waits for the one before
-LONG_S = 10.0  # after which is told how long an act has lasted, as while mechanics are solved for the first time
-SEQUENCE_S = 5.0  # for which a sequence that was asked to end is waited for
+COMMAND_TIMEOUT_S = 2.0  # for which a command waits for the one before
+LONG_S = 10.0  # after which the duration of a command is shown, as of mechanics that are solved for the first time
+SEQUENCE_S = 5.0  # timeout of a cancelled sequence
 
 
 class Commands:
-    """Runs one command at a time; a long command is named to those who wait.
+    """Runs one command at a time; a long command is named to those who wait up to ``timeout_s``.
 
-    Parameters
-    ----------
-    control
-        The control lock.
-    patience_s
-        How long a command waits for the one before, s.
-    clock
-        Time in s.
-
-    Attributes
-    ----------
-    sequence
-        The job of the sequence under way or of the last one; None before the first.
+    ``sequence`` is the job of the running sequence or of the last one; None before the first.
 
     Examples
     --------
     >>> from tsis.console.services import ControlLock
     >>> control = ControlLock()
     >>> control.take("tab 1", "Ann")
-    >>> acts = Commands(control)
-    >>> with acts.act("tab 1", "moving the probe"):
-    ...     acts.busy
+    >>> commands = Commands(control)
+    >>> with commands.run("tab 1", "moving the probe"):
+    ...     commands.busy
     'moving the probe'
     """
 
@@ -199,29 +168,19 @@ class Commands:
         return doing if lasted_s < LONG_S else f"{doing} ({lasted_s:.0f} s so far)"
 
     @contextmanager
-    def act(self, by: str, doing: str, *, instead: str = "") -> Iterator[None]:
+    def run(self, by: str, doing: str, *, instead: str = "") -> Iterator[None]:
         """Run a command of the owner inside, alone.
 
-        Parameters
-        ----------
-        by
-            Identity of the caller.
-        doing
-            The command, as others read it after "the bench is busy".
-        instead
-            What a sequence under way forbids, as "another camera can be chosen"; empty where it forbids nothing.
-
-        Raises
-        ------
-        ControlError
-            When somebody else has the camera, another command runs, a sequence forbids it, or the instrument is closed.
+        ``doing`` names the command to others; ``instead`` says what a running sequence forbids, as "another camera can
+        be chosen", and is empty where it forbids nothing. Raises `ControlError` when somebody else has the camera,
+        another command runs, a sequence forbids it, or the instrument is closed.
         """
         self._control.require(by)
         if not self._lock.acquire(timeout=self._timeout_s):
             raise ControlError(f"the bench is busy {self.busy or 'with something else'}; try again when that is over")
         try:
             self._require_open()
-            with self._control.acting(by):  # or somebody has taken the camera over while this act waited
+            with self._control.acting(by):  # another client may have taken the camera over meanwhile
                 if instead:
                     self.require_no_sequence(instead)
                 self._doing = doing, self._clock()

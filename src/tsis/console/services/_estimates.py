@@ -1,4 +1,4 @@
-"""An estimate from stored presses of a target, as a job."""
+"""An estimate from stored presses of a target."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from tsis.records import ESTIMATES, REFERENCE_ROLES, EstimationRequest, environm
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from tsis.console.services._jobs import Job, Jobs
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
 
@@ -22,18 +21,16 @@ def estimate_target(
     number: int,
     *,
     kind: str,
-    presses: Sequence[str] | None = None,
-    options: Mapping[str, Any] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    presses: Sequence[str] | None,
+    options: Mapping[str, Any],
+    progress: Callable[[int, int], None],
 ) -> StoredEstimate:
     """Estimate from presses of a target and store the estimate.
 
     Parameters
     ----------
-    store
-        Where the target is.
-    number
-        Of the target.
+    store, number
+        The target's store and number.
     kind
         ``"inclusion"`` or ``"hardness"``.
     presses
@@ -41,13 +38,13 @@ def estimate_target(
     options
         As of `tsis.records.EstimationRequest`.
     progress
-        Told (done, all) while the mechanics of a new probe are solved, and (1, 1) before the answer is stored; what it
-        raises ends the estimate, and nothing is stored.
+        Called with (done, all) while the mechanics of a new probe are solved, and (1, 1) before the result is stored;
+        what it raises ends the estimate, and nothing is stored.
 
     Raises
     ------
     RecordsError
-        When the target has no press to estimate from, or one that was named is none of it.
+        When the target has no press to estimate from, or a named press is not one of its presses.
     InputError, CalibrationError, NotCalibratedError
         As the estimates themselves.
     """
@@ -56,11 +53,10 @@ def estimate_target(
     probe, calibration = _terms(chosen, number)
     response = estimate_stored(
         record,
-        EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options or {}),
+        EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options),
         progress=progress,
     )
-    if progress is not None:
-        progress(1, 1)
+    progress(1, 1)
     return store.add_estimate(
         record.target,
         response.estimate,
@@ -70,23 +66,6 @@ def estimate_target(
         calibration=record.calibrations[calibration],
         options=response.options,
         environment=environment(),
-    )
-
-
-def begin_estimate(
-    jobs: Jobs,
-    store: Store,
-    number: int,
-    *,
-    kind: str,
-    presses: Sequence[str] | None = None,
-    options: Mapping[str, Any] | None = None,
-) -> Job:
-    """Estimate in the background; parameters as of `estimate_target`, errors as `require_estimable`."""
-    require_estimable(store, number, kind=kind, presses=presses, options=options or {})
-    return jobs.begin(
-        estimate_title(number),
-        lambda job: estimate_target(store, number, kind=kind, presses=presses, options=options, progress=job.advance),
     )
 
 
@@ -102,15 +81,15 @@ def require_estimable(
 
 
 def estimate_title(number: int) -> str:
-    """What the job of an estimate is called; by it pages find the one of their target."""
+    """Title of an estimate's job, by which pages find the one of their target."""
     return f"estimate of target {number}"
 
 
 def newest_presses(record: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
-    """Of each role and force the newest press, of those with the probe and the calibration of the newest one.
+    """The newest press of each role and force, among those with the probe and the calibration of the newest one.
 
-    Presses whose force nobody wrote down are all taken: the force line tells them apart. Those at 0 N touch nothing,
-    and no estimate can use them.
+    Presses of unknown force are all used: the force line distinguishes them. Presses at 0 N touch nothing, and no
+    estimate can use them.
     """
     roles = ("target", REFERENCE_ROLES[kind])
     used = [press for press in record.presses if press.role in roles and press.force_n != 0]
@@ -126,11 +105,11 @@ def newest_presses(record: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
 
 
 def _named(record: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress, ...]:
-    by_name = {press.id: press for press in record.presses}
+    by_identity = {press.id: press for press in record.presses}
     for identity in identities:
-        if identity not in by_name:
+        if identity not in by_identity:
             raise RecordsError(f"presses must be those of target {record.target.number}; {identity!r:.40} is none")
-    return tuple(by_name[identity] for identity in identities)
+    return tuple(by_identity[identity] for identity in identities)
 
 
 def _terms(presses: Sequence[StoredPress], number: int) -> tuple[str, str]:

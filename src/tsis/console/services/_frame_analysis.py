@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 BINS = 64  # of the histogram
 OUTLINE_POINTS = 96
-LARGEST_SIDE_PX = 192  # to which a frame is thinned out before its contact is looked for
+LARGEST_SIDE_PX = 192  # to which a frame is reduced before the search for its contact
 CLIPPED, DIM = 0.001, 0.15  # shares: of pixels at full scale, and of the scale that the brightest hundredth reaches
 BRIGHT_QUANTILE = 0.99
 
@@ -92,20 +92,9 @@ def analyse_frame(
     force: PressForce | None,
     untouched: NDArray[np.float64] | None,
 ) -> tuple[FrameAnalysis, WatchState]:
-    """Analyse a frame.
+    """Analyse frame ``number`` with the press guard and its state; returns the analysis and the next state.
 
-    Parameters
-    ----------
-    watch, state
-        The press guard, and its state.
-    frame
-        As the camera delivered it.
-    number
-        How many frames have come.
-    force
-        Of the press.
-    untouched
-        Grey levels of the untouched probe, `reduced`; None when unknown.
+    ``untouched`` are grey levels of the untouched probe, `reduced`; None when unknown.
     """
     flags, after = watch.step(state, frame, None if force is None else force.value_n)
     counts = histogram(frame)

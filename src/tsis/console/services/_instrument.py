@@ -9,12 +9,12 @@ from tsis.calibration import read_usable_calibration
 from tsis.console.services._active_calibration import ActiveCalibrationCheck
 from tsis.console.services._camera import CameraController
 from tsis.console.services._control import Commands, ControlLock
-from tsis.console.services._estimates import begin_estimate
+from tsis.console.services._estimates import estimate_target, estimate_title, require_estimable
 from tsis.console.services._jobs import Jobs
 from tsis.console.services._reading import StoreCheck, force_at, gauge_force, trouble_messages
 from tsis.console.services._search import CameraSearch
 from tsis.console.services._sequences import SequenceRequest, begin_sequence
-from tsis.console.services._snapshots import press_to_save, save_press
+from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
@@ -22,6 +22,7 @@ from tsis.files import LARGEST_TARGET
 from tsis.imaging import COLOUR_MAPS
 from tsis.instrument import connect
 from tsis.model import require_integer, require_one_of
+from tsis.records import recompute
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from tsis.instrument import Camera
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.gauge import ForceLog
+    from tsis.records import Target
     from tsis.records.store import Store
 
 
@@ -63,14 +65,14 @@ class Instrument:
         # What can fail comes first, so that nothing is left running then.
         given = None if terms.calibration is None else read_usable_calibration(terms.calibration)
         self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
-        self.control, self.jobs, self._folder = ControlLock(), Jobs(), StoreCheck(self.store)
+        self.control, self.jobs, self._store_check = ControlLock(), Jobs(), StoreCheck(self.store)
         self._commands, self.search = Commands(self.control), CameraSearch(self.jobs)
         self.terms, self._target = terms, 1
         self._gauge: ForceLog | None = None
         self.camera_controller = CameraController(
             terms.choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to
         )
-        self._in_force = ActiveCalibrationCheck(self.camera_controller, given)
+        self._active = ActiveCalibrationCheck(self.camera_controller, given)
         self.calibrating = CalibrationSessions(
             terms.workspace / "calibrations",
             control=self.control,
@@ -79,7 +81,7 @@ class Instrument:
             gauge=lambda: self._gauge,
         )
         self._watcher = Watcher(
-            lambda: self.camera_controller.acquisition, lambda: self._in_force.now().compared, self._force
+            lambda: self.camera_controller.acquisition, lambda: self._active.now().compared, self._force
         )
 
     def __enter__(self) -> Self:
@@ -102,7 +104,7 @@ class Instrument:
     @property
     def calibration(self) -> UsableCalibration | None:
         """The active calibration: the chosen one, else the virtual probe's own; None while it does not fit."""
-        return self._in_force.now().calibration
+        return self._active.now().calibration
 
     @property
     def frame_analysis(self) -> FrameAnalysis | None:
@@ -111,13 +113,13 @@ class Instrument:
 
     def state(self) -> InstrumentState:
         """The state that pages show; it never waits for the camera or a command."""
-        in_force, gauge, sequence = self._in_force.now(), self._gauge, self._commands.sequence
-        given, camera = in_force.calibration, camera_state(self.camera_controller, in_force.scale)
+        active, gauge, sequence = self._active.now(), self._gauge, self._commands.sequence
+        given, camera = active.calibration, camera_state(self.camera_controller, active.scale)
         return InstrumentState(
             camera=camera,
             target=self._target,
             role=self.camera_controller.role,
-            roles=self.camera_controller.roles,
+            roles=self.camera_controller.choice.roles,
             force_n=self.camera_controller.force_n,
             calibration="" if given is None else given.calibration.name,
             calibration_identity="" if given is None else given.identity,
@@ -126,7 +128,7 @@ class Instrument:
             sequence=None if sequence is None else sequence.state(),
             jobs=self.jobs.states(),
             trouble=trouble_messages(
-                camera, gauge, in_force.why, self._watcher.failure, store_gone=self._folder.trouble()
+                camera, gauge, active.why, self._watcher.failure, store_gone=self._store_check.trouble()
             ),
             busy=self._commands.busy,
             gauge="" if gauge is None else gauge.name,
@@ -134,38 +136,38 @@ class Instrument:
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:
         """Choose another camera, not yet started; a chosen calibration stays active where it fits."""
-        with self._commands.act(by, "choosing a camera", instead="another camera can be chosen"):
+        with self._commands.run(by, "choosing a camera", instead="another camera can be chosen"):
             self.camera_controller.choose(choice)
             self._watcher.begin_anew()
 
     def start(self, *, by: str) -> None:
         """Start the camera; errors as `CameraController.start`. When it runs already, nothing happens."""
-        with self._commands.act(by, "starting the camera"):
+        with self._commands.run(by, "starting the camera"):
             self.camera_controller.start()
 
     def stop(self, *, by: str) -> None:
         """Stop the camera."""
-        with self._commands.act(by, "stopping the camera", instead="the camera can be stopped"):
+        with self._commands.run(by, "stopping the camera", instead="the camera can be stopped"):
             self.camera_controller.stop()
 
     def adjust(self, name: str, value: float, *, by: str) -> None:
         """Change a setting of the camera; errors as `Acquisition.adjust`."""
-        with self._commands.act(by, "changing a setting"):
+        with self._commands.run(by, "changing a setting"):
             self.camera_controller.adjust(name, value)
 
     def preset(self, name: str, *, by: str) -> None:
         """Make all settings of a preset: ``"default"`` or ``"minimal"``."""
-        with self._commands.act(by, "changing settings"):
+        with self._commands.run(by, "changing settings"):
             self.camera_controller.preset(name)
 
     def set_target(self, number: int, *, by: str) -> None:
         """Choose the target that snapshots go to, in [1, 99999]."""
-        with self._commands.act(by, "choosing a target"):
+        with self._commands.run(by, "choosing a target"):
             self._target = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
 
     def step_target(self, many: int, *, by: str) -> None:
         """Choose the target so many after the present one, whichever that is when it is done; before where negative."""
-        with self._commands.act(by, "choosing a target"):
+        with self._commands.run(by, "choosing a target"):
             self._target = require_integer(
                 "target", self._target + many, 1, LARGEST_TARGET, hint="number of the target"
             )
@@ -173,14 +175,10 @@ class Instrument:
     def hold(self, *, role: str | None = None, force_n: float | None = None, forget: bool = False, by: str) -> None:
         """Set role and force of the press; the virtual probe moves there.
 
-        Raises
-        ------
-        InputError, MechanicsError
-            When it cannot be pressed so; the press is as it was.
-        ControlError
-            When it would be another role than that of the sequence under way.
+        Raises `InputError` or `MechanicsError` when it cannot be pressed so, and the press stays as it was;
+        `ControlError` for another role than that of the running sequence.
         """
-        with self._commands.act(
+        with self._commands.run(
             by, "moving the probe" if self.camera_controller.choice.is_virtual else "noting the press"
         ):
             requested, force_n = self.camera_controller.completed(role, force_n, forget=forget)
@@ -198,20 +196,17 @@ class Instrument:
     def use_calibration(self, calibration: UsableCalibration | None, *, by: str) -> None:
         """Activate a calibration; None for the virtual probe's own, or none.
 
-        Raises
-        ------
-        CalibrationError
-            When it is expired, or of another probe, camera, setting or size of frames than what runs.
+        Raises `CalibrationError` when it is expired, or of another probe, camera, setting or size of frames.
         """
-        with self._commands.act(
+        with self._commands.run(
             by, "putting a calibration in force", instead="another calibration can be put in force"
         ):
-            self._in_force.use(calibration)
+            self._active.use(calibration)
             self._watcher.begin_anew()
 
     def use_gauge(self, log: ForceLog | None, *, by: str) -> None:
         """Read forces from a started gauge, which is stopped when the next one is given; None for no gauge."""
-        with self._commands.act(by, "changing the gauge", instead="another gauge can be used"):
+        with self._commands.run(by, "changing the gauge", instead="another gauge can be used"):
             before, self._gauge = self._gauge, log
             if before is not None and before is not log:
                 before.stop()
@@ -219,26 +214,23 @@ class Instrument:
     def snapshot(self, *, by: str, map_name: str = "viridis") -> SavedPress:
         """Save the present press: its files, and the press in the store.
 
-        Raises
-        ------
-        CameraError
-            When no frame comes.
-        GaugeError
-            When a gauge gives no force.
-        FileInputError
-            When the files cannot be written; nothing is saved then.
-        RecordsError
-            When the store refuses the press; its files stay.
+        Raises `CameraError` without a frame, `GaugeError` without a force of the gauge, `FileInputError` when the files
+        cannot be written (nothing is saved then), `RecordsError` when the store refuses the press (its files stay).
         """
         require_one_of("colour map", map_name, COLOUR_MAPS)
-        with self._commands.act(by, "keeping a press"):
+        with self._commands.run(by, "keeping a press"):
             self.camera_controller.refresh()  # somebody may have changed a setting elsewhere
             received, gauge = self.camera_controller.fresh(), self._gauge
             force = self._force(received) if gauge is None else gauge_force(gauge, received)
+            press = PressToSave(
+                received=received,
+                force=force,
+                role=self.camera_controller.role,
+                active=self._active.now(),
+                subject=self.camera_controller.subject,
+            )
             return save_press(
-                press_to_save(
-                    received, camera_controller=self.camera_controller, in_force=self._in_force.now(), force=force
-                ),
+                press,
                 number=self._target,
                 workspace=self.terms.workspace,
                 store=self.store,
@@ -248,14 +240,9 @@ class Instrument:
     def begin_sequence(self, *, seconds: float | None = None, frames: int | None = None, by: str) -> Job:
         """Record every frame for a number of frames or seconds; it continues when the browser closes.
 
-        Raises
-        ------
-        InputError, CameraError, FileInputError
-            As `SequenceRequest` and `begin_sequence`.
-        ControlError
-            When a sequence is under way.
+        Errors as `SequenceRequest` and `begin_sequence`; `ControlError` while a sequence runs.
         """
-        with self._commands.act(by, "beginning a sequence", instead="another sequence can begin"):
+        with self._commands.run(by, "beginning a sequence", instead="another sequence can begin"):
             self._commands.sequence = sequence = begin_sequence(
                 self.jobs,
                 self.camera_controller.acquisition,
@@ -274,15 +261,7 @@ class Instrument:
             self._commands.sequence.end()
 
     def end_job(self, identity: str, *, by: str) -> Job:
-        """Cancel a job; a job of the camera only by its owner.
-
-        Raises
-        ------
-        InputError
-            When there is no such job.
-        ControlError
-            When somebody else holds the camera that it follows.
-        """
+        """Cancel a job; a job of the camera only by its owner, else `ControlError`. `InputError` for an unknown job."""
         job = self.jobs.get(identity)
         if job.follows_camera:
             self.control.require(by)
@@ -301,12 +280,26 @@ class Instrument:
 
         Parameters as of `estimate_target`; `InputError` when there is no such target or kind, or an option is unknown.
         """
-        return begin_estimate(self.jobs, self.store, number, kind=kind, presses=presses, options=options)
+        options = options or {}
+        require_estimable(self.store, number, kind=kind, presses=presses, options=options)
+        return self.jobs.begin(
+            estimate_title(number),
+            lambda job: estimate_target(
+                self.store, number, kind=kind, presses=presses, options=options, progress=job.advance
+            ),
+        )
+
+    def recompute(self, target: Target, *, dry_run: bool) -> Job:
+        """Recompute the current estimates of a target in the background; the result is the `Recomputation` of each."""
+        return self.jobs.begin(
+            f"recomputation of target {target.number}",
+            lambda job: recompute(self.store, target, dry_run=dry_run, progress=job.advance),
+        )
 
     def _about(self) -> dict[str, Any]:
         """What is recorded, as the camera is set now."""
         self.camera_controller.refresh()  # somebody may have changed a setting elsewhere
-        return {"role": self.camera_controller.role, **self._in_force.now().sidecar_entries()}
+        return {"role": self.camera_controller.role, **self._active.now().sidecar_entries()}
 
     def _force(self, frame: ReceivedFrame) -> PressForce | None:
         return force_at(frame, self._gauge, self.camera_controller.force_n)

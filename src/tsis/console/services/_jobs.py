@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 AT_ONCE, REMEMBERED = 2, 50
-RESULTS = 10  # that are kept of jobs which are over: some hold pictures and samples
-CLOSE_S = 3.0  # for which jobs are waited for that were asked to end
+RESULTS = 10  # of finished jobs that stay in memory: some contain pictures and samples
+CLOSE_S = 3.0  # timeout of cancelled jobs
 LONGEST_SENTENCE = 600
 RUNNING, DONE, FAILED, ENDED = "running", "done", "failed", "ended"
 _log = logging.getLogger(__name__)
 
 
-class JobCancelled(Exception):  # noqa: N818 - no error, but how work that was asked to end leaves its loops
+class JobCancelled(Exception):  # noqa: N818 - no error: it ends the loops of cancelled work
     """Raised inside work that was cancelled."""
 
 
@@ -63,16 +63,10 @@ class JobState:
 
 
 class Job:
-    """One piece of work under way or done; safe for several threads.
+    """One piece of work, running or finished; safe for several threads.
 
-    Parameters
-    ----------
-    title
-        What people see.
-    follows_camera
-        Whether it takes frames, so that who holds the camera alone may end it.
-    after
-        Called once it is over, however it ended, also before its first step.
+    A job that ``follows_camera`` may be ended by the camera's owner only. ``after`` is called once it is over, however
+    it ended, also before its first step.
     """
 
     def __init__(self, title: str, *, follows_camera: bool = False, after: Callable[[], object] = lambda: None) -> None:
@@ -80,7 +74,7 @@ class Job:
         self._after = after
         self._lock, self._finished, self._ending = threading.Lock(), threading.Event(), threading.Event()
         self._status, self._done, self._total, self._message = RUNNING, 0, 0, ""
-        self._result: Any = None
+        self.result: Any = None  # before it is done
 
     def state(self) -> JobState:
         """Its state."""
@@ -94,13 +88,8 @@ class Job:
                 sentence=self._message,
             )
 
-    @property
-    def result(self) -> Any:
-        """Its result; None before it is done."""
-        return self._result
-
     def without_result(self) -> Job:
-        """The same job that is over, for those who ask for it later; what it returned is with those who hold it."""
+        """A copy of a finished job without its result, which only the holders of this job have then."""
         job = Job(self.title, follows_camera=self.follows_camera)
         state, job.identity = self.state(), self.identity
         job._status, job._done, job._total, job._message = state.status, state.done, state.total, state.sentence
@@ -131,13 +120,7 @@ class Job:
             self._message = message
 
     def advance(self, done: int, total: int) -> None:
-        """Report (steps done, all steps), and raise after cancellation: the ``progress`` of calls.
-
-        Raises
-        ------
-        Ended
-            When somebody asked it to end.
-        """
+        """Report (steps done, all steps), and raise `JobCancelled` after cancellation: the ``progress`` of calls."""
         self.report(done, total)
         if self._ending.is_set():
             raise JobCancelled
@@ -148,14 +131,14 @@ class Job:
         message: str | None = None
         try:
             self.advance(0, 0)
-            self._result = work(self)
+            self.result = work(self)
         except JobCancelled:
             status, message = ENDED, f"{self.title}: ended as you asked"
         except TsisError as error:
-            status, message = FAILED, _words(error)
-        except BaseException as error:  # whatever it was, nobody else would ever hear of it
+            status, message = FAILED, _error_text(error)
+        except BaseException as error:  # nothing else would report it
             _log.exception("a job failed: %s", self.title)
-            status, message = FAILED, f"{self.title} failed: {type(error).__name__}: {_words(error)}"
+            status, message = FAILED, f"{self.title} failed: {type(error).__name__}: {_error_text(error)}"
         try:
             self._after()
         except Exception:
@@ -165,21 +148,21 @@ class Job:
             self._message = self._message if message is None else message
 
     def finish(self) -> None:
-        """Let those go on who wait for it."""
+        """Release the waiting threads."""
         self._finished.set()
 
 
 class Jobs:
     """The jobs of a console: limited in number at once; the last ones and fewer results stay; safe for several threads.
 
-    Threads of jobs do not keep the program from ending: what they store is whole or absent whenever that happens.
+    Threads of jobs do not keep the program from ending: what they store is whole or absent at any moment.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._jobs: OrderedDict[str, Job] = OrderedDict()
         self._waiting: deque[tuple[Job, Callable[[Job], Any]]] = deque()
-        self._returned: deque[str] = deque()  # identities of those whose results are kept, the last to end at the end
+        self._returned: deque[str] = deque()  # identities of jobs whose results stay, in the order of their ends
         self._working = 0
         self._closed = False
 
@@ -191,23 +174,11 @@ class Jobs:
         at_once: bool = False,
         after: Callable[[], object] = lambda: None,
     ) -> Job:
-        """Begin work; it is called with its `Job`.
+        """Begin work: it is called with its `Job`, and its return value becomes the job's result.
 
-        Parameters
-        ----------
-        title
-            What people see.
-        work
-            What is done; what it returns becomes the job's result.
-        at_once
-            Whether it follows the camera: it begins now, whatever is under way, and is of who holds the camera.
-        after
-            Called once it is over, however it ended; never where it was not begun.
-
-        Raises
-        ------
-        ControlError
-            When too much waits already, or the console is being ended.
+        With ``at_once`` it follows the camera: it begins immediately, and belongs to the camera's owner. ``after`` is
+        called once it is over, however it ended; never where it was not begun. Raises `ControlError` when too many jobs
+        wait already, or the console is closing.
         """
         job = Job(title, follows_camera=at_once, after=after)
         with self._lock:
@@ -291,7 +262,7 @@ def _thread(target: Callable[..., None], *given: object) -> None:
     threading.Thread(target=target, args=given, name="job", daemon=True).start()
 
 
-def _words(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     """What an error says, in one line; errors of libraries may say nothing, too much, or fail to say it."""
     try:
         text = " ".join(str(error).split())

@@ -1,4 +1,4 @@
-"""Readings at a frame, and problems of the instrument."""
+"""Force readings at a frame, and problems of the instrument."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 HOLDS_S = 1.0  # a reading older than this tells nothing of the press now
 GAUGE_WAIT_S = 1.0
-STORE_LOOKED_AT_S = 1.0  # the state is asked for often, and the disk need not be
+STORE_CHECK_EVERY_S = 1.0  # the state is read more often
 
 
 def force_at(frame: ReceivedFrame, log: ForceLog | None, typed_n: float | None) -> PressForce | None:
-    """The force of a press that is looked at: the newest reading, for a live view does not wait for the next one."""
+    """The force at a frame of the live view: the newest reading, without waiting for the next one."""
     if log is not None:
         readings = log.readings(since_s=frame.arrived_s - HOLDS_S)
         return PressForce(value_n=max(0.0, readings[-1].force_n), source="gauge") if readings else None
@@ -34,21 +34,13 @@ def force_at(frame: ReceivedFrame, log: ForceLog | None, typed_n: float | None) 
 
 
 def gauge_force(log: ForceLog, frame: ReceivedFrame, *, wait_s: float = GAUGE_WAIT_S) -> PressForce:
-    """The gauge's force at a frame that is kept, once the reading after it has come; `GaugeError` when none comes."""
+    """The gauge's force at a saved frame, once the reading after it has come; `GaugeError` when none comes."""
     log.wait_until(frame.arrived_s, timeout_s=wait_s)
     return PressForce(value_n=max(0.0, log.at(frame.arrived_s).force_n), source="gauge")
 
 
 class StoreCheck:
-    """Checks at intervals whether the store is still where it was opened.
-
-    Parameters
-    ----------
-    store
-        Which one.
-    clock
-        Time in s.
-    """
+    """Checks at intervals whether the store is still where it was opened; ``clock`` gives seconds."""
 
     def __init__(self, store: Store, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._store, self._clock = store, clock
@@ -57,7 +49,7 @@ class StoreCheck:
     def trouble(self) -> str:
         """Where it is gone from; empty while it is there."""
         now, (last_seen_s, gone) = self._clock(), self._last
-        if now - last_seen_s >= STORE_LOOKED_AT_S:
+        if now - last_seen_s >= STORE_CHECK_EVERY_S:
             gone = self._store.database.replaced()
             self._last = now, gone
         return printable_path(self._store.folder) if gone else ""
@@ -68,18 +60,8 @@ def trouble_messages(
 ) -> tuple[str, ...]:
     """Messages of problems, the most urgent first.
 
-    Parameters
-    ----------
-    camera
-        How it is.
-    log
-        The gauge in use; None without one.
-    unfit
-        Why the calibration is not in force; empty where it is, or none is wanted.
-    watching
-        Why frames cannot be looked at; empty where they can.
-    store_gone
-        Where the store is gone from; empty while it is there.
+    ``unfit`` says why the calibration is inactive, ``watching`` why frames cannot be analysed, and ``store_gone`` where
+    the store was; each is empty without that problem. ``log`` is the gauge in use, if any.
     """
     results = []
     if store_gone:

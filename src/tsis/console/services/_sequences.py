@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tsis.console.services._reading import force_at, gauge_force
@@ -28,19 +29,9 @@ GAUGE_WAIT_S = 0.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceRequest:
-    """What is to be recorded.
+    """A sequence of a target: its end after seconds, in [0.1, 3600], or after frames, in [1, 200000].
 
-    Parameters
-    ----------
-    target
-        Number of the target.
-    seconds, frames
-        Its one end: after so long, in [0.1, 3600] s, or so many frames, in [1, 200000].
-
-    Raises
-    ------
-    InputError
-        When neither or both ends are given, or one lies outside its range.
+    Raises `InputError` when neither or both ends are given, or one lies outside its range.
     """
 
     target: int
@@ -66,45 +57,37 @@ def begin_sequence(
     typed_n: Callable[[], float | None],
     about: Callable[[], Mapping[str, Any]],
 ) -> Job:
-    """Begin to record; the job's result is a mapping of ``folder`` and the report of the recording.
+    """Begin to record into a new folder of the target; the job's result maps ``folder`` and the recording's ``report``.
 
-    Beside each frame the index says the force, where one is known: of the gauge, the virtual probe, or as typed.
+    The index gives the force of each frame where known: of the gauge, the virtual probe, or as typed.
 
     Parameters
     ----------
-    jobs
-        Where it is done.
-    acquisition
-        The running camera.
-    terms
-        What is to be recorded.
-    workspace
-        Holds the targets' folders; the sequence gets a new one in its target's.
     gauge, typed_n
-        As of `force_at`; the typed force is asked for at each frame, for it may be typed anew meanwhile.
+        As of `force_at`; the typed force is read at each frame, since it may change meanwhile.
     about
-        Asked at the beginning what else the report's file should hold, and again at the end: what differs then, as a
-        calibration that another setting has put out of force, is told beside it as ``..._at_end``.
+        Read at the beginning for further entries of the report's file, and again at the end: what differs then, as a
+        calibration that another setting has deactivated, is entered as ``..._at_end``.
 
     Raises
     ------
     CameraError
         When the camera does not run.
     FileInputError
-        When the folder cannot be made.
+        When the folder cannot be created.
     """
     if acquisition is None:
         raise CameraError("the camera must run to record a sequence; it is stopped (start it)")
     if acquisition.lost:
         raise CameraError(f"{acquisition.name} is away; no sequence was begun (wait until it is back)")
     begun = about()
-    folder = _made(workspace / target_folder(terms.target) / "sequence")
+    folder = _new_folder(workspace / target_folder(terms.target) / "sequence")
     forces = _Forces(gauge, typed_n)
 
     def about_all() -> dict[str, Any]:
-        reported = {} if gauge is None else {"gauge": {"frames_without_force": forces.without, **asdict(gauge.state())}}
+        of_gauge = {} if gauge is None else {"gauge": {"frames_without_force": forces.without, **asdict(gauge.state())}}
         differing = {f"{name}_at_end": value for name, value in about().items() if value != begun[name]}
-        return {"target": terms.target, **begun, **differing, **reported}
+        return {"target": terms.target, **begun, **differing, **of_gauge}
 
     def work(job: Job) -> dict[str, Any]:
         report = record(
@@ -114,7 +97,7 @@ def begin_sequence(
             frames=terms.frames,
             seconds=terms.seconds,
             stopped=lambda: job.ending,
-            progress=lambda saved, passed_s: _tell(job, terms, saved, passed_s),
+            progress=partial(_report, job, terms),
             beside=FurtherColumns(names=forces.NAMES, of=forces.of),
             about=about_all,
         )
@@ -129,7 +112,7 @@ def begin_sequence(
 
 
 class _Forces:
-    """Force at each frame, newtons, and where it is known from; empty where nobody knows it."""
+    """Force at each frame, newtons, and its source; empty where unknown."""
 
     NAMES = ("force_n", "force_source")
 
@@ -152,7 +135,7 @@ class _Forces:
         return f"{result.value_n:.6f}", result.source
 
 
-def _made(requested: Path) -> Path:
+def _new_folder(requested: Path) -> Path:
     folder = free_folder(requested)
     try:
         folder.mkdir(parents=True)
@@ -163,7 +146,7 @@ def _made(requested: Path) -> Path:
     return folder
 
 
-def _tell(job: Job, terms: SequenceRequest, saved: int, passed_s: float) -> None:
+def _report(job: Job, terms: SequenceRequest, saved: int, passed_s: float) -> None:
     if terms.frames is not None:
         job.report(saved, terms.frames)
     elif terms.seconds is not None:

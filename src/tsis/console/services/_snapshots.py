@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tsis.calibration.guard import check_press
 from tsis.errors import ControlError, InputError, RecordsError, TsisError
@@ -17,15 +17,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from tsis.calibration import UsableCalibration
-    from tsis.calibration.guard import GuardFlag, GuardReference
+    from tsis.calibration.guard import GuardFlag
     from tsis.console.services._active_calibration import ActiveCalibration
-    from tsis.console.services._camera import CameraController
     from tsis.console.services._frame_analysis import PressForce
-    from tsis.instrument import Frame, Snapshot
+    from tsis.console.services._subject import VirtualSubject
+    from tsis.instrument import Snapshot
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.model import TactileImage
     from tsis.records import StoredPress, Target
@@ -34,60 +30,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressToSave:
-    """A press to save.
+    """A press to save."""
 
-    Attributes
-    ----------
-    frame
-        As the camera gave it.
-    when
-        When it came, with the zone of this place.
-    image
-        The same with scale and force.
-    force
-        That of the press; None where unknown.
-    role
-        What was pressed.
-    probe
-        Name of the probe; empty where nobody said.
-    calibration
-        Active calibration; None without one.
-    reference
-        What the press guard compares with.
-    name, truth
-        Of a new target.
-    virtual
-        Whether the virtual probe made the press.
-    """
-
-    frame: Frame
-    when: datetime
-    image: TactileImage
+    received: ReceivedFrame
     force: PressForce | None
     role: str
-    probe: str
-    calibration: UsableCalibration | None
-    reference: GuardReference
-    name: str
-    truth: Mapping[str, float]
-    virtual: bool = False
+    active: ActiveCalibration
+    subject: VirtualSubject | None  # of the virtual probe
+
+    @property
+    def image(self) -> TactileImage:
+        """The frame with scale and force."""
+        force_n = None if self.force is None else self.force.value_n
+        return self.received.frame.tactile_image(mm_per_pixel=self.active.scale, force_n=force_n)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedPress:
-    """A press that is on the disk and in the store.
-
-    Attributes
-    ----------
-    files
-        Its files in the workspace.
-    target, press
-        In the store.
-    flags
-        Its flags.
-    notes
-        Notes.
-    """
+    """A press that is on the disk and in the store, with its files in the workspace."""
 
     files: Snapshot
     target: Target
@@ -96,39 +56,46 @@ class SavedPress:
     notes: tuple[str, ...]
 
 
-def save_press(taken: PressToSave, *, number: int, workspace: Path, store: Store, map_name: str) -> SavedPress:
+def save_press(press: PressToSave, *, number: int, workspace: Path, store: Store, map_name: str) -> SavedPress:
     """Save a press under the number of a target, which is created when absent.
 
     Raises
     ------
     ControlError
-        When the virtual probe is on another phantom than the target, or the store is of subjects; nothing is kept then.
+        When the virtual probe is on another phantom than the target, or the store is of subjects; nothing is saved.
     FileInputError
-        When the files cannot be written; nothing is left of them then.
+        When the files cannot be written; none of them is left then.
     RecordsError
-        When the store does not take the press. Its files stay, for nobody can press the same again; the sentence names
+        When the store refuses the press. Its files stay, since the press cannot be repeated; the message names
         them, and ``tsis records import`` enters them.
     """
-    if taken.virtual:  # which can press the same again; a press of a real probe is kept whatever is known of its target
-        _require_same_phantom(store, taken, number)
-    flags = check_press(taken.image, reference=taken.reference)
+    if press.subject is not None:  # only the virtual probe can repeat a press that is refused
+        _require_same_phantom(store, press.subject, number)
+    image, calibration = press.image, press.active.calibration
+    when = datetime.now().astimezone() - timedelta(seconds=max(0.0, time.monotonic() - press.received.arrived_s))
+    flags = check_press(image, reference=press.active.reference)
     files = save_snapshot(
-        taken.frame,
+        press.received.frame,
         workspace,
         target=number,
-        when=taken.when,
-        colour=lambda frame: _coloured(frame, map_name),
-        about=_about(taken, flags),
+        when=when,
+        colour=lambda frame: colour_map(frame.tactile_image(), name=map_name),
+        about={
+            "role": press.role,
+            **press.active.sidecar_entries(),
+            "force": None if press.force is None else {"force_n": press.force.value_n, "source": press.force.source},
+            "flags": [asdict(flag) for flag in flags],
+        },
     )
     try:
-        target, notes = _target(store, taken, number)
-        press = store.add_press(
+        target, notes = _target(store, image, press.subject, number)
+        stored = store.add_press(
             target,
-            taken.image,
-            role=taken.role,
-            taken=taken.when.astimezone(UTC),
-            probe=taken.probe,
-            calibration=None if taken.calibration is None else taken.calibration.calibration,
+            image,
+            role=press.role,
+            taken=when.astimezone(UTC),
+            probe=press.active.probe,
+            calibration=None if calibration is None else calibration.calibration,
             flags=tuple(flag.name for flag in flags),
         )
     except TsisError as error:
@@ -136,41 +103,18 @@ def save_press(taken: PressToSave, *, number: int, workspace: Path, store: Store
             f"the files are in {files.raw.parent}, but the press could not be kept in the store: {error} "
             f"(when that is mended, enter it with: tsis records import {files.sidecar})"
         ) from error
-    return SavedPress(files=files, target=target, press=press, flags=flags, notes=notes)
+    return SavedPress(files=files, target=target, press=stored, flags=flags, notes=notes)
 
 
-def press_to_save(
-    frame: ReceivedFrame, *, camera_controller: CameraController, in_force: ActiveCalibration, force: PressForce | None
-) -> PressToSave:
-    """A frame that came as a press of what the desk holds, under the calibration in force."""
-    subject = camera_controller.subject
-    return PressToSave(
-        frame=frame.frame,
-        when=_moment(frame),
-        image=frame.frame.tactile_image(mm_per_pixel=in_force.scale, force_n=None if force is None else force.value_n),
-        force=force,
-        role=camera_controller.role,
-        probe=in_force.probe,
-        calibration=in_force.calibration,
-        reference=in_force.reference,
-        name="" if subject is None else subject.name,
-        truth={} if subject is None else subject.truth,
-        virtual=subject is not None,
-    )
-
-
-def _moment(frame: ReceivedFrame) -> datetime:
-    """When a frame came, with the zone of this place."""
-    return datetime.now().astimezone() - timedelta(seconds=max(0.0, time.monotonic() - frame.arrived_s))
-
-
-def _target(store: Store, taken: PressToSave, number: int) -> tuple[Target, tuple[str, ...]]:
-    """The target of that number, entered where there is none, and what to know of it."""
-    truth = taken.truth if store.kind == "phantom" else {}
+def _target(
+    store: Store, image: TactileImage, subject: VirtualSubject | None, number: int
+) -> tuple[Target, tuple[str, ...]]:
+    """The target of that number, created when absent, and notes about it."""
+    name, truth = ("", {}) if subject is None else (subject.name, subject.truth if store.kind == "phantom" else {})
     target = target_by_number(store, number)
     if target is None:
         try:
-            return new_target(store, [taken.image], number=number, name=taken.name, truth=truth), ()
+            return new_target(store, [image], number=number, name=name, truth=truth), ()
         except InputError:
             target = target_by_number(store, number)  # somebody else has entered it this moment
             if target is None:
@@ -178,7 +122,7 @@ def _target(store: Store, taken: PressToSave, number: int) -> tuple[Target, tupl
     return target, tuple(truth_note(truth, target))
 
 
-def _require_same_phantom(store: Store, taken: PressToSave, number: int) -> None:
+def _require_same_phantom(store: Store, subject: VirtualSubject, number: int) -> None:
     """Refuse, with `ControlError`, what would mix presses of several phantoms, or of a phantom with those of people."""
     if store.kind != "phantom":
         raise ControlError(
@@ -186,28 +130,14 @@ def _require_same_phantom(store: Store, taken: PressToSave, number: int) -> None
             "--kind phantom, or choose a camera"
         )
     target = target_by_number(store, number)
-    if target is not None and target.truth and dict(target.truth) != dict(taken.truth):
+    if target is not None and target.truth and dict(target.truth) != dict(subject.truth):
         raise ControlError(
-            f"target {number} is of {_phantom_words(target.name, target.truth)}; the virtual probe is on "
-            f"{_phantom_words(taken.name, taken.truth)} now: choose another target with + or type its number"
+            f"target {number} is of {_phantom_text(target.name, target.truth)}; the virtual probe is on "
+            f"{_phantom_text(subject.name, subject.truth)} now: choose another target with + or type its number"
         )
 
 
-def _phantom_words(name: str, truth: Mapping[str, float]) -> str:
-    """A phantom by its name and what is in it, for two may have the same name."""
+def _phantom_text(name: str, truth: Mapping[str, float]) -> str:
+    """A phantom by its name and its inclusion, since two may have the same name."""
     values = ", ".join(f"{name} {value:g}" for name, value in sorted(truth.items()))
     return f"{name or 'another phantom'} ({values or 'no inclusion'})"
-
-
-def _about(taken: PressToSave, flags: tuple[GuardFlag, ...]) -> dict[str, Any]:
-    return {
-        "role": taken.role,
-        "probe": taken.probe,
-        "calibration": None if taken.calibration is None else taken.calibration.citation(),
-        "force": None if taken.force is None else {"force_n": taken.force.value_n, "source": taken.force.source},
-        "flags": [asdict(flag) for flag in flags],
-    }
-
-
-def _coloured(frame: Frame, map_name: str) -> NDArray[np.uint8]:
-    return colour_map(frame.tactile_image(), name=map_name)

@@ -75,30 +75,23 @@ class InstrumentState:
 
     Attributes
     ----------
-    camera
-        The camera.
     target
         Number of the target that snapshots go to.
     role, roles
         What is pressed, and what may be.
     force_n
-        As typed, or that of the virtual probe, which for "untouched" is kept for the next press; None where nobody
-        typed one.
+        As typed, or that of the virtual probe, which for "untouched" stays for the next press; None when unknown.
     calibration, calibration_identity
-        Name and SHA-256 of the one in force; empty without one, and while the one that was given does not fit the
-        camera as it is set, of which ``trouble`` tells.
-    frame_analysis
-        Analysis of the newest frame.
-    owner
-        Owner of the camera's control.
+        Name and SHA-256 of the active one; empty without one, and while the chosen one does not fit the camera's
+        settings, as ``trouble`` says.
     sequence
-        The sequence under way or the last one; None before the first.
+        The running or last sequence; None before the first.
     jobs
         Longer work, the newest last.
     trouble
         Messages of problems, the most urgent first.
     busy
-        What is being done now that others must wait for, as ``"starting the camera"``; empty when nothing is.
+        The running command that others must wait for, as ``"starting the camera"``; empty without one.
     gauge
         Name of the gauge that forces are read from; empty without one.
     """
@@ -120,20 +113,12 @@ class InstrumentState:
 
     @property
     def lifted(self) -> bool:
-        """Whether the virtual probe touches nothing: its force is 0 then, whatever is kept for the next press."""
+        """Whether the virtual probe touches nothing: its force is 0 then, whatever is set for the next press."""
         return self.camera.choice.is_virtual and self.role == UNTOUCHED
 
 
 def camera_state(camera_controller: CameraController, mm_per_pixel: tuple[float, float] | None) -> CameraState:
-    """How the camera on a desk is; it never waits for the camera.
-
-    Parameters
-    ----------
-    camera_controller
-        Where it is.
-    mm_per_pixel
-        Size (x, y) of a pixel on the face; None when nobody knows it.
-    """
+    """State of the camera, with the size (x, y) of its pixels in mm; it never waits for the camera."""
     # Asked once: it may be stopped, or be another one, the moment after.
     acquisition, choice = camera_controller.acquisition, camera_controller.choice
     if acquisition is None:

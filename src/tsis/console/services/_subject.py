@@ -128,7 +128,7 @@ class CameraChoice:
 
     @property
     def touch_n(self) -> float | None:
-        """Force with which the virtual probe begins, N; None for other cameras, of which nobody knows."""
+        """Force with which the virtual probe begins, N; None for other cameras."""
         if not self.is_virtual:
             return None
         return SPHERE_N if self.is_sphere else TISSUE_N
@@ -140,21 +140,10 @@ TRUTHS = ("diameter_mm", "depth_mm", "young_kpa")
 
 
 class VirtualSubject:
-    """A virtual rig with what lies before it, by the role of a press on it.
-
-    Parameters
-    ----------
-    choice
-        Probe, phantom or sphere, and seed.
-
-    Raises
-    ------
-    InputError
-        When the phantom's values lie outside their ranges.
-    """
+    """A virtual rig with the objects before it, by the role of a press; `InputError` for a phantom out of range."""
 
     def __init__(self, choice: CameraChoice) -> None:
-        self._rng, self._roles = np.random.default_rng(choice.seed), choice.roles
+        self._rng, self.roles = np.random.default_rng(choice.seed), choice.roles
         self.probe = load_probe(choice.probe)
         self._rig: VirtualProbe | DirectContactRig
         self._objects: dict[str, Phantom | SoftSphere]
@@ -181,11 +170,6 @@ class VirtualSubject:
         self.calibration = self._own_calibration()
 
     @property
-    def roles(self) -> tuple[str, ...]:
-        """What the probe can be held on."""
-        return self._roles
-
-    @property
     def mm_per_pixel(self) -> tuple[float, float]:
         """Size (x, y) of a pixel on the face, mm."""
         return self._rig.sensor.mm_per_pixel
@@ -203,7 +187,7 @@ class VirtualSubject:
         )
 
     def connect(self) -> VirtualCamera:
-        """A camera that looks at the press as it is held; connected anew it is the same press."""
+        """A camera of the present press, which stays the same after a reconnection."""
         camera = VirtualCamera(
             self._rig,
             self._lying(self.role),
@@ -216,14 +200,10 @@ class VirtualSubject:
         return camera
 
     def hold(self, role: str, force_n: float) -> None:
-        """Lift the probe and hold it on something, or again; it shows once the mechanics are solved: on return.
+        """Press an object with a force in newtons; it is visible once the mechanics are solved: on return.
 
-        Raises
-        ------
-        InputError
-            When there is nothing of that role, or the force lies outside its range.
-        MechanicsError
-            When the tissue cannot be pressed so hard; the press is as it was.
+        Raises `InputError` for an unknown role or a force outside its range, and `MechanicsError` when the tissue
+        cannot be pressed so hard; the press then stays as it was.
         """
         require_one_of("role", role, self.roles)
         require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
@@ -234,7 +214,7 @@ class VirtualSubject:
             except MechanicsError as error:
                 if error.largest_n is None:
                     raise
-                # The one cure that whoever holds this probe has: less force.
+                # The only cure at this probe is less force.
                 raise MechanicsError(f"{error.problem}: choose a force of at most {error.largest_n:.2g} N") from error
             if self._camera is not None:
                 self._camera.hold_on(lies, force_n=pressed_n, light=light)

@@ -1,4 +1,4 @@
-"""What a console was started with."""
+"""The settings that a console was started with."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tsis.records import KINDS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentSettings:
-    """Where a bench keeps things, and what it begins with.
+    """Folders and initial settings of an instrument.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class InstrumentSettings:
     probe, phantom, seed
         Of the virtual probe: names in the catalog, also of a sphere in place of a phantom, and the seed of its errors.
     calibration
-        Calibration file in force at the start; the virtual probe's own when None.
+        Calibration file that is active at the start; the virtual probe's own when None.
 
     Raises
     ------

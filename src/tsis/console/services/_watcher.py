@@ -1,4 +1,4 @@
-"""Looks at the newest frame a few times a second, for everybody who watches."""
+"""Analysis of the newest frame a few times a second, for all clients."""
 
 from __future__ import annotations
 
@@ -27,16 +27,10 @@ _log = logging.getLogger(__name__)
 
 
 class Watcher:
-    """A thread that looks at frames until it is closed.
+    """A thread that analyses frames until it is closed.
 
-    Parameters
-    ----------
-    acquisition
-        Gives the running acquisition; None while there is none.
-    reference
-        Gives what the press guard compares frames with, and their scale (x, y) in mm per pixel or None.
-    force
-        Gives the force at a frame.
+    ``acquisition`` gives the running acquisition, ``reference`` the press guard's reference and its scale (x, y) in mm
+    per pixel, ``force`` the force at a frame; acquisition, scale and force may be None.
     """
 
     def __init__(
@@ -46,21 +40,11 @@ class Watcher:
         force: Callable[[ReceivedFrame], PressForce | None],
     ) -> None:
         self._acquisition, self._reference, self._force = acquisition, reference, force
-        self._analysis: FrameAnalysis | None = None
-        self._failure = ""
+        self.frame_analysis: FrameAnalysis | None = None  # of the newest frame
+        self.failure = ""  # why frames cannot be analysed
         self._anew, self._closing = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="watcher of presses", daemon=True)
         self._thread.start()
-
-    @property
-    def frame_analysis(self) -> FrameAnalysis | None:
-        """What the newest frame that was looked at shows; None while there is none."""
-        return self._analysis
-
-    @property
-    def failure(self) -> str:
-        """Why frames cannot be looked at; empty when they can."""
-        return self._failure
 
     def begin_anew(self) -> None:
         """Forget the press so far: camera, calibration or what is pressed has changed."""
@@ -81,9 +65,9 @@ class Watcher:
             if acquisition is not followed or away or self._anew.is_set():
                 self._anew.clear()
                 followed, watch, state, position = acquisition, None, WatchState(), 0
-                self._analysis, self._failure = None, ""
+                self.frame_analysis, self.failure = None, ""
             if acquisition is not None and away:
-                position = acquisition.ring.end  # those before are of a press that nobody sees any more
+                position = acquisition.ring.end  # earlier frames are of a press before the interruption
                 continue
             if acquisition is None or not acquisition.ring.wait(position, WAIT_S):
                 continue
@@ -93,21 +77,21 @@ class Watcher:
             try:
                 if watch is None:
                     watch, untouched = self._guard(received)
-                self._analysis, state = analyse_frame(
+                self.frame_analysis, state = analyse_frame(
                     watch, state, received.frame, number=position, force=self._force(received), untouched=untouched
                 )
-                self._failure = ""
+                self.failure = ""
             except TsisError as error:  # e.g. a calibration of another size; the live view goes on without flags
-                self._analysis, self._failure = None, str(error)
+                self.frame_analysis, self.failure = None, str(error)
             except Exception as error:
                 self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        """Go on with the live view; the log is told once."""
+        """Go on with the live view, and log the error once."""
         message = f"frames cannot be judged for a reason that nobody foresaw: {type(error).__name__}: {error}"
-        if message != self._failure:
+        if message != self.failure:
             _log.exception("a frame could not be judged")
-        self._analysis, self._failure = None, message
+        self.frame_analysis, self.failure = None, message
 
     def _guard(self, frame: ReceivedFrame) -> tuple[PressWatch, NDArray[np.float64] | None]:
         reference, scale = self._reference()

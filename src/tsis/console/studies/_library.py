@@ -1,4 +1,4 @@
-"""The newest report of a study, as its log knows it."""
+"""The studies of a workspace, and their newest reports."""
 
 from __future__ import annotations
 
@@ -31,23 +31,10 @@ def has_report(study: Study) -> bool:
 
 
 def report_bytes(study: Study, form: str) -> bytes:
-    """A file of the newest report.
+    """A file of the newest report, in a form of `FORMS`.
 
-    Parameters
-    ----------
-    study
-        Whose.
-    form
-        A name in `FORMS`.
-
-    Raises
-    ------
-    AbsentError
-        When there is no report.
-    RecordsError
-        When the file was changed since, so that it may hold anything.
-    FileInputError
-        When it cannot be read.
+    Raises `AbsentError` without a report, `RecordsError` when the file was changed since, and `FileInputError` when it
+    cannot be read.
     """
     newest = _newest(study)
     if newest is None:
@@ -78,35 +65,17 @@ NAME = re.compile(r"[A-Za-z0-9_-]{1,60}", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudySummary:
-    """A study in a list.
+    """A study in a list."""
 
-    Attributes
-    ----------
-    name
-        Of its folder.
-    targets, readings
-        How many.
-    unblinded
-        When and by whom; empty while it is blind.
-    trouble
-        Why it cannot be read; empty where it can.
-    """
-
-    name: str
+    name: str  # of its folder
     targets: int = 0
     readings: int = 0
-    unblinded: str = ""
-    trouble: str = ""
+    unblinded: str = ""  # when and by whom; empty while it is blind
+    trouble: str = ""  # why it cannot be read; empty where it can
 
 
 class StudyRepository:
-    """The studies below a workspace.
-
-    Parameters
-    ----------
-    workspace
-        Of the console.
-    """
+    """The studies below a console's workspace."""
 
     def __init__(self, workspace: Path) -> None:
         self._folder = workspace / FOLDER
@@ -149,9 +118,9 @@ class StudyRepository:
             raise RecordsError(f"the folder of studies must be writable; got: {error.strerror or error}") from error
         return new_study(self._folder / name, targets, **terms)
 
-    def glimpses(self) -> tuple[StudySummary, ...]:
+    def summaries(self) -> tuple[StudySummary, ...]:
         """All studies; one that cannot be read says why."""
-        return tuple(self._preview(name) for name in self.names())
+        return tuple(self._summary(name) for name in self.names())
 
     def stamp(self, name: str) -> tuple[int, int]:
         """Another pair of numbers whenever the log of a study has changed; zeros where there is none."""
@@ -165,7 +134,7 @@ class StudyRepository:
         """The same of all studies, by their names."""
         return tuple((name, self.stamp(name)) for name in self.names())
 
-    def _preview(self, name: str) -> StudySummary:
+    def _summary(self, name: str) -> StudySummary:
         try:
             study = self.study(name)
         except TsisError as error:

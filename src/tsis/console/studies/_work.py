@@ -1,4 +1,4 @@
-"""What takes long with a study: the virtual probe reads it, or it is unblinded and analysed; one at a time each."""
+"""Long work on a study, one at a time: reading by the virtual probe, or unblinding with analysis."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 PREPARING = "The probe is prepared; that is kept for next time."
 READING = "The probe reads."
-_begin = threading.Lock()  # between a look at what is under way and the beginning of more
+_begin = threading.Lock()  # between the check for running jobs and the beginning of another
 
 
 def reading_title(name: str) -> str:
@@ -42,14 +42,8 @@ def job_of(jobs: Jobs, name: str) -> JobState | None:
 def begin_reading(jobs: Jobs, study_repository: StudyRepository, name: str, *, operator: str) -> Job:
     """Have the virtual probe read what an operator has still to read.
 
-    Raises
-    ------
-    InputError
-        When the operator has no name, or there is no such study.
-    RecordsError
-        When the study is unblinded.
-    ControlError
-        When something is under way with it.
+    Raises `InputError` without an operator's name or such a study, `RecordsError` when the study is unblinded, and
+    `ControlError` while other work on it runs.
     """
     require_short_name("operator", operator)
     with _begin:
@@ -63,16 +57,10 @@ def begin_reading(jobs: Jobs, study_repository: StudyRepository, name: str, *, o
 def begin_publishing(
     jobs: Jobs, study_repository: StudyRepository, name: str, *, by: str, although_incomplete: bool = False
 ) -> Job:
-    """Unblind a study where it is blind still, analyse it and write its report.
+    """Unblind a study where it is still blind, analyse it and write its report.
 
-    Raises
-    ------
-    InputError
-        When who does it has no name, there is no such study, or targets are unread and nobody said although.
-    RecordsError
-        When it has no reading.
-    ControlError
-        When something is under way with it.
+    Raises `InputError` without a name or such a study, or with unread targets unless ``although_incomplete``;
+    `RecordsError` when it has no reading; `ControlError` while other work on it runs.
     """
     require_short_name("name", by)
     with _begin:

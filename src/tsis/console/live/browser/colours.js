@@ -28,11 +28,11 @@ export function endsOf(chosen, counts) {
 
 // The level below which a share of the pixels lies; inside a bin they are taken as evenly spread.
 function quantile(counts, share) {
-  const wanted = share * counts.reduce((sum, count) => sum + count, 0);
+  const rank = share * counts.reduce((sum, count) => sum + count, 0);
   let below = 0;
   for (let bin = 0; bin < counts.length; bin++) {
-    if (counts[bin] > 0 && below + counts[bin] >= wanted) {
-      return ((bin + (wanted - below) / counts[bin]) / counts.length) * FULL;
+    if (counts[bin] > 0 && below + counts[bin] >= rank) {
+      return ((bin + (rank - below) / counts[bin]) / counts.length) * FULL;
     }
     below += counts[bin];
   }
@@ -45,3 +45,26 @@ function nearest(value) {
   if (value - floor !== 0.5) return Math.round(value);
   return floor % 2 ? floor + 1 : floor;
 }
+
+// What elements in colours have in common.
+export const coloured = {
+  props: {
+    address: String, // of the WebSocket
+    map: String, // JSON of 256 packed colours, as a Uint32Array of canvas pixels holds them
+    range: String, // JSON of the ends of the colour map: "auto", or two levels of 255
+    scale: String, // JSON of the size (x, y) of a pixel, mm; null when unknown
+    label: String, // the image as text, for screen readers
+  },
+  computed: {
+    // Each is parsed again when its text changes, and not with every other prop.
+    colours() {
+      return JSON.parse(this.map);
+    },
+    ends() {
+      return JSON.parse(this.range);
+    },
+    mmPerPixel() {
+      return JSON.parse(this.scale);
+    },
+  },
+};

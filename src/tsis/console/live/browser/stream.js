@@ -18,31 +18,31 @@ class FrameStream {
     this.address = address;
     this.showing = new Set();
     this.frame = null; // the newest
-    this.sight = null; // what it shows, as the server saw it
+    this.analysis = null; // what it shows, as the server analysed it
     this.waiting = "waiting for the camera";
     this.drawn = []; // of the last frames: when each was drawn, and how old it was then, ms
-    this.look = () => (document.hidden ? this.close() : this.open()); // a page that nobody sees costs nothing
+    this.toggle = () => (document.hidden ? this.close() : this.open()); // a page that nobody sees costs nothing
   }
 
-  // Show frames from now on; returns what ends it. A show has some of frame(frame), sight(sight), waiting(words).
+  // Show frames from now on; returns what ends it. A show has some of frame(frame), analysis(analysis), waiting(text).
   join(show) {
     this.showing.add(show);
     if (this.showing.size === 1) {
-      document.addEventListener("visibilitychange", this.look);
-      this.look();
+      document.addEventListener("visibilitychange", this.toggle);
+      this.toggle();
     }
     show.waiting?.(this.waiting);
     if (this.frame) show.frame?.(this.frame);
-    show.sight?.(this.sight);
+    show.analysis?.(this.analysis);
     return () => this.leave(show);
   }
 
   leave(show) {
     this.showing.delete(show);
     if (this.showing.size) return;
-    document.removeEventListener("visibilitychange", this.look);
+    document.removeEventListener("visibilitychange", this.toggle);
     this.close();
-    this.frame = this.sight = null;
+    this.frame = this.analysis = null;
     this.drawn = [];
   }
 
@@ -72,8 +72,8 @@ class FrameStream {
 
   async receive(data, socket) {
     if (typeof data === "string") {
-      this.sight = JSON.parse(data);
-      this.tell("sight", this.sight);
+      this.analysis = JSON.parse(data);
+      this.notify("analysis", this.analysis);
       return;
     }
     try {
@@ -81,7 +81,7 @@ class FrameStream {
       if (socket !== this.socket) return;
       this.frame = frame;
       this.say("");
-      this.tell("frame", frame);
+      this.notify("frame", frame);
       this.drawn.push([performance.now(), Date.now() - frame.arrivedMs]);
       if (this.drawn.length > REMEMBERED) this.drawn.shift();
     } catch (error) {
@@ -90,13 +90,13 @@ class FrameStream {
     if (socket.readyState === WebSocket.OPEN) socket.send("ok"); // also of a frame that failed: the next one may not
   }
 
-  say(words) {
-    if (words === this.waiting) return;
-    this.waiting = words;
-    this.tell("waiting", words);
+  say(text) {
+    if (text === this.waiting) return;
+    this.waiting = text;
+    this.notify("waiting", text);
   }
 
-  tell(kind, what) {
+  notify(kind, what) {
     this.showing.forEach((show) => show[kind]?.(what));
   }
 

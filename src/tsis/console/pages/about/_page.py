@@ -1,4 +1,4 @@
-"""How this program is cited, and on what terms it may be used."""
+"""The page About: calibration, camera, storage, versions, citation and licence."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from tsis.calibration import UsableCalibration
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, InstrumentState
-    from tsis.records.store import Store
 
 
 TITLE = "tsis: open software for optical tactile imaging"
@@ -60,7 +59,7 @@ def version_facts() -> Facts:
 
 
 def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -> Facts:
-    """The calibration in force."""
+    """The active calibration."""
     if cited is None and state.camera.choice.is_virtual:
         return (("In force", "the virtual probe's own, once it runs"),)
     if cited is None:
@@ -100,22 +99,15 @@ def camera_facts(state: InstrumentState) -> Facts:
 
 def place_facts(instrument: Instrument) -> Facts:
     """Where data are stored, and how much."""
-    store = instrument.store
+    store, targets = instrument.store, instrument.store.targets()
     return (
         ("Snapshots and sequences", str(instrument.terms.workspace.resolve())),
         ("Store of records", str(store.folder.resolve())),
         ("Its rows", "in SQLite, in that folder" if instrument.terms.database is None else "in PostgreSQL"),
         ("Its kind", f"{store.kind}s"),
-        *_counts(store),
-    )
-
-
-def _counts(store: Store) -> Facts:
-    result = store.targets()
-    return (
-        ("Targets", str(len(result))),
-        ("Presses", str(sum(item.presses for item in result))),
-        ("Estimates", str(sum(item.estimates for item in result))),
+        ("Targets", str(len(targets))),
+        ("Presses", str(sum(item.presses for item in targets))),
+        ("Estimates", str(sum(item.estimates for item in targets))),
     )
 
 
@@ -144,17 +136,20 @@ async def about_page(instrument: Instrument, viewer: Viewer) -> None:
         with _panel("Keys on the page Examine"):
             FactList().show((*KEYS.items(), MOUSELESS))
         with _panel("For scripts"):
-            _for_scripts()
+            ui.label("What pages do, scripts can do by HTTP and JSON, with the same rights and behind the same key.")
+            with ui.element("p"):
+                ui.label("The calls and their values: ")
+                ui.link(DESCRIPTION, DESCRIPTION, new_tab=True)
         with _panel("To cite it"):
             for message in citation():
                 ui.label(message)
         with _panel(f"Licence: {LICENCE}"), ui.expansion("Read it").props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
-    in_force = CalibrationMemory(instrument)
+    active = CalibrationMemory(instrument)
 
     def show(state: InstrumentState) -> None:
-        calibration.show(calibration_facts(state, in_force.of(state)))
+        calibration.show(calibration_facts(state, active.of(state)))
         camera.show(camera_facts(state))
 
     viewer.follow(show)
@@ -167,10 +162,3 @@ def _panel(title: str) -> Iterator[None]:
     with ui.element("section").classes("panel"):
         panel_title(title)
         yield
-
-
-def _for_scripts() -> None:
-    ui.label("What pages do, scripts can do by HTTP and JSON, with the same rights and behind the same key.")
-    with ui.element("p"):
-        ui.label("The calls and their values: ")
-        ui.link(DESCRIPTION, DESCRIPTION, new_tab=True)

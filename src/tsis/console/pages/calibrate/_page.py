@@ -1,4 +1,4 @@
-"""Choose a calibration session, or begin a new one."""
+"""The pages of calibration sessions: their list, and one session with its steps."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from urllib.parse import quote
 from nicegui import run, ui
 
 from tsis.console.live import LiveView
-from tsis.console.pages.calibrate._result import CalibrationResultPanel, Making
+from tsis.console.pages.calibrate._result import CalibrationResultPanel, MakePanel
 from tsis.console.pages.calibrate._setup_form import TermsForm
 from tsis.console.pages.calibrate._steps import SavedFrame, StepCard
-from tsis.console.pages.components import OperatorControls, panel_title
+from tsis.console.pages.components import OperatorControls, Redrawn, panel_title
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
@@ -23,49 +23,45 @@ if TYPE_CHECKING:
     from tsis.console.services.calibrating import CalibrationSession, SessionSummary, StepState
 
 
-LOOK_S = 2.0  # between two looks at the folder
+LIST_EVERY_S, SESSION_EVERY_S = 2.0, 0.3  # between two readings
 
 
 def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    operated = OperatorControls(viewer)
+    controls = OperatorControls(viewer)
     with ui.element("div").classes("split calibrate-choosing"):
         with ui.element("section").classes("panel"):
             panel_title("Sessions")
-            listed = ui.element("div").classes("stack")
+            listed = Redrawn(ui.element("div").classes("stack"))
         with ui.element("section").classes("panel"):
             panel_title("Begin a calibration")
-            form = TermsForm(instrument, viewer, operated)
-            operated.why()
-    shown: list[Sequence[SessionSummary]] = []
+            form = TermsForm(instrument, viewer, controls)
+            controls.why()
 
-    async def look() -> None:
-        result = await run.io_bound(instrument.calibrating.listed)
-        if result is None or shown == [result]:
-            return
-        shown[:] = [result]
-        listed.clear()
-        with listed:
-            session_list(result)
+    async def refresh() -> None:
+        sessions = await run.io_bound(instrument.calibrating.listed)
+        if sessions is not None and listed.changes_to(sessions):
+            with listed.element:
+                session_list(sessions)
 
     def show(state: InstrumentState) -> None:
         form.show(state)
-        operated.show(state)
+        controls.show(state)
 
-    viewer.every(LOOK_S, look)
+    viewer.every(LIST_EVERY_S, refresh)
     viewer.follow(show)
 
 
-def session_list(found: Sequence[SessionSummary]) -> None:
+def session_list(sessions: Sequence[SessionSummary]) -> None:
     """Links to all sessions with their progress."""
-    if not found:
+    if not sessions:
         ui.label(
             "None yet. A calibration converts grey levels to newtons and pixels to millimetres; begin one, and "
             "it leads through its steps. It can be interrupted at any time and goes on where it was left."
         ).classes("muted")
         return
     with ui.element("ul").classes("calibrate-sessions"):
-        for item in found:
+        for item in sessions:
             with ui.element("li"), ui.element("div").classes("row"):
                 if item.trouble:
                     ui.label(item.name).classes("strong")
@@ -76,62 +72,44 @@ def session_list(found: Sequence[SessionSummary]) -> None:
                 )
                 ui.label(f"{item.probe}, {item.camera}").classes("muted")
                 ui.element("div").classes("spring")
-                ui.label(progress_text(item)).classes("good" if item.made else "muted")
-
-
-def progress_text(each: SessionSummary) -> str:
-    """How far a session is."""
-    if each.made:
-        return "calibration made"
-    return f"{each.done} of {each.total} steps"
+                if item.made:
+                    ui.label("calibration made").classes("good")
+                else:
+                    ui.label(f"{item.done} of {item.total} steps").classes("muted")
 
 
 ICONS = {"open": "radio_button_unchecked", "under way": "hourglass_top", "done": "check_circle", "left out": "remove"}
 
 
 class StepList:
-    """Choice of a step, and a button that takes all steps of the virtual rig.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    session
-        Whose steps.
-    operated
-        Takes the button.
-    choose
-        Called with the name of a step that was clicked.
-    """
+    """Choice of a step, and a button that takes all steps of the virtual rig."""
 
     def __init__(
         self,
         viewer: Viewer,
         session: CalibrationSession,
-        operated: OperatorControls,
+        controls: OperatorControls,
         choose: Callable[[str], Awaitable[None]],
     ) -> None:
-        self._viewer, self._session, self._choose = viewer, session, choose
-        self._shown: tuple[object, ...] = ()
+        self._choose = choose
         self._title = panel_title("Steps")
-        self._container = ui.element("ol").classes("calibrate-steps")
-        self._all: ui.button | None = None
-        if session.rig.by_itself:
-            self._all = ui.button("Take all open steps", icon="fast_forward", on_click=self._take_all)
-            operated.add(self._all.props("no-caps outline").classes("calibrate-all"))
+        self._list = Redrawn(ui.element("ol").classes("calibrate-steps"))
+        self._all = ui.button(
+            "Take all open steps", icon="fast_forward", on_click=viewer.command(session.take_all)
+        ).classes("calibrate-all")
+        self._automatic = session.rig.by_itself
+        self._all.set_visibility(self._automatic)
+        controls.add(self._all.props("no-caps outline"))
 
     def show(self, steps: Sequence[StepState], present: str | None) -> None:
         """Show the progress of each step and mark the present one."""
         now = (present, *((state.step.name, state.status, state.frames) for state in steps))
-        if now == self._shown:
+        if not self._list.changes_to(now):
             return
-        self._shown = now
         done = sum(state.status == "done" for state in steps)
         self._title.text = f"Steps: {done} of {len(steps)} done"
-        if self._all is not None:
-            self._all.set_visibility(any(state.status in ("open", "left out") for state in steps))
-        self._container.clear()
-        with self._container:
+        self._all.set_visibility(self._automatic and any(state.status in ("open", "left out") for state in steps))
+        with self._list.element:
             for state in steps:
                 self._item(state, here=state.step.name == present)
 
@@ -148,9 +126,6 @@ class StepList:
                 ui.label(name).classes("calibrate-step-name")
                 ui.label(status_text(state)).classes("muted")
 
-    async def _take_all(self) -> None:
-        await self._viewer.attempt(self._session.take_all, by=self._viewer.identity)
-
 
 def status_text(state: StepState) -> str:
     """How far a step is."""
@@ -161,9 +136,6 @@ def status_text(state: StepState) -> str:
     if state.status == "open" and state.step.optional:
         return "open, may be left out"
     return state.status
-
-
-POLL_S = 0.3  # between two looks at the session
 
 
 async def session_page(instrument: Instrument, viewer: Viewer, name: str) -> None:
@@ -183,11 +155,11 @@ async def session_page(instrument: Instrument, viewer: Viewer, name: str) -> Non
 
 
 class _Guide:
-    """The parts of a session's page, and which step is looked at."""
+    """The parts of a session's page, and the present step."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, session: CalibrationSession) -> None:
         self._session = session
-        self._operated = OperatorControls(viewer)
+        self._controls = OperatorControls(viewer)
         self._chosen: str | None = None
         self._steps: tuple[StepState, ...] = ()
         self._view: LiveView | None = None
@@ -198,24 +170,24 @@ class _Guide:
             ui.label(setup_text(session)).classes("muted")
         with ui.element("div").classes("calibrate-guide"):
             with ui.element("section").classes("panel").props('aria-label="Steps"'):
-                self._list = StepList(viewer, session, self._operated, self._choose)
+                self._list = StepList(viewer, session, self._controls, self._choose)
             with ui.element("div").classes("stack"):
                 with ui.element("section").classes("panel stack").props('aria-label="Present step"'):
-                    self._card = StepCard(viewer, session, self._operated)
-                    self._operated.why()
-                    with ui.element("div").classes("calibrate-seen"):
+                    self._card = StepCard(viewer, session, self._controls)
+                    self._controls.why()
+                    with ui.element("div").classes("calibrate-images"):
                         if not session.rig.by_itself:
                             with ui.element("div").classes("calibrate-live"):
                                 self._view = LiveView(map_name="grey")
                         self._frame = SavedFrame(viewer, session)
-                self._making = Making(instrument, viewer, session, self._operated)
+                self._making = MakePanel(instrument, viewer, session, self._controls)
         self._result = CalibrationResultPanel(viewer, session)
-        viewer.every(POLL_S, self._refresh)
+        viewer.every(SESSION_EVERY_S, self._refresh)
         viewer.follow(self._show)
 
     def _show(self, state: InstrumentState) -> None:
         self._state = state
-        self._operated.show(state)
+        self._controls.show(state)
         self._making.show(state)
         if self._view is not None:
             self._view.update_state(state)
@@ -229,7 +201,7 @@ class _Guide:
         await self._show_step()
         self._making.refresh(self._steps)
         if self._state is not None:
-            self._operated.show(self._state)  # of controls that have come since the state was told
+            self._controls.show(self._state)  # of controls that are newer than the state
         await self._result.refresh(file)
         self._making.cites(self._result.identity)
 

@@ -1,4 +1,4 @@
-"""Results of a session's calibration: its numbers, and figures of the residuals."""
+"""The calibration of a session: buttons, numbers, and figures of the residuals."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import read_calibration
 from tsis.console.pages.components import (
     ProgressBar,
+    Redrawn,
     cards,
     drawings,
     figure,
@@ -37,58 +38,41 @@ if TYPE_CHECKING:
 
 
 class CalibrationResultPanel:
-    """Shows the calibration, also one from before the program's start.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    session
-        Whose calibration.
-
-    Attributes
-    ----------
-    identity
-        Of what is shown; empty while nothing was made.
-    """
+    """Shows the calibration, also one from before the program's start; ``identity`` is empty without one."""
 
     def __init__(self, viewer: Viewer, session: CalibrationSession) -> None:
         self._viewer, self._session = viewer, session
-        self._shown: object = None
         self.identity = ""
-        self._container = ui.element("section").classes("panel stack").props('aria-label="What was measured"')
-        self._container.set_visibility(False)
+        panel = ui.element("section").classes("panel stack").props('aria-label="What was measured"')
+        self._panel = Redrawn(panel.set_visibility(False))
 
     async def refresh(self, file: Path | None) -> None:
         """Show changes; ``file`` is the calibration's, None before it exists."""
-        created = self._session.result
-        now = file if created is None else created.identity
-        if now == self._shown:
+        result = self._session.result
+        if not self._panel.changes_to(file if result is None else result.identity):
             return
-        self._shown = now
         self.identity = ""
-        self._container.clear()
-        if created is not None:
-            await self._show_result(created)
+        if result is not None:
+            await self._show_result(result)
         elif file is not None:
             given = await self._viewer.attempt(read_usable_calibration, file)
             if given is not None:
                 self.identity = given.identity
-                with self._container:
+                with self._panel.element:
                     calibration_content(given.calibration)
-        self._container.set_visibility(bool(self.identity))
+        self._panel.element.set_visibility(bool(self.identity))
 
-    async def _show_result(self, made: CalibrationResult) -> None:
+    async def _show_result(self, result: CalibrationResult) -> None:
         provenance = {"session": str(self._session.folder.path), "terms": to_json_value(self._session.terms)}
-        page = calibration_page(made.calibration, made.findings, provenance=provenance)
+        page = calibration_page(result.calibration, result.findings, provenance=provenance)
         sources = await self._viewer.attempt(drawings, page)
         if sources is not None:
-            self.identity = made.identity
-            with self._container:
-                whole(page, sources)
+            self.identity = result.identity
+            with self._panel.element:
+                result_content(page, sources)
 
 
-def whole(page: Page, sources: Sequence[str]) -> None:
+def result_content(page: Page, sources: Sequence[str]) -> None:
     """Cards, figures beside each other, notes, and tables beside each other."""
     cards(page.cards)
     with ui.element("div").classes("calibrate-figures"):
@@ -101,12 +85,12 @@ def whole(page: Page, sources: Sequence[str]) -> None:
             table(item)
 
 
-def calibration_content(known: ProbeCalibration) -> None:
+def calibration_content(calibration: ProbeCalibration) -> None:
     """Contents of the file of an earlier calibration."""
     ui.label("It was computed before. Compute it again from the same frames to see the residuals of its fits.").classes(
         "muted"
     )
-    table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(known)))
+    table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(calibration)))
 
 
 EXERCISE = (
@@ -115,23 +99,11 @@ EXERCISE = (
 )
 
 
-class Making:
-    """Buttons that make the calibration, put it in force and download it.
-
-    Parameters
-    ----------
-    bench
-        Where it is put in force.
-    viewer
-        Who looks.
-    session
-        Whose frames.
-    operated
-        Takes the button that puts it in force.
-    """
+class MakePanel:
+    """Buttons that compute the calibration, activate it and download it."""
 
     def __init__(
-        self, instrument: Instrument, viewer: Viewer, session: CalibrationSession, operated: OperatorControls
+        self, instrument: Instrument, viewer: Viewer, session: CalibrationSession, controls: OperatorControls
     ) -> None:
         self._instrument, self._viewer, self._session = instrument, viewer, session
         self._identity = ""
@@ -145,9 +117,9 @@ class Making:
             self._bar = ProgressBar("Progress of the calibration")
             self._text = ui.label().classes("muted").props("role=status")
             with ui.element("div").classes("row") as self._commands:
-                self._force = ui.button("Activate", icon="verified", on_click=self._put_in_force)
-                operated.add(self._force.props("no-caps unelevated"))
-                self._in_force = ui.label("It is active.").classes("good")
+                self._use = ui.button("Activate", icon="verified", on_click=self._activate)
+                controls.add(self._use.props("no-caps unelevated"))
+                self._active = ui.label("It is active.").classes("good")
                 file = ui.button("Download the file", icon="download", on_click=self._download)
                 file.props("no-caps outline")
                 self._cited = ui.label().classes("muted")
@@ -156,10 +128,10 @@ class Making:
         self._commands.set_visibility(False)
 
     def show(self, state: InstrumentState) -> None:
-        """Say whether it is in force."""
-        here = bool(self._identity) and state.calibration_identity == self._identity
-        self._in_force.set_visibility(here)
-        self._force.set_visibility(not here and not self._session.rig.by_itself)
+        """Say whether it is active."""
+        active = bool(self._identity) and state.calibration_identity == self._identity
+        self._active.set_visibility(active)
+        self._use.set_visibility(not active and not self._session.rig.by_itself)
 
     def refresh(self, steps: Sequence[StepState]) -> None:
         """Show what is missing, or how far it is."""
@@ -185,30 +157,28 @@ class Making:
         self._commands.set_visibility(bool(identity))
 
     async def _begin(self) -> None:
-        await self._viewer.attempt(self._begun)
+        await self._viewer.attempt(lambda: self._session.make(days=typed_number("days", self._days.value)))
 
-    def _begun(self) -> object:
-        return self._session.make(days=typed_number("days", str(self._days.value or "")))
+    async def _activate(self) -> None:
+        def activated() -> str:
+            usable = read_usable_calibration(self._file())
+            self._instrument.use_calibration(usable, by=self._viewer.identity)
+            return usable.calibration.name
 
-    async def _put_in_force(self) -> None:
-        name = await self._viewer.attempt(self._used)
+        name = await self._viewer.attempt(activated)
         if name is not None:
             self._viewer.notify(f"Calibration {name} is active.")
 
-    def _used(self) -> str:
-        file = self._session.file
-        assert file is not None  # the button is there with it
-        usable_calibration = read_usable_calibration(file)
-        self._instrument.use_calibration(usable_calibration, by=self._viewer.identity)
-        return usable_calibration.calibration.name
-
     async def _download(self) -> None:
-        content = await self._viewer.attempt(self._content)
-        if content is not None:
-            ui.download.content(content, f"calibration-{self._session.name}.json", "application/json")
+        def content() -> bytes:
+            read_calibration(self._file())  # refuses one that was changed
+            return self._file().read_bytes()
 
-    def _content(self) -> bytes:
+        document = await self._viewer.attempt(content)
+        if document is not None:
+            ui.download.content(document, f"calibration-{self._session.name}.json", "application/json")
+
+    def _file(self) -> Path:
         file = self._session.file
-        assert file is not None  # the button is there with it
-        read_calibration(file)  # refuses one that was changed
-        return file.read_bytes()
+        assert file is not None  # the buttons are there with it
+        return file

@@ -1,8 +1,7 @@
-"""The terms of a new session, as a person types them."""
+"""The form of a new session."""
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -11,7 +10,14 @@ from nicegui import ui
 from tsis.calibration.force import TIPS_MM
 from tsis.calibration.session import SessionSetup
 from tsis.catalog import list_probes
-from tsis.console.pages.components import field_messages, number_text_of_field, typed_number, unit_field
+from tsis.console.pages.components import (
+    field_messages,
+    number_text_of_field,
+    typed_integer,
+    typed_number,
+    typed_numbers,
+    unit_field,
+)
 from tsis.errors import InputError
 from tsis.model import LARGEST_SEED, require_integer
 from tsis.virtual import bench_name
@@ -24,7 +30,7 @@ if TYPE_CHECKING:
 
 LEAST_LOADINGS = 2  # of a force line: the lamps' drift hides in the slope of a single one
 SIDES = 4  # of a patch: left, top, right, bottom
-WORDS = {
+LABELS = {
     "pitch_mm": "pitch of the dot board",
     "pitch_sd_mm": "its standard uncertainty",
     "tips_mm": "radii of the tips",
@@ -35,19 +41,9 @@ WORDS = {
 
 
 class TermsForm:
-    """Asks for the terms and begins the session.
+    """Asks for the terms and begins the session."""
 
-    Parameters
-    ----------
-    bench
-        Where it is begun.
-    viewer
-        Who does so.
-    operated
-        Takes the button.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         choice = instrument.camera_controller.choice
         self._virtual = choice.is_virtual
@@ -67,7 +63,7 @@ class TermsForm:
                 self._patch.props('hint="left, top, right, bottom; empty where they are seen nowhere" ')
             with ui.element("div").classes("row"):
                 self._button = ui.button("Begin", icon="play_arrow", on_click=self._begin).props("no-caps unelevated")
-        operated.add(self._button)
+        controls.add(self._button)
 
     def show(self, state: InstrumentState) -> None:
         """Ask for what the present camera needs."""
@@ -87,18 +83,18 @@ class TermsForm:
             ui.navigate.to(f"/calibrate/{quote(session.name)}")
 
     def _begun(self) -> CalibrationSession:
-        with field_messages(WORDS):
+        with field_messages(LABELS):
             return self._instrument.calibrating.begin(self._terms(), by=self._viewer.identity)
 
     def _terms(self) -> SessionSetup:
-        tips = typed_numbers(WORDS["tips_mm"], self._tips.value or "")
-        repeats = require_integer("loadings of each tip", typed_number("loadings", self._repeats.value or ""), 1, 20)
+        tips = typed_numbers(LABELS["tips_mm"], self._tips.value)
+        repeats = typed_integer("loadings of each tip", self._repeats.value, 1, 20)
         if len(tips) * repeats < LEAST_LOADINGS:
             raise InputError(
                 f"a calibration needs at least {LEAST_LOADINGS} loadings, of two tips or of one twice; got {len(tips)} "
                 f"tip and {repeats} loading of it (add a tip, or load it twice)"
             )
-        seed = require_integer("seed", typed_number("seed", self._seed.value or ""), 0, LARGEST_SEED)
+        seed = typed_integer("seed", self._seed.value, 0, LARGEST_SEED)
         name = (self._name.value or "").strip()
         if not name:
             raise InputError("name must be given: what the calibration will be called; got none")
@@ -106,24 +102,13 @@ class TermsForm:
             name=name,
             probe=self._probe.value or "",
             camera=bench_name(seed) if self._virtual else self._instrument.camera_controller.name or "camera",
-            pitch_mm=typed_number(WORDS["pitch_mm"], self._pitch.value or ""),
-            pitch_sd_mm=typed_number(WORDS["pitch_sd_mm"], self._pitch_sd.value or ""),
-            gauge_share=typed_number(WORDS["gauge_share"], self._gauge_uncertainty.value or ""),
+            pitch_mm=typed_number(LABELS["pitch_mm"], self._pitch.value),
+            pitch_sd_mm=typed_number(LABELS["pitch_sd_mm"], self._pitch_sd.value),
+            gauge_share=typed_number(LABELS["gauge_share"], self._gauge_uncertainty.value),
             patch_px=None if self._virtual else typed_patch(self._patch.value or ""),
             tips_mm=tips,
             repeats=repeats,
         )
-
-
-def typed_numbers(name: str, text: str) -> tuple[float, ...]:
-    """Typed numbers in their order; `InputError` for one that is no number.
-
-    Examples
-    --------
-    >>> typed_numbers("tips", "2, 10; 14")
-    (2.0, 10.0, 14.0)
-    """
-    return tuple(typed_number(name, part) for part in re.split(r"[,;\s]+", text.strip()))
 
 
 def typed_patch(text: str) -> tuple[int, int, int, int] | None:

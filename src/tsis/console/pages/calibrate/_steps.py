@@ -1,4 +1,4 @@
-"""A question before something is taken away."""
+"""The present step of a session: instruction, commands, typed forces, and a saved frame."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from tsis.console.files import GREY, thumbnail_png
 from tsis.console.pages.components import (
     FORCE,
     ProgressBar,
+    Redrawn,
     field_messages,
     panel_title,
     set_class,
@@ -29,12 +30,11 @@ if TYPE_CHECKING:
     from tsis.console.services.calibrating import CalibrationSession, StepState
 
 
-async def asked(question: str, *, yes: str, why: str = "") -> bool:
+async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
     """Ask for confirmation; False without a response."""
     with ui.dialog() as dialog, ui.card(), ui.element("div").classes("question"):
         ui.label(question).classes("strong")
-        if why:
-            ui.label(why).classes("muted")
+        ui.label(why).classes("muted")
         with ui.element("div").classes("row"):
             ui.element("div").classes("spring")
             ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps")
@@ -48,15 +48,7 @@ SIZE_PX = 560  # of its longer side
 
 
 class SavedFrame:
-    """The frame in the middle of a step, in loadings near the largest force.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    session
-        Whose frames.
-    """
+    """The frame in the middle of a step, in loadings near the largest force."""
 
     def __init__(self, viewer: Viewer, session: CalibrationSession) -> None:
         self._viewer, self._session = viewer, session
@@ -93,79 +85,51 @@ class SavedFrame:
 
 
 class TypedLoading:
-    """The field for the next force, and the table of those so far.
+    """The field for the next force, and the table of those so far."""
 
-    Parameters
-    ----------
-    viewer
-        Who types.
-    session, step
-        Which loading.
-    operated
-        Takes the controls.
-    """
-
-    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: OperatorControls, step: str) -> None:
+    def __init__(self, viewer: Viewer, session: CalibrationSession, controls: OperatorControls, step: str) -> None:
         self._viewer, self._session, self._step = viewer, session, step
-        self._shown: Sequence[float] | None = None
         with ui.element("div").classes("stack"):
             ui.label("Begin untouched with the force that the gauge shows then, usually 0.").classes("muted")
             with ui.element("div").classes("row"):
                 self._force = unit_field("Force that the gauge shows", unit="N").props("autofocus")
                 self._force.on("keydown.enter", self._press)
                 take = ui.button("Take a frame", icon="photo_camera", on_click=self._press).props("no-caps unelevated")
-            self._table = ui.element("div").classes("calibrate-forces")
+            self._table = Redrawn(ui.element("div").classes("calibrate-forces"))
             with ui.element("div").classes("row"):
-                save = ui.button("It is back at 0: save it", icon="check", on_click=self._save).props("no-caps outline")
-                undo = ui.button("Remove the last", icon="undo", on_click=self._undo).props("no-caps outline")
-        for control in (self._force, take, save, undo):
-            operated.add(control)
+                save = ui.button(
+                    "It is back at 0: save it", icon="check", on_click=viewer.command(session.save_presses, step)
+                )
+                undo = ui.button("Remove the last", icon="undo", on_click=viewer.command(session.unpress, step))
+        controls.add(self._force, take, save.props("no-caps outline"), undo.props("no-caps outline"))
 
     def show(self, forces_n: Sequence[float]) -> None:
         """Show the forces so far."""
-        if forces_n == self._shown:
+        if not self._table.changes_to(forces_n):
             return
-        self._shown = forces_n
-        self._table.clear()
-        with self._table:
+        with self._table.element:
             ui.label(f"{len(forces_n)} frames" if forces_n else "No frame yet.").classes("muted")
             for force in forces_n:
                 ui.label(f"{force:g} N").classes("chip")
 
     async def _press(self) -> None:
         text = str(self._force.value or "")
-        if await self._viewer.attempt(self._pressed, text) is not None:
+
+        def pressed() -> int:
+            force = typed_number("force", text.replace(",", "."))
+            with field_messages(FORCE):
+                return self._session.press(self._step, force, by=self._viewer.identity)
+
+        if await self._viewer.attempt(pressed) is not None:
             self._force.set_value("")
-
-    def _pressed(self, text: str) -> int:
-        force = typed_number("force", text.replace(",", "."))
-        with field_messages(FORCE):
-            return self._session.press(self._step, force, by=self._viewer.identity)
-
-    async def _undo(self) -> None:
-        await self._viewer.attempt(self._session.unpress, self._step, by=self._viewer.identity)
-
-    async def _save(self) -> None:
-        await self._viewer.attempt(self._session.save_presses, self._step, by=self._viewer.identity)
 
 
 class StepCard:
-    """Shows the step that is looked at.
+    """Shows the present step."""
 
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    session
-        Whose steps.
-    operated
-        Takes the controls.
-    """
-
-    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: OperatorControls) -> None:
-        self._viewer, self._session, self._operated = viewer, session, operated
-        self._shown: tuple[object, ...] = ()
-        self._container = ui.element("div").classes("stack")
+    def __init__(self, viewer: Viewer, session: CalibrationSession, controls: OperatorControls) -> None:
+        self._viewer, self._session, self._controls = viewer, session, controls
+        self._container = Redrawn(ui.element("div").classes("stack"))
         self._bar = ProgressBar("Frames taken")
         self._text = ui.label().classes("muted").props("role=status")
         self._typed: TypedLoading | None = None
@@ -178,11 +142,9 @@ class StepCard:
         )
         gauge = self._session.rig.has_gauge
         now = (present, None if state is None else state.status, gauge, len(steps))
-        if now != self._shown:
-            self._shown = now
+        if self._container.changes_to(now):
             self._typed = None
-            self._container.clear()
-            with self._container:
+            with self._container.element:
                 self._build(state, number, len(steps))
         if self._typed is not None and state is not None:
             self._typed.show(state.forces_n)
@@ -192,36 +154,35 @@ class StepCard:
             panel_title("Every step is done or left out.")
             ui.label("Make the calibration below, or choose a step to repeat it.").classes("muted")
             return
-        step = state.step
+        step, session, command = state.step, self._session, self._viewer.command
         panel_title(f"Step {number} of {total}: {step.name}")
         ui.label(f"{step.instruction}.").classes("calibrate-instruction")
-        if self._session.rig.by_itself and state.status != "done":
+        if session.rig.by_itself and state.status != "done":
             ui.label("Instructions for an operator; the virtual rig does this step.").classes("muted")
         with ui.element("div").classes("row"):
             if state.status == "under way":
                 self._under_way(state)
             elif state.status == "done":
                 ui.label(f"Done: {state.frames} frames are saved.").classes("good")
-                self._button("Repeat this step", "replay", self._repeat, step.name, outline=True)
-            elif step.is_loading and not self._session.rig.has_gauge:
-                self._typed = TypedLoading(self._viewer, self._session, self._operated, step.name)
+                self._button("Repeat this step", "replay", lambda: self._repeat(step.name), outline=True)
+            elif step.is_loading and not session.rig.has_gauge:
+                self._typed = TypedLoading(self._viewer, session, self._controls, step.name)
             else:
                 text = "Begin the loading" if step.is_loading else f"Take {step.frames} frames"
-                self._button(text, "photo_camera", self._take, step.name)
+                self._button(text, "photo_camera", command(session.take, step.name))
             if step.optional and state.status == "open":
-                self._button("Leave it out", "skip_next", self._leave_out, step.name, outline=True)
+                self._button("Leave it out", "skip_next", command(session.leave_out, step.name), outline=True)
 
     def _under_way(self, state: StepState) -> None:
-        if state.step.is_loading and not self._session.rig.by_itself:
+        session, command = self._session, self._viewer.command
+        if state.step.is_loading and not session.rig.by_itself:
             ui.label("Load now, slowly, and back to 0.").classes("strong")
-            self._button("It is back at 0: save it", "check", self._end_loading, state.step.name)
-        self._button("End without keeping", "stop", self._end, state.step.name, outline=True)
+            self._button("It is back at 0: save it", "check", command(session.end_loading))
+        self._button("End without keeping", "stop", command(session.end_step), outline=True)
 
-    def _button(
-        self, words: str, icon: str, act: Callable[[str], Awaitable[None]], name: str, *, outline: bool = False
-    ) -> None:
-        button = ui.button(words, icon=icon, on_click=lambda: act(name))
-        self._operated.add(button.props("no-caps outline" if outline else "no-caps unelevated"))
+    def _button(self, text: str, icon: str, act: Callable[[], Awaitable[object]], *, outline: bool = False) -> None:
+        button = ui.button(text, icon=icon, on_click=act)
+        self._controls.add(button.props("no-caps outline" if outline else "no-caps unelevated"))
 
     def _progress(self) -> None:
         """How far the frames of a step are, and what became of the last step."""
@@ -231,22 +192,10 @@ class StepCard:
         self._text.text = "" if state is None else frames_text(state)
         set_class(self._text, "doubtful", state is not None and state.status == FAILED)
 
-    async def _take(self, name: str) -> None:
-        await self._viewer.attempt(self._session.take, name, by=self._viewer.identity)
-
-    async def _leave_out(self, name: str) -> None:
-        await self._viewer.attempt(self._session.leave_out, name, by=self._viewer.identity)
-
-    async def _end_loading(self, _: str) -> None:
-        await self._viewer.attempt(self._session.end_loading, by=self._viewer.identity)
-
-    async def _end(self, _: str) -> None:
-        await self._viewer.attempt(self._session.end_step, by=self._viewer.identity)
-
     async def _repeat(self, name: str) -> None:
         question = f"Remove the frames of step {name!r} and take it again?"
-        if await asked(question, yes="Remove and repeat", why="A calibration computed from them is set aside."):
-            await self._viewer.attempt(self._session.repeat, name, by=self._viewer.identity)
+        if await is_confirmed(question, yes="Remove and repeat", why="A calibration computed from them is set aside."):
+            await self._viewer.command(self._session.repeat, name)()
 
 
 def frames_text(job: JobState) -> str:

@@ -1,4 +1,4 @@
-"""The camera in use: its name, whether it runs, and its mode."""
+"""The page of the camera: the one in use, and the search for others."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tsis.console.pages.components import (
     ChoiceField,
     OperatorControls,
     ProgressBar,
+    Redrawn,
     RunButton,
     cell,
     panel_title,
@@ -27,19 +28,9 @@ if TYPE_CHECKING:
 
 
 class ChosenPanel:
-    """The present camera.
+    """The present camera."""
 
-    Parameters
-    ----------
-    bench
-        Whose camera it is.
-    viewer
-        Who looks.
-    operated
-        Takes the controls.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             with ui.element("div"):
@@ -51,8 +42,7 @@ class ChosenPanel:
             self._mode = ChoiceField(viewer, select, self._in_mode)
             self._run = RunButton(instrument, viewer)
             ui.link("Examine", "/")
-        operated.add(select)
-        operated.add(self._run.element)
+        controls.add(select, self._run.element)
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's state."""
@@ -86,18 +76,11 @@ def streaming_text(camera: CameraState) -> str:
     return f"runs at {camera.frames_per_s:.0f} frames/s, {camera.columns} x {camera.rows} pixels"
 
 
-class FoundPanel:
-    """Search for cameras, and use one of them.
+class SearchPanel:
+    """Search for cameras, and use one of them."""
 
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `ChosenPanel`.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer, self._operated = instrument, viewer, operated
-        self._shown: tuple[str, str] | None = None
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("section").classes("panel stack tight"):
             with ui.element("div").classes("row"):
                 panel_title("Cameras")
@@ -105,7 +88,7 @@ class FoundPanel:
                 self._search = ui.button("Search", icon="search", on_click=self._begin).props("no-caps outline")
             self._bar = ProgressBar("Search")
             self._message = ui.label().classes("muted").props("role=status")
-            self._container = ui.element("div").classes("stack")
+            self._cameras = Redrawn(ui.element("div").classes("stack"))
 
     def show(self, _: InstrumentState) -> None:
         """Show the last search."""
@@ -113,14 +96,11 @@ class FoundPanel:
         self._bar.show(job)
         self._search.set_enabled(job is None or not job.running)
         self._message.text = search_text(job)
-        now = None if job is None else (job.identity, job.status)
-        if now != self._shown:
-            self._shown = now
-            self._container.clear()
-            findings = self._instrument.search.findings
-            if job is not None and job.status == DONE and findings is not None:
-                with self._container:
-                    self._show_cameras(findings)
+        changed = self._cameras.changes_to(None if job is None else (job.identity, job.status))
+        findings = self._instrument.search.findings
+        if changed and job is not None and job.status == DONE and findings is not None:
+            with self._cameras.element:
+                self._show_cameras(findings)
 
     async def _begin(self) -> None:
         await self._viewer.attempt(self._instrument.search.begin)
@@ -147,7 +127,7 @@ class FoundPanel:
             with ui.element("td"):
                 use = ui.button("Use", on_click=partial(self._use, camera)).props("no-caps outline dense")
                 use.props["aria-label"] = f"Use {camera.identity}"
-                self._operated.add(use)
+                self._controls.add(use)
 
     async def _use(self, camera: CameraInfo) -> None:
         await self._viewer.attempt(
@@ -164,20 +144,20 @@ def search_text(job: JobState | None) -> str:
 
 def camera_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    operated = OperatorControls(viewer)
+    controls = OperatorControls(viewer)
     with ui.element("div").classes("panel stack"):
-        chosen = ChosenPanel(instrument, viewer, operated)
-        operated.why()
+        chosen = ChosenPanel(instrument, viewer, controls)
+        controls.why()
     with ui.element("div").classes("camera-columns"):
         with ui.element("div").classes("stack"):
-            virtual = VirtualPanel(instrument, viewer, operated)
-            calibration = CalibrationPanel(instrument, viewer, operated)
+            virtual = VirtualPanel(instrument, viewer, controls)
+            calibration = CalibrationPanel(instrument, viewer, controls)
         with ui.element("div").classes("stack"):
-            panel = FoundPanel(instrument, viewer, operated)
-            gauge = GaugePanel(instrument, viewer, operated)
+            search = SearchPanel(instrument, viewer, controls)
+            gauge = GaugePanel(instrument, viewer, controls)
 
     def show(state: InstrumentState) -> None:
-        for part in (chosen, virtual, panel, calibration, gauge, operated):
+        for part in (chosen, virtual, search, calibration, gauge, controls):
             part.show(state)
 
     viewer.follow(show)

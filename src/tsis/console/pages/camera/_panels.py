@@ -1,9 +1,9 @@
-"""Change of the camera: chosen and started in one command."""
+"""Panels of the active calibration, the force gauge and the virtual probe."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from nicegui import run, ui
 
@@ -18,13 +18,14 @@ from tsis.console.pages.components import (
     one_file,
     panel_title,
     time_label,
+    typed_integer,
     typed_number,
     unit_field,
 )
 from tsis.console.services import CameraChoice
 from tsis.errors import GaugeError
 from tsis.instrument.gauge import BAUD, connected_gauge, find_ports
-from tsis.model import LARGEST_SEED, require_integer
+from tsis.model import LARGEST_SEED
 
 if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
@@ -35,15 +36,7 @@ if TYPE_CHECKING:
 
 
 def choose_and_start(instrument: Instrument, choice: CameraChoice, *, by: str) -> None:
-    """Choose another camera and start it; a camera that does not start stays chosen.
-
-    Raises
-    ------
-    ControlError
-        When somebody else holds the camera, or a sequence is being recorded.
-    TsisError
-        When it does not start.
-    """
+    """Choose another camera and start it; a camera that does not start stays chosen."""
     instrument.choose(choice, by=by)
     instrument.start(by=by)
 
@@ -52,15 +45,9 @@ SHORT = 12
 
 
 class CalibrationPanel:
-    """Show and change the calibration in force.
+    """Show and change the active calibration."""
 
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `ChosenPanel`.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer, self._calibration = instrument, viewer, CalibrationMemory(instrument)
         with ui.element("section").classes("panel stack tight"):
             panel_title("Active calibration")
@@ -71,9 +58,8 @@ class CalibrationPanel:
                 viewer, "Calibration file", accept=".json", refused=refused, most_bytes=LARGEST_BYTES
             )
             self._upload.on_upload(self._uploaded)
-            self._none = ui.button("Use none", on_click=self._forgotten).props("no-caps outline")
-            operated.add(self._upload)
-            operated.add(self._none)
+            self._none = ui.button("Use none", on_click=viewer.command(instrument.use_calibration, None))
+            controls.add(self._upload, self._none.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
         """Show which it is."""
@@ -86,28 +72,26 @@ class CalibrationPanel:
     async def _uploaded(self, event: UploadEventArguments) -> None:
         content = await event.file.read()
         self._upload.reset()
-        done = await self._viewer.attempt(self._used, content, event.file.name)
-        if done is not None:
-            self._viewer.notify(f"The calibration {done} is active.")
 
-    def _used(self, content: bytes, name: str) -> str:
-        usable_calibration = parse_usable_calibration(content, name)
-        self._instrument.use_calibration(usable_calibration, by=self._viewer.identity)
-        return usable_calibration.calibration.name
+        def activated() -> str:
+            usable = parse_usable_calibration(content, event.file.name)
+            self._instrument.use_calibration(usable, by=self._viewer.identity)
+            return usable.calibration.name
 
-    async def _forgotten(self) -> None:
-        await self._viewer.attempt(self._instrument.use_calibration, None, by=self._viewer.identity)
+        name = await self._viewer.attempt(activated)
+        if name is not None:
+            self._viewer.notify(f"The calibration {name} is active.")
 
 
-def calibration_text(known: UsableCalibration | None) -> str:
+def calibration_text(usable: UsableCalibration | None) -> str:
     """Its identity and dates."""
-    if known is None:
+    if usable is None:
         return "Without one presses are saved, but nothing can be estimated from them."
-    created, expires = known.calibration.made, known.calibration.expires
+    created, expires = usable.calibration.made, usable.calibration.expires
     when = "" if created is None else f", made {time_label(created)}"
     until = "" if expires is None else f", expires {time_label(expires)}"
     left = "" if expires is None else f" ({max(0, (expires - datetime.now(UTC)).days)} days left)"
-    return f"{known.identity[:SHORT]}{when}{until}{left}"
+    return f"{usable.identity[:SHORT]}{when}{until}{left}"
 
 
 ITS_OWN = "as it sends"
@@ -116,15 +100,9 @@ FASTEST = 4_000_000
 
 
 class GaugePanel:
-    """Connect a gauge and let go of it; only there for real cameras.
+    """Connect and disconnect a gauge; only there for real cameras."""
 
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `ChosenPanel`.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("section").classes("panel stack tight") as self._panel:
             panel_title("Force gauge")
@@ -136,11 +114,10 @@ class GaugePanel:
             self._sends = ui.switch("It sends on its own and is not to be asked")
             with ui.element("div").classes("row"):
                 self._connect = ui.button("Connect", on_click=self._begin).props("no-caps outline")
-                leave = ui.button("Use no gauge", on_click=self._left).props("no-caps outline")
+                leave = ui.button("Use no gauge", on_click=viewer.command(instrument.use_gauge, None))
             for item in (self._port, self._unit, self._baud):
-                operated.add(item.props("dense outlined"))
-            for control in (self._sends, self._connect, leave):
-                operated.add(control)
+                controls.add(item.props("dense outlined"))
+            controls.add(self._sends, self._connect, leave.props("no-caps outline"))
         self._panel.set_visibility(False)
         ui.timer(0.0, self._ports, once=True)
 
@@ -164,9 +141,7 @@ class GaugePanel:
             await self._viewer.attempt(self._connected)
 
     def _connected(self) -> None:
-        baud = require_integer(
-            "baud", typed_number("baud", str(self._baud.value or "")), 50, FASTEST, hint="bits per second"
-        )
+        baud = typed_integer("baud", self._baud.value, 50, FASTEST, hint="bits per second")
         unit = None if self._unit.value == ITS_OWN else str(self._unit.value)
         self._instrument.control.require(self._viewer.identity)
         log = connected_gauge(str(self._port.value or ""), unit=unit, baud=baud, sends=bool(self._sends.value))
@@ -176,23 +151,14 @@ class GaugePanel:
             log.stop()
             raise
 
-    async def _left(self) -> None:
-        await self._viewer.attempt(self._instrument.use_gauge, None, by=self._viewer.identity)
-
 
 CHANGED = {"diameter_mm": ("Diameter", "mm"), "depth_mm": ("Depth", "mm"), "young_kpa": ("Modulus", "kPa")}
 
 
 class VirtualPanel:
-    """Choose the virtual probe and its subject; a button applies the choice.
+    """Choose the virtual probe and its subject; a button applies the choice."""
 
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `ChosenPanel`.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         choice = instrument.camera_controller.choice
         with ui.element("section").classes("panel stack tight"):
@@ -200,8 +166,8 @@ class VirtualPanel:
             ui.label("No hardware: mechanics, light and camera are calculated.").classes("muted")
             with ui.element("div").classes("row"):
                 self._probe = ui.select(list(list_probes()), value=choice.probe, label="Probe")
-                self._phantom = ui.select(things(), value=choice.phantom, label="Pressed object")
-                self._phantom.on_value_change(self._bare)
+                self._phantom = ui.select(subjects(), value=choice.phantom, label="Pressed object")
+                self._phantom.on_value_change(self._show_changes)
                 self._seed = unit_field("Seed", str(choice.seed), keys="numeric").classes("seed")
             self._changes = ui.element("div").classes("row")
             with self._changes:
@@ -213,49 +179,43 @@ class VirtualPanel:
                     for name, (label, unit) in CHANGED.items()
                 }
             for select in (self._probe, self._phantom):
-                operated.add(select).props("dense outlined")
-            for field in (self._seed, *self._values.values()):
-                operated.add(field)
+                controls.add(select).props("dense outlined")
             self._use = ui.button("Use the virtual probe", on_click=self._chosen).props("no-caps unelevated")
-            operated.add(self._use)
-        self._bare()
+            controls.add(self._seed, *self._values.values(), self._use)
+        self._show_changes()
 
     def show(self, state: InstrumentState) -> None:
         """Show whether it is in use."""
         self._use.text = "Use it so" if state.camera.choice.is_virtual else "Use the virtual probe"
 
-    def _bare(self) -> None:
-        """Spheres have no inclusion."""
+    def _show_changes(self) -> None:
+        """Show the inclusion's fields, which spheres do not have."""
         self._changes.set_visibility(self._phantom.value not in list_spheres())
 
     async def _chosen(self) -> None:
         with loading(self._use):
-            await self._viewer.attempt(self._taken)
+            await self._viewer.attempt(self._apply)
 
-    def _taken(self) -> None:
-        changed = dict.fromkeys(CHANGED) if self._phantom.value in list_spheres() else self._changed()
+    def _apply(self) -> None:
+        changed: dict[str, Any] = {}
+        if self._phantom.value not in list_spheres():
+            changed = {
+                name: typed_number(CHANGED[name][0].lower(), text)
+                for name, field in self._values.items()
+                if (text := (field.value or "").strip())
+            }
         with field_messages({name: label.lower() for name, (label, _) in CHANGED.items()}):
             choice = CameraChoice(
                 probe=self._probe.value,
                 phantom=self._phantom.value,
-                seed=require_integer("seed", typed_number("seed", str(self._seed.value or "")), 0, LARGEST_SEED),
-                diameter_mm=changed["diameter_mm"],
-                depth_mm=changed["depth_mm"],
-                young_kpa=changed["young_kpa"],
+                seed=typed_integer("seed", self._seed.value, 0, LARGEST_SEED),
+                **changed,
             )
         choose_and_start(self._instrument, choice, by=self._viewer.identity)
 
-    def _changed(self) -> dict[str, float | None]:
-        return {name: _optional(name, field) for name, field in self._values.items()}
 
-
-def things() -> dict[str, str]:
+def subjects() -> dict[str, str]:
     """The subjects of the virtual probe as text."""
     return {name: name for name in list_phantoms()} | {
         name: f"{name} (sphere, for hardness)" for name in list_spheres()
     }
-
-
-def _optional(name: str, field: ui.input) -> float | None:
-    text = str(field.value or "").strip()
-    return typed_number(CHANGED[name][0].lower(), text) if text else None

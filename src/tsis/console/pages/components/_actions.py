@@ -1,4 +1,4 @@
-"""A button that turns while what it began is under way, and cannot be clicked meanwhile."""
+"""Buttons and controls of commands, and the progress of jobs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def loading(button: ui.button) -> Iterator[None]:
-    """Have a button turn until this is over, however it ends."""
+    """Show a button as busy until the block ends."""
     button.props(add="loading")
     try:
         yield
@@ -28,7 +28,7 @@ def loading(button: ui.button) -> Iterator[None]:
         button.props(remove="loading")
 
 
-PATIENT = 2  # states that may still be from before
+STALE_STATES = 2  # states that may still be from before
 
 
 class UndoMemory:
@@ -51,10 +51,10 @@ class UndoMemory:
 
     def replaced(self, before: object) -> None:
         """Take note that this value was replaced now."""
-        self._before, self._left = before, PATIENT
+        self._before, self._left = before, STALE_STATES
 
     def is_old(self, value: object) -> bool:
-        """Whether a state with this value is probably from before; at most `PATIENT` times in a row."""
+        """Whether a state with this value is probably from before; at most `STALE_STATES` times in a row."""
         if self._left and value == self._before:
             self._left -= 1
             return True
@@ -66,23 +66,19 @@ Control = TypeVar("Control", bound="DisableableElement")
 
 
 class OperatorControls:
-    """The controls of one page.
-
-    Parameters
-    ----------
-    viewer
-        Who looks at the page.
-    """
+    """The controls of one page, enabled for the camera's owner."""
 
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
         self._controls: list[DisableableElement] = []
-        self._flags = False  # before the first look nothing that controls say is true yet
+        self._shown = False  # before the first state the controls do not show the instrument's
 
-    def add(self, control: Control) -> Control:
-        """Hold a control back from those who watch."""
-        self._controls.append(control)
-        control.set_enabled(self._flags and self._viewer.commands)
+    def add(self, control: Control, *others: DisableableElement) -> Control:
+        """Disable controls for everybody but the owner; returns the first."""
+        controls: tuple[DisableableElement, ...] = (control, *others)
+        self._controls += controls
+        for item in controls:
+            item.set_enabled(self._shown and self._viewer.commands)
         return control
 
     def why(self) -> None:
@@ -91,23 +87,16 @@ class OperatorControls:
 
     def show(self, _: InstrumentState) -> None:
         """Enable the controls for the camera's owner."""
-        commands, self._flags = self._viewer.commands, True
+        commands, self._shown = self._viewer.commands, True
         self._controls = [control for control in self._controls if not control.is_deleted]
         for control in self._controls:
-            if control.enabled != commands:
-                control.set_enabled(commands)
+            control.set_enabled(commands)
         self._message.set_visibility(not commands)
         self._message.text = "You watch: take the camera, at the top of the page, to use what is grey here."
 
 
 class ProgressBar:
-    """Progress bar of a running job.
-
-    Parameters
-    ----------
-    label
-        What the bar is to readers of the screen.
-    """
+    """Progress bar of a running job, with a label for screen readers."""
 
     def __init__(self, label: str) -> None:
         self._bar = ui.linear_progress(0.0, show_value=False, size="6px").props("instant-feedback")
@@ -122,15 +111,7 @@ class ProgressBar:
 
 
 class RunButton:
-    """Start or Stop.
-
-    Parameters
-    ----------
-    bench
-        Whose camera.
-    viewer
-        Who clicks.
-    """
+    """Start or Stop of the camera."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
@@ -146,11 +127,8 @@ class RunButton:
     async def _clicked(self) -> None:
         if self._runs is None:
             return
-        act = (
-            self._instrument.stop if self._runs else self._instrument.start
-        )  # a second click on Start starts nothing more
-        with loading(self.element):
-            await self._viewer.attempt(act, by=self._viewer.identity)
+        with loading(self.element):  # a second click on Start starts nothing more
+            await self._viewer.command(self._instrument.stop if self._runs else self._instrument.start)()
 
 
 def estimate_job(state: InstrumentState) -> JobState | None:

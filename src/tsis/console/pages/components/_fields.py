@@ -1,4 +1,4 @@
-"""Fields: errors are shown with the labels of the page."""
+"""Fields of numbers and choices; errors are shown with the labels of the page."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from nicegui import ui
 
 from tsis.console.pages.components._actions import UndoMemory
 from tsis.errors import InputError
+from tsis.model import require_integer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 FORCE = {"force_n": "force"}
 
 
-def with_field_labels(sentence: str, words: Mapping[str, str]) -> str:
+def with_field_labels(message: str, labels: Mapping[str, str]) -> str:
     """A message with the page's labels for its parameters.
 
     Examples
@@ -31,28 +32,23 @@ def with_field_labels(sentence: str, words: Mapping[str, str]) -> str:
     >>> with_field_labels("radius_mm must lie in [1, 50]; got 0 (millimetres)", {"radius_mm": "radius of the object"})
     'radius of the object must lie in [1, 50]; got 0 (millimetres)'
     """
-    return re.sub(r"\w+", lambda result: words.get(result[0], result[0]), sentence)
+    return re.sub(r"\w+", lambda result: labels.get(result[0], result[0]), message)
 
 
 @contextmanager
-def field_messages(words: Mapping[str, str]) -> Iterator[None]:
+def field_messages(labels: Mapping[str, str]) -> Iterator[None]:
     """Show an `InputError` about these parameters with these labels."""
     try:
         yield
     except InputError as error:
-        raise InputError(with_field_labels(str(error), words)) from error
+        raise InputError(with_field_labels(str(error), labels)) from error
 
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 
 
-def typed_number(name: str, text: str) -> float:
-    """The typed number, infinite where it is too large.
-
-    Raises
-    ------
-    InputError
-        When it is none.
+def typed_number(name: str, typed: str | None) -> float:
+    """The typed number, infinite where it is too large; `InputError` for other text.
 
     Examples
     --------
@@ -62,9 +58,26 @@ def typed_number(name: str, text: str) -> float:
     Traceback (most recent call last):
     tsis.errors.InputError: force must be a number, as 2 or 0.5; got 'half'
     """
-    if not _NUMBER.fullmatch(text.strip()):
-        raise InputError(f"{name} must be a number, as 2 or 0.5; got {text.strip()!r:.40}")
+    text = (typed or "").strip()
+    if not _NUMBER.fullmatch(text):
+        raise InputError(f"{name} must be a number, as 2 or 0.5; got {text!r:.40}")
     return float(text)
+
+
+def typed_integer(name: str, typed: str | None, low: int, high: int, *, hint: str = "") -> int:
+    """The typed whole number in [low, high]; `InputError` for other text."""
+    return require_integer(name, typed_number(name, typed), low, high, hint=hint)
+
+
+def typed_numbers(name: str, typed: str | None) -> tuple[float, ...]:
+    """Numbers with commas, semicolons or spaces between them; `InputError` for other text.
+
+    Examples
+    --------
+    >>> typed_numbers("tips", "2, 10; 14"), typed_numbers("tips", " ")
+    ((2.0, 10.0, 14.0), ())
+    """
+    return tuple(typed_number(name, part) for part in re.split(r"[,;\s]+", typed or "") if part)
 
 
 def number_text_of_field(value: float | None) -> str:
@@ -77,14 +90,7 @@ def number_text_of_field(value: float | None) -> str:
 def unit_field(label: str, value: str = "", *, unit: str = "", keys: str = "decimal") -> ui.input:
     """Place a field that is read when a button is clicked.
 
-    Parameters
-    ----------
-    label, value
-        What it is, and what is in it at first.
-    unit
-        Shown behind what is typed.
-    keys
-        Of a telephone: ``"decimal"``, ``"numeric"`` or ``"text"``.
+    ``keys`` are those of a telephone: ``"decimal"``, ``"numeric"`` or ``"text"``.
     """
     field = ui.input(label, value=value).props("dense outlined hide-bottom-space autocomplete=off")
     field.props["inputmode"] = keys
@@ -94,24 +100,20 @@ def unit_field(label: str, value: str = "", *, unit: str = "", keys: str = "deci
     return field
 
 
+def typed_forces(typed: str | None, *, most: int) -> tuple[float, ...]:
+    """Typed forces, at most so many; `InputError` for other text."""
+    forces = typed_numbers("force", typed)
+    if len(forces) > most:
+        raise InputError(f"forces must be at most {most}; got {len(forces)}")
+    return forces
+
+
 class NumberField:
     """A field for one number of the instrument.
 
-    What is typed but not yet done stays as it is, whatever the bench says meanwhile; Escape gives it up. What is no
-    number, or is refused, is said in a sentence, and the field shows the bench's number again.
-
-    Parameters
-    ----------
-    viewer
-        Who types.
-    label
-        What it is.
-    act
-        Done with the number, away from the event loop; its errors are told.
-    unit
-        Of the number, shown behind it.
-    emptied
-        Done when the field is left empty; nothing is accepted but a number when None.
+    A number that is being typed stays, whatever the instrument's state; Escape restores the field. ``act`` is called
+    with the number, outside the event loop; after an error the field shows the instrument's number again. ``emptied``
+    is called when the field is left empty; without it only numbers are accepted.
     """
 
     def __init__(
@@ -157,13 +159,13 @@ class NumberField:
             return
         self._typing = False
         before = self._value
-        await self._viewer.attempt(self._taken, text)
+        await self._viewer.attempt(self._accept, text)
         if not self._typing:
             self.element.set_value(number_text_of_field(self._value))
         if self._value != before:
             self._just_done.replaced(before)
 
-    def _taken(self, text: str) -> None:
+    def _accept(self, text: str) -> None:
         if not text and self._emptied is not None:
             self._emptied()
             self._value = None
@@ -176,15 +178,7 @@ class NumberField:
 class ChoiceField:
     """Synchronises a select or a toggle with the instrument.
 
-    Parameters
-    ----------
-    viewer
-        Who chooses.
-    element
-        The select or toggle.
-    act
-        Done with what was chosen, away from the event loop; when it fails, its sentence is told and the bench's choice
-        is shown again.
+    ``act`` is called with the choice, outside the event loop; after an error the instrument's choice is shown again.
     """
 
     def __init__(self, viewer: Viewer, element: ChoiceElement, act: Callable[[str], object]) -> None:
@@ -200,11 +194,9 @@ class ChoiceField:
         if options is not None and self.element.options != dict(options):
             self._shown = value
             self.element.set_options(dict(options), value=value)
-        if not self._under_way and self.element.value != value:
+        if not self._under_way:
             self._shown = value
             self.element.set_value(value)
-        elif not self._under_way:
-            self._shown = value
 
     async def _chosen(self, event: ValueChangeEventArguments[str]) -> None:
         before = self._shown

@@ -1,7 +1,8 @@
-"""A class of a style sheet that an element has or has not."""
+"""Titles, lists, tables, cards and figures of all pages."""
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -9,7 +10,7 @@ from nicegui import ui
 from tsis.report import address
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Iterator
 
     from nicegui.element import Element
     from nicegui.elements.label import Label
@@ -17,12 +18,9 @@ if TYPE_CHECKING:
     from tsis.report import Card, Page, Picture, Table
 
 
-def set_class(element: Element, name: str, wanted: bool) -> None:
-    """Give an element a class, or take it."""
-    if wanted:
-        element.classes(add=name)
-    else:
-        element.classes(remove=name)
+def set_class(element: Element, name: str, present: bool) -> None:
+    """Add a class to an element, or remove it."""
+    element.classes(add=name) if present else element.classes(remove=name)
 
 
 def panel_title(text: str, *, level: int = 2) -> Label:
@@ -32,21 +30,51 @@ def panel_title(text: str, *, level: int = 2) -> Label:
     return title
 
 
+@contextmanager
+def open_dialog(place: Element, title: str, *, style: str = "dialog-card") -> Iterator[ui.dialog]:
+    """Open a dialog in a place of the page; it is deleted when it is closed."""
+    with place, ui.dialog(value=True) as dialog, ui.card().classes(style):
+        panel_title(title)
+        yield dialog
+    dialog.on("hide", dialog.delete)
+
+
+def dialog_buttons(dialog: ui.dialog, text: str, act: Callable[[], object], *, leave: str = "Cancel") -> ui.button:
+    """Place the button of a dialog, which is returned, and the one that closes it."""
+    with ui.element("div").classes("row"):
+        button = ui.button(text, on_click=act).props("no-caps dense unelevated")
+        ui.button(leave, on_click=dialog.close).props("no-caps dense flat")
+    return button
+
+
+class Redrawn:
+    """A part of a page that is drawn anew when its content changes; it replaces whatever is in the element."""
+
+    def __init__(self, element: Element) -> None:
+        self.element = element
+        self.content: object = None
+
+    def changes_to(self, content: object) -> bool:
+        """Whether the content is a new one; the element is emptied then."""
+        if content == self.content:
+            return False
+        self.content = content
+        self.element.clear()
+        return True
+
+
 class FactList:
     """A list of terms with their values; empty at first."""
 
     def __init__(self) -> None:
-        self._list = ui.element("dl").classes("facts")
-        self._shown: tuple[tuple[str, str], ...] = ()
+        self._list = Redrawn(ui.element("dl").classes("facts"))
 
-    def show(self, found: Iterable[tuple[str, str]]) -> None:
+    def show(self, facts: Iterable[tuple[str, str]]) -> None:
         """Show these facts in place of those before."""
-        facts = tuple(found)
-        if facts == self._shown:
+        facts = tuple(facts)
+        if not self._list.changes_to(facts):
             return
-        self._shown = facts
-        self._list.clear()
-        with self._list:
+        with self._list.element:
             for term, value in facts:
                 with ui.element("dt"):
                     ui.label(term)
@@ -54,23 +82,23 @@ class FactList:
                     ui.label(value)
 
 
-def message_list(sentences: Iterable[str] = ()) -> Element:
-    """Place a list with these sentences; others can be `list_message` in it."""
+def message_list(messages: Iterable[str] = ()) -> Element:
+    """Place a list with these messages; others can be `list_message` in it."""
     with ui.element("ul").classes("sentences") as position:
-        for message in sentences:
+        for message in messages:
             list_message(message)
     return position
 
 
-def list_message(sentence: str, look: str = "") -> None:
+def list_message(message: str, style: str = "") -> None:
     """Place a message in a list."""
     with ui.element("li"):
-        ui.label(sentence).classes(look)
+        ui.label(message).classes(style)
 
 
-def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", look: str = "table") -> Element:
+def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", style: str = "table") -> Element:
     """Place a table, its ``label`` unseen; what is made in what this gives becomes its rows."""
-    with ui.element("table").classes(look) as table:
+    with ui.element("table").classes(style) as table:
         if label:
             table.props["aria-label"] = label
         if caption:
@@ -113,10 +141,10 @@ def report_parts(page: Page, sources: Iterable[str]) -> None:
         table(item)
 
 
-def cards(found: Iterable[Card]) -> None:
-    """The numbers that the reader came for."""
+def cards(items: Iterable[Card]) -> None:
+    """The main numbers of a report."""
     with ui.element("div").classes("cards"):
-        for card in found:
+        for card in items:
             with ui.element("div").classes("card doubtful" if card.doubtful else "card"):
                 ui.label(card.title).classes("muted")
                 ui.label(card.value).classes("number")
@@ -143,10 +171,10 @@ def show_drawing(image: Element, source: str, alt: str) -> None:
     image.props["src"], image.props["alt"] = source, alt
 
 
-def table(found: Table) -> None:
+def table(content: Table) -> None:
     """Rows of text under headings."""
     with ui.element("section"):
-        panel_title(found.title, level=3)
-        with ui.element("div").classes("scroll"), rows_under(found.headings):
-            for item in found.rows:
+        panel_title(content.title, level=3)
+        with ui.element("div").classes("scroll"), rows_under(content.headings):
+            for item in content.rows:
                 row(item)

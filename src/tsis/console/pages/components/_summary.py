@@ -1,4 +1,4 @@
-"""Texts of all pages: a force, a time, a press."""
+"""Texts of all pages, the shared reading of the state, and values of browser tabs."""
 
 from __future__ import annotations
 
@@ -41,19 +41,13 @@ def press_label(press: StoredPress) -> str:
     return f"{ROLE_NAMES[press.role]}, {force_text(press.force_n)}, {time_label(press.taken)}"
 
 
-FRESH_S = 0.2  # for which a look at the state serves every page
-ENTRIES_FRESH_S = 0.4  # for which one at the store does
-Seen = TypeVar("Seen")
+FRESH_S = 0.2  # for which a reading of the state serves every page
+ENTRIES_FRESH_S = 0.4  # for which one of the store does
+Reading = TypeVar("Reading")
 
 
 class StatePoller:
-    """Reads the instrument's state in a thread, since cameras may be slow; used in one event loop.
-
-    Parameters
-    ----------
-    bench
-        What is looked at.
-    """
+    """Reads the instrument's state in a thread, since cameras may be slow; used in one event loop."""
 
     def __init__(self, instrument: Instrument) -> None:
         self._state = _Shared(lambda: instrument.state(), FRESH_S)
@@ -61,40 +55,37 @@ class StatePoller:
 
     async def state(self) -> InstrumentState | None:
         """The state, at most 0.2 s old, shared by all callers; None at the end."""
-        return await self._state.seen()
+        return await self._state.read()
 
     async def entries(self) -> int | None:
-        """How many entries the store's audit had at most 0.4 s ago, which grow with every change of whatever program.
-
-        None at the very end; errors as of the store.
-        """
-        return await self._entries.seen()
+        """Entries in the store's audit, at most 0.4 s old, which grow with every change; None at the end."""
+        return await self._entries.read()
 
 
-class _Shared(Generic[Seen]):
+class _Shared(Generic[Reading]):
     """One reading for all concurrent callers."""
 
-    def __init__(self, look: Callable[[], Seen], fresh_s: float) -> None:
-        self._read, self._fresh_s = look, fresh_s
-        self._latest: Seen | None = None
+    def __init__(self, source: Callable[[], Reading], fresh_s: float) -> None:
+        self._source, self._fresh_s = source, fresh_s
+        self._latest: Reading | None = None
         self._read_s = 0.0
-        self._looking: asyncio.Task[None] | None = None
+        self._task: asyncio.Task[None] | None = None
 
-    async def seen(self) -> Seen | None:
+    async def read(self) -> Reading | None:
         if self._latest is None or time.monotonic() - self._read_s > self._fresh_s:
-            if self._looking is None or self._looking.done():
-                self._looking = asyncio.ensure_future(self._take())
-            await asyncio.shield(self._looking)
+            if self._task is None or self._task.done():
+                self._task = asyncio.ensure_future(self._refresh())
+            await asyncio.shield(self._task)
         return self._latest
 
-    async def _take(self) -> None:
-        self._latest = await run.io_bound(self._read)
+    async def _refresh(self) -> None:
+        self._latest = await run.io_bound(self._source)
         self._read_s = time.monotonic()
 
 
-NAMED = 1000  # tabs; more than anybody opens while a console runs
-KEPT = 50  # things that pages keep, whose results may be large
-Thing = TypeVar("Thing")
+MOST_NAMES = 1000  # tabs; more than anybody opens while a console runs
+MOST_VALUES = 50  # saved values, which may be large
+Value = TypeVar("Value")
 
 
 class Tabs:
@@ -109,22 +100,22 @@ class Tabs:
 
     def __init__(self) -> None:
         self._names: OrderedDict[str, str] = OrderedDict()
-        self._kept: OrderedDict[tuple[str, type[Any]], Any] = OrderedDict()
-        self._own = 0
+        self._values: OrderedDict[tuple[str, type[Any]], Any] = OrderedDict()
+        self._count = 0
 
     def name(self, identity: str) -> str:
         """Name of a browser without a login."""
         if identity not in self._names:
-            self._own += 1
-            self._names[identity] = f"browser {self._own}"
-            if len(self._names) > NAMED:
+            self._count += 1
+            self._names[identity] = f"browser {self._count}"
+            if len(self._names) > MOST_NAMES:
                 self._names.popitem(last=False)
         return self._names[identity]
 
-    def kept(self, identity: str, kind: type[Thing]) -> Thing:
+    def saved(self, identity: str, kind: type[Value]) -> Value:
         """The saved value of a tab of this kind; a new one at first."""
-        result = self._kept.pop((identity, kind), None) or kind()
-        self._kept[identity, kind] = result
-        if len(self._kept) > KEPT:
-            self._kept.popitem(last=False)
-        return cast("Thing", result)
+        result = self._values.pop((identity, kind), None) or kind()
+        self._values[identity, kind] = result
+        if len(self._values) > MOST_VALUES:
+            self._values.popitem(last=False)
+        return cast("Value", result)

@@ -1,4 +1,4 @@
-"""Names for the parts of an upload field: its library gives them icons alone."""
+"""An upload field for one file, with names for screen readers."""
 
 from __future__ import annotations
 
@@ -21,27 +21,19 @@ _NAME = """
 """  # the field may come a moment after this
 
 
-def name_parts(upload: Upload, words: str) -> None:
-    """Give the field's button and input a name for readers of the screen.
-
-    Parameters
-    ----------
-    upload
-        The field.
-    words
-        What is chosen with it.
-    """
-    upload.client.run_javascript(_NAME % (upload.id, json.dumps(words)))
+def name_parts(upload: Upload, name: str) -> None:
+    """Name the field's button and input for screen readers: its library gives them icons alone."""
+    upload.client.run_javascript(_NAME % (upload.id, json.dumps(name)))
 
 
-LARGEST_MIB = 31  # what the gate lets pass, less what is around a file
+LARGEST_MIB = 31  # limit of the authentication for a request, less the parts around the file
 
 
 class FileField(Upload):
-    """As `nicegui.ui.upload`.
+    """As `nicegui.ui.upload`, but it releases its callbacks when it is deleted.
 
-    FastAPI remembers the last few thousand functions that ever answered an address, those of deleted fields with them,
-    and through what a field calls each would keep the whole page of its browser's tab.
+    FastAPI remembers the last few thousand functions that ever answered an address; through the callbacks of a deleted
+    field they would keep the whole page of its browser tab in memory.
     """
 
     def _handle_delete(self) -> None:
@@ -55,18 +47,7 @@ def one_file(
 ) -> FileField:
     """A field that uploads one file as soon as it is chosen.
 
-    Parameters
-    ----------
-    viewer
-        Who chooses.
-    label
-        What kind of file it is.
-    accept
-        Ends of names that the browser offers, as ``".csv,text/csv"``.
-    refused
-        Said of a file of another kind or size.
-    most_bytes
-        Its largest size.
+    ``accept`` are endings that the browser offers, as ``".csv,text/csv"``; ``refused`` is said of other files.
     """
     field = FileField(
         label=label,

@@ -20,36 +20,20 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument, InstrumentState
 
 
-EVERY_S = 0.3  # between two looks at the bench's state
-TOLD_MS = 8000  # for which a sentence stays
+STATE_EVERY_S, STORE_EVERY_S = 0.3, 1.0  # between two readings
+UNREAD, FAILED = -2, -1  # in place of the number of the store's entries
+ERROR_SHOWN_MS = 8000
 _log = logging.getLogger(__name__)
-Given = ParamSpec("Given")
-Made = TypeVar("Made")
-Thing = TypeVar("Thing")
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+Value = TypeVar("Value")
 
 
 class Viewer:
-    """The client of an open page.
+    """The client of an open page; ``visible`` while the page is not behind another tab."""
 
-    Parameters
-    ----------
-    client
-        The open page.
-    bench
-        What it shows.
-    glance
-        The bench's state, looked at for all pages together.
-    tabs
-        What browsers are called, and what their tabs keep.
-
-    Attributes
-    ----------
-    visible
-        Whether the page can be seen now, and is not behind another tab.
-    """
-
-    def __init__(self, client: Client, instrument: Instrument, glance: StatePoller, tabs: Tabs) -> None:
-        self._client, self._instrument, self._summary, self._tabs = client, instrument, glance, tabs
+    def __init__(self, client: Client, instrument: Instrument, poller: StatePoller, tabs: Tabs) -> None:
+        self._client, self._instrument, self._poller, self._tabs = client, instrument, poller, tabs
         self.visible = True
 
     @property
@@ -67,9 +51,9 @@ class Viewer:
         """Whether the name belongs to a login."""
         return bool(client_identity(self._client.request).name)
 
-    def kept(self, kind: type[Thing]) -> Thing:
+    def saved(self, kind: type[Value]) -> Value:
         """The saved value of this tab of this kind; it survives changes of page and reloads."""
-        return self._tabs.kept(self.identity, kind)
+        return self._tabs.saved(self.identity, kind)
 
     @property
     def commands(self) -> bool:
@@ -77,80 +61,68 @@ class Viewer:
         owner = self._instrument.control.owner()
         return owner is not None and owner.identity == self.identity
 
-    async def attempt(self, act: Callable[Given, Made], *given: Given.args, **named: Given.kwargs) -> Made | None:
+    async def attempt(
+        self, act: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs
+    ) -> Result | None:
         """Run a slow call outside the event loop; show an error, and return None then."""
         try:
             return await run.io_bound(act, *given, **named)
         except TsisError as error:
             self.complain(str(error))
         except Exception as error:
-            _log.exception("an act of a page failed")
+            _log.exception("a command of a page failed")
             self.complain(f"this failed for an unexpected reason: {type(error).__name__}: {error}")
         return None
 
-    def complain(self, sentence: str) -> None:
+    def command(self, act: Callable[..., object], *given: object) -> Callable[[], Awaitable[object]]:
+        """A handler of a control that attempts a command of this client."""
+        return lambda: self.attempt(act, *given, by=self.identity)
+
+    def complain(self, message: str) -> None:
         """Say what went wrong."""
         with self._client:
-            ui.notify(sentence, type="negative", multi_line=True, timeout=TOLD_MS, close_button="Close")
+            ui.notify(message, type="negative", multi_line=True, timeout=ERROR_SHOWN_MS, close_button="Close")
 
-    def notify(self, sentence: str) -> None:
+    def notify(self, message: str) -> None:
         """Say what was done."""
         with self._client:
-            ui.notify(sentence, type="positive", multi_line=True)
+            ui.notify(message, type="positive", multi_line=True)
 
     async def entries(self) -> int | None:
-        """How often the store was changed, by whom ever: what of it is shown is read anew when this is another number.
+        """Number of changes of the store by any program; None while the console closes. Errors as of the store."""
+        return await self._poller.entries()
 
-        None while the program ends; errors as of the store.
-        """
-        return await self._summary.entries()
-
-    def every(self, seconds: float, look: Callable[[], Awaitable[None]]) -> None:
-        """Repeat a call while the present part of the page exists and is visible.
-
-        Parameters
-        ----------
-        seconds
-            Between two looks; the next one waits for the one before.
-        look
-            What is done.
-        """
+    def every(self, seconds: float, refresh: Callable[[], Awaitable[None]]) -> None:
+        """Repeat a call every so many seconds while the present part of the page exists and is visible."""
         begun = False
 
-        async def seen() -> None:
+        async def refresh_visible() -> None:
             nonlocal begun
-            if begun and not self.visible:
-                return
-            begun = True
-            await look()
+            if self.visible or not begun:
+                begun = True
+                await refresh()
 
-        ui.timer(seconds, seen)
+        ui.timer(seconds, refresh_visible)
 
     def follow(self, show: Callable[[InstrumentState], Any]) -> None:
         """Show the instrument's state now and after each change, while the present part of the page exists.
 
-        A page that nobody sees, because another tab is before it, is not changed until it is seen again.
+        A page behind another tab is updated when it is visible again.
         """
-        shown: list[InstrumentState] = []
+        shown: InstrumentState | None = None
 
-        async def look() -> None:
-            state = await self._summary.state()
-            if state is None or (shown and (shown[0] is state or shown[0] == state)):
-                return
-            shown[:] = [state]
-            show(state)
+        async def refresh() -> None:
+            nonlocal shown
+            state = await self._poller.state()
+            if state is not None and state is not shown and state != shown:
+                shown = state
+                show(state)
 
-        self.every(EVERY_S, look)
+        self.every(STATE_EVERY_S, refresh)
 
 
 class CalibrationMemory:
-    """Caches the calibration of the last state, which the instrument checks at each call.
-
-    Parameters
-    ----------
-    bench
-        Where it is in force.
-    """
+    """Caches the active calibration, which the instrument checks at each call."""
 
     def __init__(self, instrument: Instrument) -> None:
         self._instrument = instrument
@@ -164,22 +136,19 @@ class CalibrationMemory:
         return given if given is not None and given.identity == state.calibration_identity else None
 
 
-CHANGES_EVERY_S = 1.0
-_changes_log = logging.getLogger(__name__)
-
-
 def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
-    """Call ``changed`` now and after every change of the store, while the present part of the page is seen."""
-    observed: list[int | None] = []
+    """Call ``changed`` now and after every change of the store, while the present part of the page is visible."""
+    last: int | None = UNREAD
 
-    async def look() -> None:
+    async def refresh() -> None:
+        nonlocal last
         try:
             entries = await viewer.entries()
-        except TsisError as error:  # a page that is shown needs no sentence every second
-            _changes_log.debug("the store was not read: %s", error)
-            entries = -1
-        if observed != [entries]:
-            observed[:] = [entries]
+        except TsisError as error:  # a page that is shown needs no message every second
+            _log.debug("the store was not read: %s", error)
+            entries = FAILED
+        if entries != last:
+            last = entries
             await changed()
 
-    viewer.every(CHANGES_EVERY_S, look)
+    viewer.every(STORE_EVERY_S, refresh)

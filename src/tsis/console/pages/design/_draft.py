@@ -1,4 +1,4 @@
-"""Fields that are validated while typed, with messages below each group."""
+"""Drafts of a probe and of a question about it, validated while they are typed."""
 
 from __future__ import annotations
 
@@ -9,10 +9,19 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.catalog import load_probe
-from tsis.console.pages.components import FORCE, field_messages, number_text_of_field, typed_number, with_field_labels
+from tsis.console.pages.components import (
+    FORCE,
+    Redrawn,
+    field_messages,
+    number_text_of_field,
+    typed_forces,
+    typed_integer,
+    typed_number,
+    with_field_labels,
+)
 from tsis.errors import InputError
 from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES_PER_PRESS
-from tsis.model import Layer, Led, Probe, require_integer
+from tsis.model import Layer, Led, Probe
 from tsis.report import QUICK_DEGREES, DesignQuestion
 
 if TYPE_CHECKING:
@@ -26,17 +35,16 @@ class FieldMessages:
 
     def __init__(self) -> None:
         self._messages: dict[str, str] = {}
-        self._container = ui.element("div").classes("faults").props('role="status"')
+        self._list = Redrawn(ui.element("div").classes("faults").props('role="status"'))
 
-    def say(self, field: str, sentence: str) -> None:
+    def say(self, field: str, message: str) -> None:
         """Set the message of a field; an empty one removes it."""
-        if self._messages.get(field, "") == sentence:
-            return
-        self._messages[field] = sentence
-        self._container.clear()
-        with self._container:
-            for item in dict.fromkeys(filter(None, self._messages.values())):
-                ui.label(item)
+        self._messages[field] = message
+        messages = dict.fromkeys(filter(None, self._messages.values()))
+        if self._list.changes_to(tuple(messages)):
+            with self._list.element:
+                for item in messages:
+                    ui.label(item)
 
 
 def typed_field(
@@ -44,39 +52,25 @@ def typed_field(
     text: str,
     take: Callable[[str], None],
     fault: Callable[[], str],
-    sentences: FieldMessages,
+    messages: FieldMessages,
     *,
     shown: bool = True,
     empty: str = "",
 ) -> None:
     """A field for a number.
 
-    Parameters
-    ----------
-    label
-        What it is; its name for readers of the screen where it is not shown.
-    text
-        What is in it.
-    take
-        Told what was typed.
-    fault
-        Says then what is wrong with it; empty when nothing is.
-    sentences
-        Where that is said.
-    shown
-        Whether the label is shown in the field.
-    empty
-        What holds when nothing is typed.
+    ``take`` receives the typed text, and ``fault`` then returns its error, which ``messages`` shows; ``empty`` is the
+    value of an empty field. A label that is not ``shown`` is for screen readers only.
     """
 
-    def judge(typed: str | None) -> str | None:
+    def validate(typed: str | None) -> str | None:
         take(typed or "")
         wrong = fault()
-        sentences.say(label, wrong)
+        messages.say(label, wrong)
         element.props["aria-invalid"] = "true" if wrong else "false"
         return wrong or None
 
-    element = ui.input(label if shown else None, value=text, validation=judge)
+    element = ui.input(label if shown else None, value=text, validation=validate)
     element.props("dense outlined hide-bottom-space inputmode=decimal no-error-icon autocomplete=off debounce=150")
     if empty:
         element.props("stack-label").props["placeholder"] = empty
@@ -87,7 +81,7 @@ def typed_field(
 LAYER = {"thickness_mm": "thickness", "young_kpa": "modulus", "poisson": "Poisson's ratio", "refractive_index": "index"}
 LAMP = {"height_mm": "height", "aim_deg": "aim", "half_angle_deg": "half-angle"}
 DOME = "radius of the dome"
-WORDS = {**LAYER, **LAMP, "radius_mm": "radius", "face_curvature_mm": DOME}
+LABELS = {**LAYER, **LAMP, "radius_mm": "radius", "face_curvature_mm": DOME}
 MOST_LAYERS, MOST_LAMPS = 12, 36
 ANY_LAYER = {"thickness_mm": 1.0, "young_kpa": 1.0, "poisson": 0.4, "refractive_index": 1.4}
 NEW_LAYER = {"thickness_mm": "2", "young_kpa": "50", "poisson": "0.49", "refractive_index": "1.41"}
@@ -95,13 +89,7 @@ NEW_LAYER = {"thickness_mm": "2", "young_kpa": "50", "poisson": "0.49", "refract
 
 @dataclass(slots=True)
 class ProbeDraft:
-    """Contents of the probe's fields.
-
-    Parameters
-    ----------
-    start
-        The probe of the catalog that the fields were filled from.
-    """
+    """Contents of the probe's fields, filled from the probe ``start`` of the catalog."""
 
     start: Probe
     radius_mm: str = ""
@@ -125,14 +113,8 @@ class ProbeDraft:
         }
 
     def probe(self) -> Probe:
-        """The probe of the fields; the catalog's probe when nothing was changed.
-
-        Raises
-        ------
-        InputError
-            When a field holds no number, or one outside its range.
-        """
-        with field_messages(WORDS):
+        """The probe of the fields; the catalog's probe when nothing was changed. `InputError` for an invalid field."""
+        with field_messages(LABELS):
             created = replace(
                 self.start,
                 radius_mm=typed_number("radius", self.radius_mm),
@@ -156,8 +138,6 @@ class ProbeDraft:
         values = {name: typed_number(text, self.lamp[name]) for name, text in LAMP.items()}
         first = self.start.leds[0]
         return tuple(replace(first, azimuth_deg=360.0 * number / count, **values) for number in range(int(count)))
-
-    # The sentence beside a field, as it is typed
 
     def layer_fault(self, texts: Mapping[str, str], name: str) -> str:
         """Error of a field of a layer; empty without one."""
@@ -197,13 +177,8 @@ def draft_message(make: Callable[[], object]) -> str:
     try:
         make()
     except InputError as error:
-        return with_field_labels(str(error), WORDS)
+        return with_field_labels(str(error), LABELS)
     return ""
-
-
-def draft_of(name: str) -> ProbeDraft:
-    """A draft filled from a probe of the catalog."""
-    return ProbeDraft(load_probe(name))
 
 
 COMPARED = {
@@ -236,27 +211,16 @@ class QuestionDraft:
         with field_messages(FORCE):
             return DesignQuestion(
                 probe=probe,
-                forces_n=self.forces_n(),
+                forces_n=typed_forces(self.forces, most=MOST_FORCES),
                 with_reference=self.with_reference,
-                frames_per_press=require_integer(
-                    "frames", typed_number("frames", self.frames), 1, MOST_FRAMES_PER_PRESS
-                ),
+                frames_per_press=typed_integer("frames", self.frames, 1, MOST_FRAMES_PER_PRESS),
                 compared=tuple(aspect for aspect in COMPARED if aspect in self.compared),
                 criterion=self.criterion,
                 traced=self.traced,
-                evaluations=self._evaluations() if self.search else None,
+                evaluations=typed_integer("stacks to try", self.evaluations, 1, MOST_EVALUATIONS)
+                if self.search
+                else None,
             )
-
-    def _evaluations(self) -> int:
-        name = "stacks to try"
-        return require_integer(name, typed_number(name, self.evaluations), 1, MOST_EVALUATIONS)
-
-    def forces_n(self) -> tuple[float, ...]:
-        """Forces as typed with commas or spaces between them; none when the field is empty."""
-        parts = self.forces.replace(",", " ").replace(";", " ").split()
-        if len(parts) > MOST_FORCES:
-            raise InputError(f"forces must be at most {MOST_FORCES}; got {len(parts)}")
-        return tuple(typed_number("force", part) for part in parts)
 
 
 FIRST = "tsis-domed"
@@ -264,8 +228,8 @@ FIRST = "tsis-domed"
 
 @dataclass(slots=True)
 class ProbeEditor:
-    """Drafts, and the job that judges them or did so last."""
+    """Drafts, and the newest job that analyses them."""
 
-    probe: ProbeDraft = field(default_factory=lambda: draft_of(FIRST))
+    probe: ProbeDraft = field(default_factory=lambda: ProbeDraft(load_probe(FIRST)))
     question: QuestionDraft = field(default_factory=QuestionDraft)
     job: Job | None = None

@@ -1,4 +1,4 @@
-"""The fields of presses and question."""
+"""The fields of a probe and of the question about it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.catalog import list_probes
+from tsis.catalog import list_probes, load_probe
 from tsis.console.pages.components import cell, panel_title, rows_under
 from tsis.console.pages.design._draft import (
     COMPARED,
@@ -16,9 +16,9 @@ from tsis.console.pages.design._draft import (
     MOST_LAYERS,
     NEW_LAYER,
     FieldMessages,
+    ProbeDraft,
     QuestionDraft,
     draft_message,
-    draft_of,
     typed_field,
 )
 
@@ -27,20 +27,14 @@ if TYPE_CHECKING:
 
     from nicegui.events import ValueChangeEventArguments
 
-    from tsis.console.pages.design._draft import ProbeDraft, ProbeEditor
+    from tsis.console.pages.design._draft import ProbeEditor
 
 
 class QuestionForm:
-    """Presses, comparisons and criterion.
+    """Presses, comparisons and criterion."""
 
-    Parameters
-    ----------
-    desk
-        What is filled.
-    """
-
-    def __init__(self, desk: ProbeEditor) -> None:
-        self._editor, draft = desk, desk.question
+    def __init__(self, editor: ProbeEditor) -> None:
+        self._editor, draft = editor, editor.question
         panel_title("Presses")
         self._presses(draft)
         panel_title("Compare with", level=3).classes("below")
@@ -64,7 +58,7 @@ class QuestionForm:
             typed_field(
                 "Stacks to try",
                 draft.evaluations,
-                self._evaluations,
+                partial(setattr, draft, "evaluations"),
                 lambda: self._fault(QuestionDraft(evaluations=draft.evaluations, search=True)),
                 messages,
             )
@@ -77,7 +71,7 @@ class QuestionForm:
             typed_field(
                 "Forces / N",
                 draft.forces,
-                self._forces,
+                partial(setattr, draft, "forces"),
                 lambda: self._fault(QuestionDraft(forces=draft.forces)),
                 messages,
                 empty="1; on a dome 0.5, 1",
@@ -85,7 +79,7 @@ class QuestionForm:
             typed_field(
                 "Frames of each",
                 draft.frames,
-                self._frames,
+                partial(setattr, draft, "frames"),
                 lambda: self._fault(QuestionDraft(frames=draft.frames)),
                 messages,
             )
@@ -96,15 +90,6 @@ class QuestionForm:
     def _fault(self, alone: QuestionDraft) -> str:
         """Error of one field, with defaults for the others."""
         return draft_message(lambda: alone.question(self._editor.probe.start))
-
-    def _forces(self, text: str) -> None:
-        self._editor.question.forces = text
-
-    def _frames(self, text: str) -> None:
-        self._editor.question.frames = text
-
-    def _evaluations(self, text: str) -> None:
-        self._editor.question.evaluations = text
 
     def _compare(self, aspect: str, event: ValueChangeEventArguments[bool]) -> None:
         if event.value:
@@ -117,15 +102,7 @@ HEADINGS = ("Layer", "Thickness / mm", "Modulus / kPa", "Poisson", "Index", "Ord
 
 
 class LayerTable:
-    """A row a layer, with buttons that move, take out and add one.
-
-    Parameters
-    ----------
-    draft
-        Whose layers.
-    changed
-        Called after each change.
-    """
+    """One row per layer, with buttons that move, remove and add layers."""
 
     def __init__(self, draft: ProbeDraft, changed: Callable[[], object]) -> None:
         self._draft, self._changed = draft, changed
@@ -136,15 +113,16 @@ class LayerTable:
         self._container.clear()
         layers = self._draft.layers
         with self._container:
-            body = rows_under(HEADINGS, label="Layers, from the tissue up", look="layers")
+            body = rows_under(HEADINGS, label="Layers, from the tissue up", style="layers")
             messages = FieldMessages()
             with body:
                 for at in range(len(layers)):
                     self._row(at, messages)
             if len(layers) < MOST_LAYERS:
-                ui.button("Add a layer at the glass", icon="add", on_click=self._add).props("dense no-caps flat")
+                add = partial(self._change, lambda: layers.append(dict(NEW_LAYER)))
+                ui.button("Add a layer at the glass", icon="add", on_click=add).props("dense no-caps flat")
 
-    def _row(self, at: int, sentences: FieldMessages) -> None:
+    def _row(self, at: int, messages: FieldMessages) -> None:
         texts, number = self._draft.layers[at], at + 1
         with ui.element("tr"):
             cell(str(number))
@@ -155,20 +133,19 @@ class LayerTable:
                         texts[name],
                         partial(self._typed, texts, name),
                         partial(self._fault, number, texts, name),
-                        sentences,
+                        messages,
                         shown=False,
                     )
             with ui.element("td").classes("order"):
                 last = len(self._draft.layers) - 1
-                self._order("arrow_upward", f"Move layer {number} to the tissue", at > 0, partial(self._move, at, -1))
-                self._order(
-                    "arrow_downward", f"Move layer {number} to the glass", at < last, partial(self._move, at, 1)
-                )
-                self._order("delete", f"Take layer {number} out", last > 0, partial(self._take_out, at))
+                up, down = partial(self._move, at, -1), partial(self._move, at, 1)
+                self._button("arrow_upward", f"Move layer {number} to the tissue", at > 0, up)
+                self._button("arrow_downward", f"Move layer {number} to the glass", at < last, down)
+                self._button("delete", f"Take layer {number} out", last > 0, partial(self._draft.layers.pop, at))
 
-    def _order(self, icon: str, words: str, useful: bool, act: Callable[[], None]) -> None:
-        button = ui.button(icon=icon, on_click=act).props("dense flat round size=sm")
-        button.props["aria-label"] = words
+    def _button(self, icon: str, label: str, useful: bool, change: Callable[[], object]) -> None:
+        button = ui.button(icon=icon, on_click=lambda: self._change(change)).props("dense flat round size=sm")
+        button.props["aria-label"] = label
         button.set_enabled(useful)
 
     def _fault(self, number: int, texts: dict[str, str], name: str) -> str:
@@ -179,19 +156,12 @@ class LayerTable:
         texts[name] = text
         self._changed()
 
-    def _add(self) -> None:
-        self._draft.layers.append(dict(NEW_LAYER))
-        self._fill()
-        self._changed()
-
     def _move(self, at: int, by: int) -> None:
         layers = self._draft.layers
         layers[at], layers[at + by] = layers[at + by], layers[at]
-        self._fill()
-        self._changed()
 
-    def _take_out(self, at: int) -> None:
-        del self._draft.layers[at]
+    def _change(self, change: Callable[[], object]) -> None:
+        change()
         self._fill()
         self._changed()
 
@@ -200,27 +170,19 @@ LAMP_LABELS = {"height_mm": "Height / mm", "aim_deg": "Aim / °", "half_angle_de
 
 
 class ProbeForm:
-    """All fields of the probe, filled from a probe of the catalog.
+    """All fields of the probe, filled from a probe of the catalog."""
 
-    Parameters
-    ----------
-    desk
-        What they fill.
-    changed
-        Called after each change.
-    """
-
-    def __init__(self, desk: ProbeEditor, changed: Callable[[], object]) -> None:
-        self._editor, self._changed = desk, changed
+    def __init__(self, editor: ProbeEditor, changed: Callable[[], object]) -> None:
+        self._editor, self._changed = editor, changed
         panel_title("Probe")
-        ui.select(list(list_probes()), value=desk.probe.start.name, label="Start from", on_change=self._start).props(
+        ui.select(list(list_probes()), value=editor.probe.start.name, label="Start from", on_change=self._start).props(
             "dense outlined options-dense"
         ).classes("start")
         self._container = ui.element("div").classes("stack")
         self._fill()
 
     def _start(self, event: ValueChangeEventArguments[str]) -> None:
-        self._editor.probe = draft_of(event.value)
+        self._editor.probe = ProbeDraft(load_probe(event.value))
         self._fill()
         self._changed()
 
@@ -235,14 +197,6 @@ class ProbeForm:
     def _face(self) -> None:
         draft = self._editor.probe
 
-        def radius(text: str) -> None:
-            draft.radius_mm = text
-            self._changed()
-
-        def curvature(text: str) -> None:
-            draft.curvature_mm = text
-            self._changed()
-
         def domed(event: ValueChangeEventArguments[bool | None]) -> None:
             draft.domed = bool(event.value)
             self._fill()
@@ -252,18 +206,19 @@ class ProbeForm:
         fields = ui.element("div").classes("fields")
         messages = FieldMessages()
         with fields:
+            radius = partial(self._set, "radius_mm")
             typed_field("Radius / mm", draft.radius_mm, radius, partial(draft.face_fault, "radius_mm"), messages)
             ui.switch("Domed", value=draft.domed, on_change=domed).props("dense")
             if draft.domed:
-                fault = partial(draft.face_fault, "curvature_mm")
+                curvature, fault = partial(self._set, "curvature_mm"), partial(draft.face_fault, "curvature_mm")
                 typed_field("Radius of the dome / mm", draft.curvature_mm, curvature, fault, messages)
+
+    def _set(self, name: str, text: str) -> None:
+        setattr(self._editor.probe, name, text)
+        self._changed()
 
     def _lamps(self) -> None:
         draft = self._editor.probe
-
-        def lamps(text: str) -> None:
-            draft.lamps = text
-            self._changed()
 
         def lamp(name: str, text: str) -> None:
             draft.lamp[name] = text
@@ -273,6 +228,7 @@ class ProbeForm:
         fields = ui.element("div").classes("fields four")
         messages = FieldMessages()
         with fields:
+            lamps = partial(self._set, "lamps")
             typed_field("How many", draft.lamps, lamps, partial(draft.lamp_fault, "lamps"), messages)
             for name, label in LAMP_LABELS.items():
                 typed_field(label, draft.lamp[name], partial(lamp, name), partial(draft.lamp_fault, name), messages)

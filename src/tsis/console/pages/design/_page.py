@@ -1,4 +1,4 @@
-"""Analysis of a design: the job, its progress and its result."""
+"""The page Design: a probe, a question about it, and the analysis as a job."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tsis.report import DesignAnalysis, DesignQuestion, Page
 
 
-EVERY_S = 0.4  # between two looks at the job
+EVERY_S = 0.4  # between two readings of the job
 SCROLL = 'getHtmlElement({}).scrollIntoView({{behavior: "smooth", block: "start"}})'
 
 
@@ -39,8 +39,8 @@ class DesignResult:
     pictures: tuple[str, ...]
 
 
-def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
-    """The work of answering a question; a search that is ended leaves what was compared before."""
+def analysis_of(question: DesignQuestion) -> Callable[[Job], DesignResult]:
+    """The work of a job that answers a question; a cancelled search leaves the comparisons before it."""
 
     def work(job: Job) -> DesignResult:
         result = compared_designs(question, progress=job.advance)
@@ -50,28 +50,18 @@ def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
         except JobCancelled:
             optimum = None
             job.say("The search was ended; these designs were compared before it.")
-        response = analyse_designs(question, result, optimum)
-        page = design_page(response)
-        return DesignResult(analysis=response, page=page, pictures=drawings(page))
+        analysis = analyse_designs(question, result, optimum)
+        page = design_page(analysis)
+        return DesignResult(analysis=analysis, page=page, pictures=drawings(page))
 
     return work
 
 
 class DesignResultPanel:
-    """Button, progress and result.
+    """Button, progress and result."""
 
-    Parameters
-    ----------
-    bench
-        Whose jobs.
-    viewer
-        Who asks.
-    desk
-        What is asked about.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, desk: ProbeEditor) -> None:
-        self._instrument, self._viewer, self._editor = instrument, viewer, desk
+    def __init__(self, instrument: Instrument, viewer: Viewer, editor: ProbeEditor) -> None:
+        self._instrument, self._viewer, self._editor = instrument, viewer, editor
         self._shown: Job | None = None
         self._begun_here = False
         with ui.element("div").classes("row below"):
@@ -96,7 +86,9 @@ class DesignResultPanel:
         except InputError as error:
             self._viewer.complain(str(error))
             return
-        self._editor.job = self._instrument.jobs.begin(f"what {question.planned.described} would tell", judge(question))
+        self._editor.job = self._instrument.jobs.begin(
+            f"what {question.planned.described} would tell", analysis_of(question)
+        )
         self._refresh()
 
     def _ended(self) -> None:
@@ -128,18 +120,18 @@ class DesignResultPanel:
                 if self._begun_here:
                     self._result.client.run_javascript(SCROLL.format(self._result.id))
 
-    def _show(self, told: DesignResult) -> None:
+    def _show(self, result: DesignResult) -> None:
         self._result.clear()
         self._result.set_visibility(True)
         with self._result:
             with ui.element("div").classes("row"):
-                panel_title(f"{told.page.title}: {told.page.subtitle}")
+                panel_title(f"{result.page.title}: {result.page.subtitle}")
                 ui.element("div").classes("spring")
-                ui.button("Save the result", on_click=lambda: self._save(told.analysis)).props("no-caps flat dense")
-            report_parts(told.page, told.pictures)
+                ui.button("Save the result", on_click=lambda: self._save(result.analysis)).props("no-caps flat dense")
+            report_parts(result.page, result.pictures)
 
-    def _save(self, answer: DesignAnalysis) -> None:
-        ui.download.content(json_bytes(design_document(answer)), "design.json", "application/json")
+    def _save(self, analysis: DesignAnalysis) -> None:
+        ui.download.content(json_bytes(design_document(analysis)), "design.json", "application/json")
 
     def _save_probe(self) -> None:
         try:
@@ -170,17 +162,17 @@ WHAT = (
 async def design_tab(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page with this tab's draft."""
     await ui.context.client.connected()
-    controller = viewer.kept(ProbeEditor)
+    editor = viewer.saved(ProbeEditor)
     with ui.element("div").classes("design"):
         probe_panel = ui.element("section").classes("panel")
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel"):
-                section = Section(controller, viewer)
+                section = Section(editor, viewer)
             with ui.element("section").classes("panel"):
-                QuestionForm(controller)
-                reporting = DesignResultPanel(instrument, viewer, controller)
+                QuestionForm(editor)
+                reporting = DesignResultPanel(instrument, viewer, editor)
         with probe_panel:
-            ProbeForm(controller, lambda: background_tasks.create(section.draw(), name="section of the probe"))
+            ProbeForm(editor, lambda: background_tasks.create(section.draw(), name="section of the probe"))
             ui.label(WHAT).classes("muted below")
     reporting.result_container()
     await section.draw()

@@ -26,18 +26,10 @@ LEAST_IN, MOST_IN = 1.8, 4.5  # of its height
 
 
 class Section:
-    """The probe from the side; with a wrong field its message and the last valid probe.
+    """The probe from the side; with a wrong field its message and the last valid probe."""
 
-    Parameters
-    ----------
-    desk
-        Whose probe.
-    viewer
-        Who looks.
-    """
-
-    def __init__(self, desk: ProbeEditor, viewer: Viewer) -> None:
-        self._editor, self._viewer = desk, viewer
+    def __init__(self, editor: ProbeEditor, viewer: Viewer) -> None:
+        self._editor, self._viewer = editor, viewer
         self._requested = 0
         panel_title("Seen from the side")
         with ui.element("div").classes("section"):
@@ -52,7 +44,7 @@ class Section:
         try:
             probe = self._editor.probe.probe()
         except InputError as error:
-            beside = any(self._editor.probe.field_faults())  # where it is said already
+            beside = any(self._editor.probe.field_faults())  # which has its own message
             self._fault.text = "Not drawn while a field is wrong." if beside else f"Not drawn: {error}"
             return
         self._fault.text = ""

@@ -8,6 +8,7 @@ from nicegui import run, ui
 
 from tsis.console.pages.components import (
     ProgressBar,
+    Redrawn,
     cards,
     estimate_job,
     force_text,
@@ -25,29 +26,19 @@ from tsis.report import estimate_cards, estimate_messages_of
 from tsis.report.target import count_of, time_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, InstrumentState, JobState
-    from tsis.records import StoredEstimate, StoredPress
 
 
-LOOK_S = 1.0  # between two looks into the store
+EVERY_S = 1.0  # between two readings of the store
 
 
 class EstimatePanel:
-    """Presses of the target, the button, and what came out.
-
-    Parameters
-    ----------
-    bench, viewer
-        As of `PressPanel`.
-    """
+    """Saved presses of the target, the button of an estimate, and its result."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._state: InstrumentState | None = None
-        self._shown: tuple[object, ...] | None = None
         with ui.element("div").classes("row"):
             self._title = panel_title("Target")
             ui.element("div").classes("spring")
@@ -56,8 +47,8 @@ class EstimatePanel:
             self._begin = ui.button("Estimate", icon="analytics", on_click=self._estimate).props("no-caps outline")
         self._bar = ProgressBar("Progress of the estimate")
         self._message = ui.label().classes("muted wordy").props("role=status")
-        self._container = ui.element("div").classes("stack")
-        viewer.every(LOOK_S, self._refresh)
+        self._record = Redrawn(ui.element("div").classes("stack"))
+        viewer.every(EVERY_S, self._refresh)
 
     def show(self, state: InstrumentState) -> None:
         """Show how far the estimate is."""
@@ -81,64 +72,42 @@ class EstimatePanel:
             return
         try:
             now = (await self._viewer.entries(), state.target)
-            if now == self._shown:
+            if now == self._record.content:
                 return
-            result = await run.io_bound(saved_target, self._instrument.store, state.target)
+            saved = await run.io_bound(saved_target, self._instrument.store, state.target)
         except TsisError as error:
-            self._notify(str(error))
+            if self._record.changes_to(str(error)):
+                with self._record.element:
+                    ui.label(str(error)).classes("doubtful")
             return
-        if result is None or self._state is None or self._state.target != result.number:  # it ends, or look again
-            return
-        self._shown = now
-        self._show_recorded(result)
+        same_target = saved is not None and self._state is not None and self._state.target == saved.number
+        if saved is not None and same_target and self._record.changes_to(now):
+            self._show_recorded(saved)
 
-    def _notify(self, sentence: str) -> None:
-        if self._shown == (sentence,):
-            return
-        self._shown = (sentence,)
-        self._container.clear()
-        with self._container:
-            ui.label(sentence).classes("doubtful")
-
-    def _show_recorded(self, found: SavedTarget) -> None:
-        name = f": {found.target.name}" if found.target is not None and found.target.name else ""
-        self._title.text = f"Target {found.number}{name}"
-        self._report.set_visibility(found.target is not None)
-        self._report.props["href"] = f"/records/{found.number}"
-        self._container.clear()
-        with self._container:
-            for stored in found.estimates:
-                estimate_parts(stored, {} if found.target is None else found.target.truth)
-            for message in found.damaged:
+    def _show_recorded(self, saved: SavedTarget) -> None:
+        name = f": {saved.target.name}" if saved.target is not None and saved.target.name else ""
+        self._title.text = f"Target {saved.number}{name}"
+        self._report.set_visibility(saved.target is not None)
+        self._report.props["href"] = f"/records/{saved.number}"
+        with self._record.element:
+            for stored in saved.estimates:
+                cards(estimate_cards(stored, {} if saved.target is None else saved.target.truth))
+                message_list(estimate_messages_of(stored))
+            for message in saved.damaged:
                 ui.label(f"Left out: {message}.").classes("doubtful")
-            presses(found)
+            presses(saved)
 
 
-def estimate_parts(stored: StoredEstimate, truth: Mapping[str, float]) -> None:
-    """Cards and sentences of an estimate."""
-    cards(estimate_cards(stored, truth))
-    message_list(estimate_messages_of(stored))
-
-
-def presses(found: SavedTarget) -> None:
+def presses(saved: SavedTarget) -> None:
     """The newest presses, one line each."""
-    if not found.count:
+    if not saved.count:
         ui.label("No presses of this target yet. Press it and save a snapshot (space bar).").classes("muted")
         return
-    more = "" if found.count <= len(found.presses) else f", the last {len(found.presses)}"
-    with rows_under(("Pressed", "Force", "Saved at (UTC)", "Flags"), caption=f"{count_of(found.count, 'press')}{more}"):
-        for press in found.presses:
-            row(press_cells(press))
-
-
-def press_cells(press: StoredPress) -> tuple[str, ...]:
-    """Cells of a press in the list."""
-    return (
-        ROLE_NAMES[press.role],
-        force_text(press.force_n),
-        time_text(press.taken),
-        ", ".join(press.flags),
-    )
+    more = "" if saved.count <= len(saved.presses) else f", the last {len(saved.presses)}"
+    with rows_under(("Pressed", "Force", "Saved at (UTC)", "Flags"), caption=f"{count_of(saved.count, 'press')}{more}"):
+        for press in saved.presses:
+            flags = ", ".join(press.flags)
+            row((ROLE_NAMES[press.role], force_text(press.force_n), time_text(press.taken), flags))
 
 
 def job_text(job: JobState | None) -> str:

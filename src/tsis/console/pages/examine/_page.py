@@ -1,4 +1,4 @@
-"""Keys of the page Examine: space, the arrows and F."""
+"""The page Examine: live image, press, estimate, settings and sequence."""
 
 from __future__ import annotations
 
@@ -27,17 +27,7 @@ KEYS = {"Space": "save a snapshot", "←": "target before", "→": "target after
 
 
 class Keys(Element, component="keys.js"):
-    """Hears keys wherever the page has the focus but in a field.
-
-    Parameters
-    ----------
-    snapshot
-        Called at space.
-    step
-        Called with -1 or 1 at the arrows.
-    alone
-        What F shows alone, over the whole screen.
-    """
+    """Receives keys while the page has the focus outside its fields; F shows ``alone`` over the whole screen."""
 
     def __init__(
         self, *, snapshot: Callable[[], Awaitable[Any]], step: Callable[[int], Awaitable[Any]], alone: Element
@@ -46,11 +36,6 @@ class Keys(Element, component="keys.js"):
         self._props["alone"] = alone.html_id
         self.on("snapshot", lambda: snapshot())
         self.on("step", lambda event: step(1 if event.args == 1 else -1))
-
-
-def show_alone(button: ui.button) -> None:
-    """Have a button do what F does; in the browser, for only at a click a page may fill the screen."""
-    button.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
 
 
 def key_help() -> None:
@@ -91,12 +76,14 @@ class LivePanel:
             ui.switch("Contact", value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
             ui.switch("3-D", value=False, on_change=self._three)
             ui.element("div").classes("spring")
-            show_alone(ui.button(icon="fullscreen").props('flat dense round aria-label="Full screen"'))
+            alone = ui.button(icon="fullscreen").props('flat dense round aria-label="Full screen"')
+            # What F does too; in the browser, where only a click may fill the screen.
+            alone.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
             with ui.button(icon="keyboard").props('flat dense round aria-label="Keys"'), ui.menu():
                 key_help()
 
     def show(self, state: InstrumentState) -> None:
-        """Show how the camera is; the frames come by a way of their own."""
+        """Show the camera's state; the frames come over their own connection."""
         self.view.update_state(state)
         self.histogram.update_state(state)
         if self._surface is not None:
@@ -120,7 +107,7 @@ class LivePanel:
 
 
 def camera_line(camera: CameraState) -> str:
-    """Name, rate, losses and size, as the camera brings them."""
+    """Name, rate, losses and size of the camera's frames."""
     if not camera.running:
         return "The camera is stopped."
     size = f", {camera.columns} x {camera.rows} pixels" if camera.columns else ""
@@ -131,17 +118,17 @@ def camera_line(camera: CameraState) -> str:
 
 def examine_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    operated = OperatorControls(viewer)
+    controls = OperatorControls(viewer)
     with ui.element("div").classes("split examine"):
         with ui.element("section").classes("stack").props('aria-label="Live image"'):
             live = LivePanel()
         with ui.element("section").classes("stack").props('aria-label="Press, estimate and camera"'):
             with ui.element("div").classes("panel stack tight"):
-                press = PressPanel(instrument, viewer, operated)
+                press = PressPanel(instrument, viewer, controls)
                 with press.force_row:
                     force = ForceRow()
                 flags = FlagList()
-                operated.why()
+                controls.why()
             with ui.element("div").classes("panel under-tabs"):
                 with ui.tabs().props("dense no-caps align=left") as tabs:
                     reported, set_up, recorded = ui.tab("Estimate"), ui.tab("Settings"), ui.tab("Sequence")
@@ -149,13 +136,13 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
                     with ui.tab_panel(reported):
                         estimate = EstimatePanel(instrument, viewer)
                     with ui.tab_panel(set_up):
-                        settings = SettingsPanel(instrument, viewer, operated)
+                        settings = SettingsPanel(instrument, viewer, controls)
                     with ui.tab_panel(recorded):
-                        sequence = SequencePanel(instrument, viewer, operated)
+                        sequence = SequencePanel(instrument, viewer, controls)
     Keys(snapshot=press.snapshot, step=press.step, alone=live.single)
 
     def show(state: InstrumentState) -> None:
-        for part in (live, press, force, flags, estimate, settings, sequence, operated):
+        for part in (live, press, force, flags, estimate, settings, sequence, controls):
             part.show(state)
 
     viewer.follow(show)

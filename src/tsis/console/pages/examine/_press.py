@@ -1,4 +1,4 @@
-"""The saved presses of the examined target, and the controls of a press."""
+"""The controls of a press and of a sequence, and the saved presses of the target."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tsis.records.importing import target_by_number
 
 if TYPE_CHECKING:
     from tsis.console.pages.components import OperatorControls, Viewer
-    from tsis.console.services import Instrument, InstrumentState, JobState, SavedPress
+    from tsis.console.services import Instrument, InstrumentState, Job, JobState, SavedPress
     from tsis.records import StoredEstimate, StoredPress, Target
     from tsis.records.store import Store
 
@@ -37,30 +37,14 @@ SHOWN = 8  # presses, the newest
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedTarget:
-    """A target's number and its stored record.
-
-    Attributes
-    ----------
-    number
-        Of the target.
-    target
-        None while nothing is kept of it.
-    count
-        How many presses there are in all.
-    presses
-        The newest ones, the newest first.
-    estimates
-        Those in force.
-    damaged
-        A sentence for each thing that cannot be shown.
-    """
+    """A target's number and its stored record."""
 
     number: int
-    target: Target | None = None
-    count: int = 0
-    presses: tuple[StoredPress, ...] = ()
-    estimates: tuple[StoredEstimate, ...] = ()
-    damaged: tuple[str, ...] = ()
+    target: Target | None = None  # None while nothing is stored
+    count: int = 0  # of all presses
+    presses: tuple[StoredPress, ...] = ()  # the newest ones, the newest first
+    estimates: tuple[StoredEstimate, ...] = ()  # the current ones
+    damaged: tuple[str, ...] = ()  # a message for each record that cannot be shown
 
 
 def saved_target(store: Store, number: int) -> SavedTarget:
@@ -81,19 +65,9 @@ def saved_target(store: Store, number: int) -> SavedTarget:
 
 
 class PressPanel:
-    """Controls of a press.
+    """Controls of a press."""
 
-    Parameters
-    ----------
-    bench
-        Whose press it is.
-    viewer
-        Who looks.
-    operated
-        Takes the controls.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer, self._saving = instrument, viewer, False
         with ui.element("div").classes("row"):
             self._run = RunButton(instrument, viewer)
@@ -110,8 +84,7 @@ class PressPanel:
             self._force = NumberField(
                 viewer, "Force", self._hold, unit="N", emptied=lambda: instrument.forget_force(by=viewer.identity)
             )
-        for control in (self._run.element, self._save, back, on, self._target.element, choice, self._force.element):
-            operated.add(control)
+        controls.add(self._run.element, self._save, back, on, self._target.element, choice, self._force.element)
 
     def show(self, state: InstrumentState) -> None:
         """Show the instrument's press."""
@@ -150,14 +123,13 @@ class PressPanel:
         return button
 
 
-def snapshot_text(kept: SavedPress) -> str:
+def snapshot_text(saved: SavedPress) -> str:
     """Text of a snapshot."""
-    press = kept.press
+    press = saved.press
     against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
-    notes = "".join(f" {note}." for note in kept.notes)
-    return (
-        f"Saved for target {kept.target.number}: {ROLE_NAMES[press.role]}, {force_text(press.force_n)}{against}.{notes}"
-    )
+    notes = "".join(f" {note}." for note in saved.notes)
+    role, force = ROLE_NAMES[press.role], force_text(press.force_n)
+    return f"Saved for target {saved.target.number}: {role}, {force}{against}.{notes}"
 
 
 SECONDS, FRAMES = "seconds", "frames"
@@ -165,15 +137,9 @@ FIRST_LENGTH = 10.0
 
 
 class SequencePanel:
-    """Begin and end a sequence.
+    """Begin and end a sequence."""
 
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `PressPanel`.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             self._length = unit_field("Length", number_text_of_field(FIRST_LENGTH)).classes("number-field")
@@ -181,14 +147,13 @@ class SequencePanel:
             self._unit.props('role=group aria-label="Unit of the length"')
             self._begin = ui.button("Record", icon="fiber_manual_record", on_click=self._record)
             self._begin.props("no-caps outline")
-            self._end = ui.button("End", icon="stop", on_click=self._ended).props("no-caps outline")
+            self._end = ui.button("End", icon="stop", on_click=viewer.command(instrument.end_sequence))
         self._bar = ProgressBar("Progress of the sequence")
         self._message = ui.label().classes("muted wordy").props("role=status")
         ui.label(
             "Every frame is saved unchanged in the workspace; the recording continues when this page is closed."
         ).classes("muted")
-        for control in (self._length, self._unit, self._begin, self._end):
-            operated.add(control)
+        controls.add(self._length, self._unit, self._begin, self._end.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
         """Show how far the sequence is."""
@@ -200,19 +165,14 @@ class SequencePanel:
         self._message.text = sequence_text(sequence)
 
     async def _record(self) -> None:
-        await self._viewer.attempt(self._recorded)
+        def begin() -> Job:
+            length = typed_number("length", self._length.value)
+            if self._unit.value == SECONDS:
+                return self._instrument.begin_sequence(seconds=length, by=self._viewer.identity)
+            frames = require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES)
+            return self._instrument.begin_sequence(frames=frames, by=self._viewer.identity)
 
-    def _recorded(self) -> None:
-        length = typed_number("length", str(self._length.value or ""))
-        if self._unit.value == FRAMES:
-            self._instrument.begin_sequence(
-                frames=require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES), by=self._viewer.identity
-            )
-        else:
-            self._instrument.begin_sequence(seconds=length, by=self._viewer.identity)
-
-    async def _ended(self) -> None:
-        await self._viewer.attempt(self._instrument.end_sequence, by=self._viewer.identity)
+        await self._viewer.attempt(begin)
 
 
 def sequence_text(sequence: JobState | None) -> str:

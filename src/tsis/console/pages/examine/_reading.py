@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import force_text, set_class
+from tsis.console.pages.components import Redrawn, force_text, set_class
 
 if TYPE_CHECKING:
     from tsis.console.services import FrameAnalysis, InstrumentState
@@ -39,16 +39,13 @@ class FlagList:
     """Flags of the press, with advice."""
 
     def __init__(self) -> None:
-        self._flags = ui.element("ul").classes("flags").props('aria-label="Flags of this press"')
-        self._shown: tuple[tuple[str, str], ...] | None = None
+        self._list = Redrawn(ui.element("ul").classes("flags").props('aria-label="Flags of this press"'))
 
     def show(self, state: InstrumentState) -> None:
         """Show the flags of the newest analysis; an unchanged list stays, so that screen readers do not repeat it."""
         result = flags(present(state))
-        if result != self._shown:
-            self._shown = result
-            self._flags.clear()
-            with self._flags:
+        if self._list.changes_to(result):
+            with self._list.element:
                 for name, advice in result:
                     with ui.element("li"):
                         ui.label(name).classes("flag" if advice else "good")
@@ -60,8 +57,8 @@ def present(state: InstrumentState) -> FrameAnalysis | None:
     return state.frame_analysis if state.camera.running and not state.camera.lost else None
 
 
-def flags(sight: FrameAnalysis | None) -> tuple[tuple[str, str], ...]:
+def flags(analysis: FrameAnalysis | None) -> tuple[tuple[str, str], ...]:
     """Names of the flags with their advice; one line without advice when there are none."""
-    if sight is None:
+    if analysis is None:
         return ()
-    return tuple((flag.name, flag.advice) for flag in sight.flags) or (("No flags.", ""),)
+    return tuple((flag.name, flag.advice) for flag in analysis.flags) or (("No flags.", ""),)

@@ -1,4 +1,4 @@
-"""One setting of the camera: a slider where its range is known, and a field for the exact number."""
+"""The camera's settings: a slider where the range is known, and a field for the exact number."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import NumberField, field_messages
+from tsis.console.pages.components import NumberField, Redrawn, field_messages
 from tsis.instrument import PRESETS
 
 if TYPE_CHECKING:
@@ -26,20 +26,10 @@ UNITS_IN_NAMES = ("_ms", "_db", "_s", "_n")
 
 
 class SettingLine:
-    """A setting as people read and change it.
-
-    Parameters
-    ----------
-    setting
-        With its range and unit.
-    adjust
-        Changes it.
-    viewer, operated
-        Who looks; takes the controls.
-    """
+    """One setting of the camera, changed by ``adjust``."""
 
     def __init__(
-        self, setting: Setting, adjust: Callable[[float], object], viewer: Viewer, operated: OperatorControls
+        self, setting: Setting, adjust: Callable[[float], object], viewer: Viewer, controls: OperatorControls
     ) -> None:
         self._setting, self._adjust, self._viewer = setting, adjust, viewer
         self._slider: ui.slider | None = None
@@ -47,14 +37,14 @@ class SettingLine:
         text = setting_label(setting.name)
         with ui.element("div").classes("setting"):
             self._field = NumberField(viewer, text, adjust, unit=setting.unit)
-            operated.add(self._field.element)
+            controls.add(self._field.element)
             if math.isfinite(setting.low) and math.isfinite(setting.high) and setting.low < setting.high:
                 span = setting.high - setting.low
                 self._slider = ui.slider(min=setting.low, max=setting.high, step=span / STEPS, value=setting.value)
                 self._slider.props("dense").props["aria-label"] = text
                 self._slider.on("update:model-value", self._changed)
                 self._slider.on("change", self._released)
-                operated.add(self._slider)
+                controls.add(self._slider)
                 ui.label(f"{setting.low:g} to {setting.high:.4g} {setting.unit}").classes("muted range")
 
     def show(self, value: float) -> None:
@@ -86,43 +76,32 @@ def setting_label(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
 
-PRESET_WORDS = {"default": "As the camera came", "minimal": "As dark as it goes"}
+PRESET_TEXTS = {"default": "As the camera came", "minimal": "As dark as it goes"}
 
 
 class SettingsPanel:
-    """One slider and one field a setting; what is changed elsewhere appears.
+    """One slider and one field per setting; changes from elsewhere appear."""
 
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of `PressPanel`.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
-        self._instrument, self._viewer, self._operated = instrument, viewer, operated
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer, self._controls = instrument, viewer, controls
         self._lines: dict[str, SettingLine] = {}
-        self._shape: tuple[object, ...] | None = None
         with ui.element("div").classes("row"):
             for name in PRESETS:
-                button = ui.button(name.capitalize(), on_click=partial(self._preset, name)).props(
-                    "outline dense no-caps"
-                )
-                with operated.add(button):
-                    ui.tooltip(PRESET_WORDS[name])
-        self._container = ui.element("div").classes("settings")
+                button = ui.button(name.capitalize(), on_click=viewer.command(instrument.preset, name))
+                with controls.add(button.props("outline dense no-caps")):
+                    ui.tooltip(PRESET_TEXTS[name])
+        self._container = Redrawn(ui.element("div").classes("settings"))
         self._none = ui.label("Start the camera to adjust it.").classes("muted")
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's settings."""
         settings = state.camera.settings
         shape = tuple((setting.name, setting.low, setting.high, setting.unit) for setting in settings)
-        if shape != self._shape:
-            self._shape = shape
-            self._container.clear()
-            with self._container:
+        if self._container.changes_to(shape):
+            with self._container.element:
                 self._lines = {
                     setting.name: SettingLine(
-                        setting, partial(self._adjust, setting.name), self._viewer, self._operated
+                        setting, partial(self._adjust, setting.name), self._viewer, self._controls
                     )
                     for setting in settings
                 }
@@ -130,9 +109,6 @@ class SettingsPanel:
         self._none.text = "The camera is away." if state.camera.lost else "Start the camera to adjust it."
         for setting in settings:
             self._lines[setting.name].show(setting.value)
-
-    async def _preset(self, name: str) -> None:
-        await self._viewer.attempt(self._instrument.preset, name, by=self._viewer.identity)
 
     def _adjust(self, name: str, value: float) -> None:
         with field_messages({name: setting_label(name).lower()}):

@@ -1,4 +1,4 @@
-// Keys of the page: space keeps a snapshot, the arrows change the target, F shows the live image alone.
+// Keys of the page: space saves a snapshot, the arrows change the target, F shows the live image alone.
 
 const FIELDS = "input, textarea, select, [contenteditable], [role=slider], [role=listbox], [role=menu], [role=tab], dialog, .q-dialog, .surface";
 

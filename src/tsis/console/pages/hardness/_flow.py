@@ -15,39 +15,22 @@ if TYPE_CHECKING:
 
 
 HARDNESS, TARGET, BALL = "hardness", "target", "ball"
-PRESSES = 2  # at different forces, of which the second tests what the first told
+PRESSES = 2  # at different forces, of which the second tests the first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SavedPresses:
-    """The stored presses of the object.
+    """The stored presses of the object."""
 
-    Attributes
-    ----------
-    number
-        Of its target.
-    record
-        All of it; None while there is nothing.
-    presses
-        Those that an estimate would rest on: of each force the newest.
-    estimate
-        The hardness in force; None before the first.
-    """
-
-    number: int
-    record: TargetRecord | None = None
-    presses: tuple[StoredPress, ...] = ()
-    estimate: StoredEstimate | None = None
+    number: int  # of the target
+    record: TargetRecord | None = None  # None while nothing is stored
+    presses: tuple[StoredPress, ...] = ()  # those of the next estimate: the newest of each force
+    estimate: StoredEstimate | None = None  # the current hardness
 
     @property
     def on_object(self) -> tuple[StoredPress, ...]:
         """Presses on the object."""
         return tuple(press for press in self.presses if press.role == TARGET)
-
-    @property
-    def on_ball(self) -> tuple[StoredPress, ...]:
-        """Presses on the rigid ball."""
-        return tuple(press for press in self.presses if press.role == BALL)
 
     @property
     def is_current(self) -> bool:
@@ -66,7 +49,7 @@ def saved_presses(store: Store, number: int) -> SavedPresses:
 
 
 def next_free(store: Store, number: int) -> int:
-    """``number`` where nothing is kept of it, else the next after all."""
+    """``number`` while nothing is stored of it, else the next after all targets."""
     if target_by_number(store, number) is None:
         return number
     return max(target.target.number for target in store.targets()) + 1
@@ -75,12 +58,7 @@ def next_free(store: Store, number: int) -> int:
 def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
     """Messages of what an estimate still needs; empty when it can run.
 
-    Parameters
-    ----------
-    state
-        Of the bench.
-    scaled, responds
-        Whether the calibration in force tells the size of a pixel, and the answer to pressure.
+    ``scaled`` and ``responds`` say whether the active calibration has the size of a pixel and the response to pressure.
     """
     camera = state.camera
     if camera.choice.is_virtual:
@@ -99,12 +77,12 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     return tuple(results)
 
 
-def next_step_text(found: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:
+def next_step_text(saved: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:
     """The next step, or the state, as a message."""
-    count = len(found.on_object)
+    count = len(saved.on_object)
     if estimating:
         return "The estimate is running."
-    if found.is_current:
+    if saved.is_current:
         return "Done. Press again at another force to test it, or begin with another object."
     if missing and count < PRESSES:
         return f"Next: {missing[0]}"

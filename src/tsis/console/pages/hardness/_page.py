@@ -1,4 +1,4 @@
-"""The button of the estimate, and how far it is."""
+"""The page Hardness: object, presses, estimate and result."""
 
 from __future__ import annotations
 
@@ -35,11 +35,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.pages.hardness._parts import TypedRadius
-    from tsis.console.services import Instrument, InstrumentState, JobState
+    from tsis.console.services import Instrument, InstrumentState, Job, JobState
 
 
-WORDS = {
+LABELS = {
     "radius_mm": "radius of the object",
     "radius_sd_mm": "its standard deviation",
     "reference_radius_mm": "radius of the ball",
@@ -47,21 +46,13 @@ WORDS = {
 
 
 class Estimating:
-    """Begins the estimate.
-
-    Parameters
-    ----------
-    bench, viewer
-        As of the page's other parts.
-    radius, ball_radius
-        Tell what was typed; `InputError` when it is none.
-    """
+    """Begins the estimate, with the typed radii."""
 
     def __init__(
         self,
         instrument: Instrument,
         viewer: Viewer,
-        radius: Callable[[], TypedRadius],
+        radius: Callable[[], dict[str, float]],
         ball_radius: Callable[[], float],
     ) -> None:
         self._instrument, self._viewer, self._radius, self._ball_radius = instrument, viewer, radius, ball_radius
@@ -83,39 +74,29 @@ class Estimating:
         if running:
             text = "The contact of a probe that was never used before is solved once, which takes some minutes."
         elif job is not None and failed:
-            text = with_field_labels(job.sentence, WORDS)
+            text = with_field_labels(job.sentence, LABELS)
         else:
             text = "" if two or not enough else "One press is nearly as precise, but nothing tests it."
         self._message.text = text
         set_class(self._message, "doubtful", failed)
 
     async def _begin(self) -> None:
-        await self._viewer.attempt(self._begun)
+        def begin() -> Job:
+            number = self._instrument.state().target
+            presses = saved_presses(self._instrument.store, number).presses
+            options = self._radius()
+            if any(press.role == BALL for press in presses):
+                options["reference_radius_mm"] = self._ball_radius()
+            identities = [press.id for press in presses] or None
+            return self._instrument.estimate(number, kind=HARDNESS, presses=identities, options=options)
 
-    def _begun(self) -> object:
-        number = self._instrument.state().target
-        result = saved_presses(self._instrument.store, number)
-        typed = self._radius()
-        options = {"radius_mm": typed.radius_mm, "radius_sd_mm": typed.sd_mm}
-        if any(press.role == BALL for press in result.presses):
-            options["reference_radius_mm"] = self._ball_radius()
-        return self._instrument.estimate(
-            number,
-            kind=HARDNESS,
-            presses=[press.id for press in result.presses] or None,
-            options={name: value for name, value in options.items() if value is not None},
-        )
+        await self._viewer.attempt(begin)
 
 
-LOOK_S = 0.5  # between two looks into the store
+EVERY_S = 0.5  # between two readings of the store
 
 
-def hardness_tab(instrument: Instrument, viewer: Viewer) -> None:
-    """Build the page."""
-    _Measurement(instrument, viewer)
-
-
-class _Measurement:
+class HardnessPage:
     """The parts of the page, and what they show."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
@@ -124,7 +105,7 @@ class _Measurement:
         self._results = SavedPresses(number=0)
         self._mark: object = None
         self._trouble = ""
-        self._operated = OperatorControls(viewer)
+        self._controls = OperatorControls(viewer)
         with ui.element("div").classes("split hardness"):
             with ui.element("section").classes("panel").props('aria-label="Live image"'):
                 self._live = LiveView()
@@ -132,12 +113,12 @@ class _Measurement:
             with ui.element("section").classes("stack").props('aria-label="Steps"'):
                 with ui.element("div").classes("panel hardness-next"):
                     self._next = ui.label().classes("strong").props("role=status")
-                    self._operated.why()
-                self._object = ObjectPart(instrument, viewer, self._operated)
-                self._presses = PressPart(instrument, viewer, self._operated)
+                    self._controls.why()
+                self._object = ObjectPart(instrument, viewer, self._controls)
+                self._presses = PressPart(instrument, viewer, self._controls)
                 self._estimating = Estimating(instrument, viewer, self._object.radius, self._presses.ball_radius)
         self._result = HardnessPanel(viewer)
-        viewer.every(LOOK_S, self._refresh)
+        viewer.every(EVERY_S, self._refresh)
         viewer.follow(self._show)
 
     def _show(self, state: InstrumentState) -> None:
@@ -146,7 +127,7 @@ class _Measurement:
         analysis = state.frame_analysis
         self._analysis.text = "" if analysis is None else "; ".join(flag.advice for flag in analysis.flags)
         set_class(self._analysis, "doubtful", analysis is not None and bool(analysis.flags))
-        self._operated.show(state)
+        self._controls.show(state)
         self._presses.show(state)
         self._notify(state)
 
@@ -155,7 +136,7 @@ class _Measurement:
         state = self._state
         if state is None:
             return
-        self._operated.show(state)  # whoever was away for a moment may hold the camera again
+        self._controls.show(state)  # a client that was away for a moment may own the camera again
         touches = not state.camera.choice.is_virtual or state.camera.choice.is_sphere
         try:
             now = (await self._viewer.entries(), state.target, touches)
@@ -168,7 +149,7 @@ class _Measurement:
             return
         if result is None:  # the console is being ended
             return
-        if not touches and result.estimate is None:  # presses on the virtual tissue tell no hardness
+        if not touches and result.estimate is None:  # presses on the virtual tissue give no hardness
             result = replace(result, presses=())
         self._mark, self._results, self._trouble = now, result, ""
         self._notify(self._state or state)
@@ -179,7 +160,7 @@ class _Measurement:
         read = self._results.number == state.target
         result = self._results if read else SavedPresses(number=state.target)
         self._object.show(state, result)
-        self._presses.saved(result)
+        self._presses.show_presses(result)
         given = self._calibration.of(state)
         missing = missing_text(
             state,

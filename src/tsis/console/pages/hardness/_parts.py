@@ -1,8 +1,7 @@
-"""The object: a virtual sphere laid under the probe, or a real one with its radius, and the target that it becomes."""
+"""The object, virtual or real, with its radius and target; and the presses on it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -10,6 +9,7 @@ from nicegui import ui
 from tsis.catalog import list_spheres, load_probe
 from tsis.console.pages.components import (
     FORCE,
+    Redrawn,
     field_messages,
     force_text,
     list_message,
@@ -30,32 +30,17 @@ from tsis.model import require_number
 if TYPE_CHECKING:
     from tsis.console.pages.components import OperatorControls, Viewer
     from tsis.console.pages.hardness._flow import SavedPresses
-    from tsis.console.services import Instrument, InstrumentState
-    from tsis.console.services import SavedPress as KeptPress
+    from tsis.console.services import Instrument, InstrumentState, SavedPress
     from tsis.records import StoredPress
 
 
 BARE = "tsis-direct"  # the probe of the catalog that touches objects without tissue between
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TypedRadius:
-    """Radius of the object and its standard deviation, mm; None where not measured."""
-
-    radius_mm: float | None = None
-    sd_mm: float | None = None
-
-
 class ObjectPart:
-    """Says what is measured.
+    """Shows and changes the measured object."""
 
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of the page's other parts.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._filled: object = None
         with ui.element("div").classes("panel stack tight"):
@@ -68,17 +53,17 @@ class ObjectPart:
                 self._sphere = ui.select(spheres, value=spheres[0], label="Virtual sphere").props("dense outlined")
                 self._sphere.classes("hardness-sphere")
                 self._lay = ui.button("Lay it under the probe", icon="vertical_align_bottom", on_click=self._laid)
-                operated.add(self._lay.props("no-caps unelevated"))
+                controls.add(self._lay.props("no-caps unelevated"))
             with ui.element("div").classes("row") as self._real:
                 self._name = ui.label().classes("muted")
                 again = ui.button("Another object", icon="add", on_click=self._another).props("no-caps outline")
-                operated.add(again)
+                controls.add(again)
             with ui.element("div").classes("row") as self._size:
                 self._radius = unit_field("Radius of the object", unit="mm").classes("hardness-number")
                 self._sd = unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
             self._message = ui.label().classes("muted")
 
-    def show(self, state: InstrumentState, found: SavedPresses) -> None:
+    def show(self, state: InstrumentState, saved: SavedPresses) -> None:
         """Show the instrument's object; known values of a virtual one are filled in once."""
         choice = state.camera.choice
         self._virtual.set_visibility(choice.is_virtual)
@@ -93,33 +78,30 @@ class ObjectPart:
             self._message.text = f"{choice.phantom} lies under {choice.probe}; its radius is as a calliper measured it."
         elif not choice.is_virtual:
             self._message.text = "Leave both empty where unknown; the estimate is then wide."
-            options = {} if found.estimate is None else found.estimate.options
+            options = {} if saved.estimate is None else saved.estimate.options
             if "radius_mm" in options:  # as it was typed for the last estimate
-                self._fill((choice, found.number), options["radius_mm"], options.get("radius_sd_mm"))
+                self._fill((choice, saved.number), options["radius_mm"], options.get("radius_sd_mm"))
         else:
             self._message.text = ""
 
-    def radius(self) -> TypedRadius:
-        """What was typed; `InputError` when it cannot be that of an object under this probe."""
-        radius_text, sd_text = str(self._radius.value or "").strip(), str(self._sd.value or "").strip()
+    def radius(self) -> dict[str, float]:
+        """The typed options of an estimate; `InputError` when they cannot be of an object under this probe."""
+        radius_text, sd_text = (self._radius.value or "").strip(), (self._sd.value or "").strip()
         if not radius_text:
             if sd_text:
                 raise InputError("radius of the object must be given with its standard deviation; got none")
-            return TypedRadius()
+            return {}
         radius = typed_number("radius of the object", radius_text)
         given = self._instrument.calibration
-        name = (
-            self._instrument.camera_controller.choice.probe
-            if given is None or not given.calibration.probe
-            else given.calibration.probe
-        )
+        name = "" if given is None else given.calibration.probe
+        name = name or self._instrument.camera_controller.choice.probe
         with field_messages({"radius_mm": "radius of the object"}):
             require_radius("radius of the object", load_probe(name), radius)
         if not sd_text:
-            return TypedRadius(radius_mm=radius)
+            return {"radius_mm": radius}
         sd = typed_number("its standard deviation", sd_text)
         require_number("its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
-        return TypedRadius(radius_mm=radius, sd_mm=sd)
+        return {"radius_mm": radius, "radius_sd_mm": sd}
 
     def _fill(self, which: object, radius_mm: float, sd_mm: float | None) -> None:
         if which != self._filled:
@@ -132,16 +114,15 @@ class ObjectPart:
             await self._viewer.attempt(self._lay_under, str(self._sphere.value))
 
     def _lay_under(self, sphere: str) -> None:
-        by = self._viewer.identity
-        seed = self._instrument.camera_controller.choice.seed
+        by, seed = self._viewer.identity, self._instrument.camera_controller.choice.seed
         self._instrument.choose(CameraChoice(probe=BARE, phantom=sphere, seed=seed), by=by)
-        self._instrument.set_target(next_free(self._instrument.store, self._instrument.state().target), by=by)
+        self._choose_free_target()
         self._instrument.start(by=by)
 
     async def _another(self) -> None:
-        await self._viewer.attempt(self._other)
+        await self._viewer.attempt(self._choose_free_target)
 
-    def _other(self) -> None:
+    def _choose_free_target(self) -> None:
         number = next_free(self._instrument.store, self._instrument.state().target)
         self._instrument.set_target(number, by=self._viewer.identity)
 
@@ -150,27 +131,20 @@ FORCES_N = ("0.7", "1.2")  # that are offered
 
 
 class PressPart:
-    """Takes presses and shows the saved ones.
+    """Takes presses and shows the saved ones."""
 
-    Parameters
-    ----------
-    bench, viewer, operated
-        As of the page's other parts.
-    """
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._gauge = False
         self._offered = FORCES_N[0]
-        self._shown: tuple[str, ...] | None = None
         with ui.element("div").classes("panel stack tight"):
             panel_title("2  Presses")
-            self._list = ui.element("ol").classes("hardness-presses")
+            self._list = Redrawn(ui.element("ol").classes("hardness-presses"))
             self._none = ui.label(f"None yet; {PRESSES} at different forces are best.").classes("muted")
             with ui.element("div").classes("row") as self._row:
                 self._force = unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
                 self._press = ui.button("Press and save", icon="photo_camera", on_click=lambda: self._save(TARGET))
-                operated.add(self._press.props("no-caps unelevated"))
+                controls.add(self._press.props("no-caps unelevated"))
             self._extra = ui.expansion("Rigid ball, for a soft probe").props("dense").classes("hardness-ball")
             with self._extra:
                 ui.label("A rigid ball shows how much the probe itself yields.").classes("muted")
@@ -180,7 +154,7 @@ class PressPart:
                     for field in (self._ball_mm, self._ball_force):
                         field.classes("hardness-number")
                     self._ball = ui.button("Press the ball and save", on_click=lambda: self._save(BALL))
-                    operated.add(self._ball.props("no-caps outline"))
+                    controls.add(self._ball.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
         """Ask for forces where there is no gauge."""
@@ -189,17 +163,15 @@ class PressPart:
         self._force.set_visibility(not self._gauge)
         self._ball_force.set_visibility(not self._gauge)
 
-    def saved(self, found: SavedPresses) -> None:
-        """Show the presses that an estimate would rest on, and offer the next force."""
-        lines = tuple(press_words(press) for press in found.presses)
-        if lines != self._shown:
-            self._shown = lines
+    def show_presses(self, saved: SavedPresses) -> None:
+        """Show the presses of the next estimate, and offer the next force."""
+        lines = tuple(press_text(press) for press in saved.presses)
+        if self._list.changes_to(lines):
             self._none.set_visibility(not lines)
-            self._list.clear()
-            with self._list:
+            with self._list.element:
                 for line in lines:
                     list_message(line)
-        offered = FORCES_N[min(len(found.on_object), 1)]
+        offered = FORCES_N[min(len(saved.on_object), 1)]
         if self._force.value == self._offered != offered:
             self._force.set_value(offered)
         self._offered = offered
@@ -210,26 +182,26 @@ class PressPart:
             part.set_visibility(possible)
 
     def ball_radius(self) -> float:
-        """What was typed; `InputError` when it is no number."""
-        return typed_number("radius of the ball", str(self._ball_mm.value or ""))
+        """The typed radius in mm; `InputError` when it is no number."""
+        return typed_number("radius of the ball", self._ball_mm.value)
 
     async def _save(self, role: str) -> None:
         button, field = (self._press, self._force) if role == TARGET else (self._ball, self._ball_force)
         with loading(button):
-            press: KeptPress | None = await self._viewer.attempt(self._pressed, role, str(field.value or ""))
+            press: SavedPress | None = await self._viewer.attempt(self._pressed, role, field.value)
         if press is not None:
             self._viewer.notify(snapshot_text(press))
 
-    def _pressed(self, role: str, text: str) -> KeptPress:
+    def _pressed(self, role: str, text: str | None) -> SavedPress:
         force_n = None if self._gauge else typed_number("force", text)
         state = self._instrument.state()
-        if (state.role, state.force_n) != (role, force_n):  # else it is held so already
+        if (state.role, state.force_n) != (role, force_n):
             with field_messages(FORCE):
                 self._instrument.hold(role=role, force_n=force_n, by=self._viewer.identity)
         return self._instrument.snapshot(by=self._viewer.identity)
 
 
-def press_words(press: StoredPress) -> str:
+def press_text(press: StoredPress) -> str:
     """A press in a line."""
     where = "Object" if press.role == TARGET else "Rigid ball"
     against = f"; against it: {', '.join(press.flags)}" if press.flags else ""

@@ -1,10 +1,10 @@
-"""Contents of a target's page, read at once."""
+"""Contents of a target's page, read at once, and its downloads and jobs."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from nicegui import ui
 
@@ -30,23 +30,13 @@ UNKNOWN_FLAG = "a flag that tsis does not know"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TargetView:
-    """A target as it is stored now.
-
-    Attributes
-    ----------
-    target
-        As it is stored.
-    record
-        Its estimates and calibrations as they may be shown, without presses: of a subject the pseudonym only.
-    presses, offset, total
-        A sheet of its presses, how many come before it, and how many there are.
-    """
+    """A target as it is stored now."""
 
     target: Target
-    record: TargetRecord
-    presses: tuple[StoredPress, ...]
-    offset: int
-    total: int
+    record: TargetRecord  # without presses; of a subject the pseudonym only
+    presses: tuple[StoredPress, ...]  # one page of them
+    offset: int  # presses before that page
+    total: int  # of all presses
 
     @property
     def private(self) -> bool:
@@ -61,20 +51,15 @@ class TargetView:
     @property
     def fingerprint(self) -> tuple[object, ...]:
         """Fingerprint of the whole page: equal ones have the same view."""
-        given = self.record
-        created = tuple(estimate.id for estimate in given.estimates)
-        return self.target, self.sheet, created, tuple(given.calibrations), given.damaged
+        record = self.record
+        estimates = tuple(estimate.id for estimate in record.estimates)
+        return self.target, self.sheet, estimates, tuple(record.calibrations), record.damaged
 
 
 def read_target(store: Store, number: str, offset: int) -> TargetView:
-    """Read a target; ``offset`` behind its presses becomes that of the last sheet.
+    """Read a target; ``offset`` behind its presses becomes that of the last page of presses.
 
-    Raises
-    ------
-    InputError
-        When there is no target of that number.
-    RecordsError
-        When the store cannot be read.
+    Raises `InputError` when there is no target of that number, and `RecordsError` when the store cannot be read.
     """
     target = target_of(store, number)
     total = store.press_count(target)
@@ -109,15 +94,7 @@ class ChosenPresses(Protocol):
 
 
 class TargetContext(Protocol):
-    """The open page of a target, as its parts see it.
-
-    Attributes
-    ----------
-    instrument, viewer
-        Whose store it is, and the browser tab.
-    below, dialogs, compared
-        Where messages, dialogs and a comparison are drawn.
-    """
+    """The open page of a target, as its parts use it; ``below``, ``dialogs`` and ``compared`` are places on it."""
 
     instrument: Instrument
     viewer: Viewer
@@ -132,7 +109,7 @@ class TargetContext(Protocol):
     async def load(self) -> None:
         """Read the target anew and show it."""
 
-    async def compare(self, seen: TargetView) -> None:
+    async def compare(self, view: TargetView) -> None:
         """Show the two chosen presses beside each other."""
 
 
@@ -165,18 +142,14 @@ async def fetch_file(viewer: Viewer, address: str) -> bool:
 EVERY_S = 0.3
 
 
-def follow_job(job: Job, place: ui.element, done: Callable[[], None]) -> None:
-    """Show a job in ``place`` until it is over, then clear the place and call ``done`` there, or say what went wrong.
+async def follow_job(viewer: Viewer, place: ui.element, begin: Callable[[], Job], show: Callable[[Any], None]) -> bool:
+    """Begin a job and show it in ``place`` until it is over; then ``show`` its result there, or say why it failed.
 
-    Parameters
-    ----------
-    job
-        Under way.
-    place
-        Where it is shown; what was in it goes.
-    done
-        Shows what came out.
+    False, after a message, when it cannot begin.
     """
+    job = await viewer.attempt(begin)
+    if job is None:
+        return False
     place.clear()
     with place, ui.element("div").classes("job").props('role="status"'):
         ui.label(job.title)
@@ -184,19 +157,20 @@ def follow_job(job: Job, place: ui.element, done: Callable[[], None]) -> None:
         count = ui.label().classes("muted")
         ui.button("End", on_click=job.end).props("dense no-caps outline")
 
-    def look() -> None:
+    def refresh() -> None:
         state = job.state()
-        if not state.running:
-            timer.cancel()
-            place.clear()
-            with place:
-                if state.status == DONE:
-                    done()
-                else:
-                    ui.label(state.sentence).classes("flag").props('role="alert"')
+        if state.running:
+            bar.show(state)
+            count.text = f"{state.done} of {state.total}" if state.total else "under way"
             return
-        bar.show(state)
-        count.text = f"{state.done} of {state.total}" if state.total else "under way"
+        timer.cancel()
+        place.clear()
+        with place:
+            if state.status == DONE:
+                show(job.result)
+            else:
+                ui.label(state.sentence).classes("flag").props('role="alert"')
 
     with place:
-        timer = ui.timer(EVERY_S, look)
+        timer = ui.timer(EVERY_S, refresh)
+    return True

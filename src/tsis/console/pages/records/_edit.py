@@ -1,4 +1,4 @@
-"""Dialogs of edits, and of conflicts with another editor."""
+"""Dialogs that show and edit a press or a target, and conflicts with another editor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from nicegui import run, ui
 
 from tsis.calibration.guard import GUARD_FLAGS
-from tsis.console.pages.components import FORCE, FactList, field_messages, panel_title, press_label, time_label
+from tsis.console.pages.components import (
+    FORCE,
+    FactList,
+    dialog_buttons,
+    field_messages,
+    open_dialog,
+    panel_title,
+    press_label,
+    time_label,
+)
 from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
 from tsis.records import DAMAGED, ROLE_NAMES, parse_force, parse_truth
@@ -17,23 +26,11 @@ from tsis.records.store import EDITABLE
 from tsis.report.target import SHORT, measure, parameter_label
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from tsis.console.pages.records._context import TargetContext, TargetView
     from tsis.records import StoredPress, Target
     from tsis.records.store import Store
-
-
-def show_conflict(place: ui.element, found: Edited[Any], *, take: Callable[[], Any], keep: Callable[[], Any]) -> None:
-    """Say what is there now, and let one choose: ``take`` what is there, or ``keep`` and save one's own."""
-    place.clear()
-    with place, ui.element("div").classes("conflict").props('role="alert"'):
-        ui.label(found.refused).classes("flag")
-        for difference in found.differences or ("Your fields are unchanged; another field has changed.",):
-            ui.label(difference)
-        with ui.element("div").classes("row"):
-            ui.button("Take what is there now", on_click=take).props("dense no-caps outline")
-            ui.button("Overwrite with mine", on_click=keep).props("dense no-caps outline")
 
 
 MOST_SHOWN = 120  # letters of a value
@@ -42,21 +39,11 @@ Record = TypeVar("Record")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edited(Generic[Record]):
-    """Result of a change.
-
-    Attributes
-    ----------
-    record
-        As it is stored now, with the change or with that of somebody else.
-    refused
-        Why it was not changed; empty when it was.
-    differences
-        One sentence for each field that somebody else has changed.
-    """
+    """Result of a change: the record as stored now; where it was refused, why, and the other editor's changes."""
 
     record: Record
-    refused: str = ""
-    differences: tuple[str, ...] = ()
+    refused: str = ""  # why it was not changed; empty when it was
+    differences: tuple[str, ...] = ()  # one message for each field that another editor has changed
 
 
 def edit_target(store: Store, target: Target, changes: Mapping[str, Any]) -> Edited[Target]:
@@ -80,19 +67,23 @@ def edit_press(store: Store, target: Target, press: StoredPress, changes: Mappin
 def differences(before: object, now: object, names: tuple[str, ...]) -> tuple[str, ...]:
     """Changes between two versions of a record, one message per field."""
     changed = ((name, getattr(before, name), getattr(now, name)) for name in names)
-    return tuple(f"{_words(name)}: was {_said(was)}, is {_said(new)} now." for name, was, new in changed if was != new)
+    return tuple(
+        f"{_label(name)}: was {_value_text(was)}, is {_value_text(new)} now."
+        for name, was, new in changed
+        if was != new
+    )
 
 
-def changed(record: object, wanted: Mapping[str, Any]) -> dict[str, Any]:
+def changed(record: object, requested: Mapping[str, Any]) -> dict[str, Any]:
     """The values that differ from the record's."""
-    return {name: value for name, value in wanted.items() if getattr(record, name) != value}
+    return {name: value for name, value in requested.items() if getattr(record, name) != value}
 
 
-def _words(name: str) -> str:
+def _label(name: str) -> str:
     return {"force_n": "Force"}.get(name, name.capitalize())
 
 
-def _said(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if value is None:
         return "not measured"
     if isinstance(value, tuple):
@@ -114,26 +105,14 @@ def number_text(value: float) -> str:
 
 
 class Editing(ABC, Generic[Record]):
-    """The fields of a record in a dialog.
-
-    Parameters
-    ----------
-    page, dialog
-        Where it is open.
-    record
-        As it was read.
-    leave
-        What the button says that changes nothing.
-    """
+    """The fields of a record in a dialog; ``leave`` labels the button that changes nothing."""
 
     def __init__(self, page: TargetContext, record: Record, dialog: ui.dialog, *, leave: str) -> None:
         self._page, self._record, self._dialog = page, record, dialog
         self._lay_out()
         self._conflict = ui.element("div")
         self._fill(record)
-        with ui.element("div").classes("row"):
-            ui.button("Save", on_click=self._save).props("no-caps dense unelevated")
-            ui.button(leave, on_click=dialog.close).props("no-caps dense flat")
+        dialog_buttons(dialog, "Save", self._save, leave=leave)
 
     @abstractmethod
     def _lay_out(self) -> None:
@@ -164,48 +143,59 @@ class Editing(ABC, Generic[Record]):
         result = await self._page.viewer.attempt(self._edited, *self._written())
         if result is None:
             return
-        now = result.record
         if result.refused:
-            show_conflict(self._conflict, result, take=lambda: self._fill(now), keep=lambda: self._save_over(now))
+            self._show_conflict(result)
             return
         self._dialog.close()
-        self._page.viewer.notify(self._saved(now))
+        self._page.viewer.notify(self._saved(result.record))
         await self._page.load()
 
-    async def _save_over(self, now: Record) -> None:
-        self._record = now
-        await self._save()
+    def _show_conflict(self, result: Edited[Record]) -> None:
+        """Let the user take the stored record, or overwrite it."""
+
+        async def overwrite() -> None:
+            self._record = result.record
+            await self._save()
+
+        self._conflict.clear()
+        with self._conflict, ui.element("div").classes("conflict").props('role="alert"'):
+            ui.label(result.refused).classes("flag")
+            for difference in result.differences or ("Your fields are unchanged; another field has changed.",):
+                ui.label(difference)
+            with ui.element("div").classes("row"):
+                take = ui.button("Take what is there now", on_click=lambda: self._fill(result.record))
+                keep = ui.button("Overwrite with mine", on_click=overwrite)
+                for button in (take, keep):
+                    button.props("dense no-caps outline")
 
 
 LARGE_PX = 768
 
 
-def open_press(page: TargetContext, seen: TargetView, press: StoredPress) -> None:
+def open_press(page: TargetContext, view: TargetView, press: StoredPress) -> None:
     """Show a press in a dialog."""
-    with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked wide"):
-        panel_title(f"Press {press_label(press)}")
-        with ui.element("div").classes("press-large"):
-            with ui.element("div").classes("stack"):
-                picture = ui.element("img").classes("press-picture")
-                picture.props["alt"] = f"Frame {press_label(press)}"
-                picture.props["src"] = f"/files/press/{seen.target.number}/{press.id}.png?size={LARGE_PX}"
-                why = ui.label().classes("flag identity").props('role="alert"')
-                picture.on("error", lambda: _tell_why(page, seen, press, why), args=[])
-                _facts(seen, press)
-            with ui.element("div").classes("stack"):
-                _PressEditing(page, seen.target, press, dialog)
-    dialog.on("hide", dialog.delete)
+    title = f"Press {press_label(press)}"
+    with open_dialog(page.dialogs, title, style="dialog-card wide") as dialog, ui.element("div").classes("press-large"):
+        with ui.element("div").classes("stack"):
+            picture = ui.element("img").classes("press-picture")
+            picture.props["alt"] = f"Frame {press_label(press)}"
+            picture.props["src"] = f"/files/press/{view.target.number}/{press.id}.png?size={LARGE_PX}"
+            why = ui.label().classes("flag identity").props('role="alert"')
+            picture.on("error", lambda: _show_fault(page, view, press, why), args=[])
+            _facts(view, press)
+        with ui.element("div").classes("stack"):
+            _PressEditing(page, view.target, press, dialog)
 
 
-async def _tell_why(page: TargetContext, seen: TargetView, press: StoredPress, place: ui.label) -> None:
-    """Say why the frame of a press cannot be shown; of a subject without the place, whose name may tell whose it is."""
+async def _show_fault(page: TargetContext, view: TargetView, press: StoredPress, place: ui.label) -> None:
+    """Show why the frame of a press cannot be read; of a subject without the path, which may identify the person."""
     message = await run.io_bound(fault_of, page.instrument.store, press)
-    place.text = DAMAGED if seen.private and message else message
+    place.text = DAMAGED if view.private and message else message
 
 
-def _facts(seen: TargetView, press: StoredPress) -> None:
+def _facts(view: TargetView, press: StoredPress) -> None:
     """Fixed facts of the press."""
-    given = seen.record.calibrations.get(press.calibration or "")
+    given = view.record.calibrations.get(press.calibration or "")
     calibration = "none" if press.calibration is None else press.calibration[:SHORT]
     rows = {
         "taken": time_label(press.taken),
@@ -213,9 +203,9 @@ def _facts(seen: TargetView, press: StoredPress) -> None:
         "scale": "not known"
         if press.mm_per_pixel is None
         else "{:.4g} × {:.4g} mm per pixel".format(*press.mm_per_pixel),
-        "probe": "not shown of a subject" if seen.private else press.probe or "not named",
-        "calibration": calibration if given is None or seen.private else f"{given.name} ({calibration})",
-        "flags": ", ".join(flags_of(press, private=seen.private)) or "none",
+        "probe": "not shown of a subject" if view.private else press.probe or "not named",
+        "calibration": calibration if given is None or view.private else f"{given.name} ({calibration})",
+        "flags": ", ".join(flags_of(press, private=view.private)) or "none",
         "version": f"{press.version}",
     }
     FactList().show(rows.items())
@@ -263,16 +253,21 @@ class _PressEditing(Editing["StoredPress"]):
 PSEUDONYM = "A pseudonym, never a name."
 
 
-def about_target(page: TargetContext, seen: TargetView) -> None:
+def about_target(page: TargetContext, view: TargetView) -> None:
     """Show name, note and truth of a target; of a subject no note."""
-    target = seen.target
+    target = view.target
+
+    def edit() -> None:
+        with open_dialog(page.dialogs, f"Edit target {target.number}") as dialog:
+            _TargetEditing(page, target, dialog, leave="Cancel")
+
     with ui.element("div").classes("row"):
         panel_title("About this target", level=3)
         ui.element("div").classes("spring")
-        ui.button("Edit", icon="edit", on_click=lambda: _ask(page, target)).props("dense no-caps outline")
+        ui.button("Edit", icon="edit", on_click=edit).props("dense no-caps outline")
     rows = {
         "name": target.name or "none",
-        "note": "not shown of a subject" if seen.private else target.note or "none",
+        "note": "not shown of a subject" if view.private else target.note or "none",
         **{
             f"true {parameter_label(name)[0]}": measure(value, parameter_label(name)[1])
             for name, value in target.truth.items()
@@ -283,18 +278,11 @@ def about_target(page: TargetContext, seen: TargetView) -> None:
     FactList().show(rows.items())
 
 
-def _ask(page: TargetContext, target: Target) -> None:
-    with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
-        _TargetEditing(page, target, dialog, leave="Cancel")
-    dialog.on("hide", dialog.delete)
-
-
 class _TargetEditing(Editing["Target"]):
     """The fields of a target in a dialog."""
 
     def _lay_out(self) -> None:
         subject = self._record.kind == "subject"
-        panel_title(f"Edit target {self._record.number}")
         self._name = ui.input("Name").props("outlined dense")
         self._name.props["hint"] = PSEUDONYM if subject else ""
         self._note = ui.textarea("Note").props("outlined dense autogrow")

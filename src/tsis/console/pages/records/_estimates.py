@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import cards, list_message, message_list, panel_title, table
+from tsis.console.pages.components import (
+    cards,
+    dialog_buttons,
+    list_message,
+    message_list,
+    open_dialog,
+    panel_title,
+    table,
+)
 from tsis.console.pages.records._context import follow_job
-from tsis.records import ESTIMATES, recompute
+from tsis.records import ESTIMATES
 from tsis.report import estimate_messages_of, recomputation_message, recomputation_notes, shift_table
 from tsis.report.target import IDENTITY_NOTE, count_of, history_tables, newest_first, origin, target_cards
 
 if TYPE_CHECKING:
     from tsis.console.pages.records._context import TargetContext, TargetView
-    from tsis.console.services import Job
-    from tsis.records import Recomputation
+    from tsis.records import Recomputation, StoredEstimate
 
 
 NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken under a calibration."
 
 
-def estimates(seen: TargetView) -> None:
+def estimates(view: TargetView) -> None:
     """Show the estimates in force, and what of the target is damaged."""
     panel_title("Current estimates", level=3)
-    result = newest_first(seen.record)
+    result = newest_first(view.record)
     if result:
-        cards(target_cards(seen.record))
+        cards(target_cards(view.record))
     else:
         ui.label(NONE_YET).classes("muted")
     with message_list():
@@ -35,15 +43,15 @@ def estimates(seen: TargetView) -> None:
                 list_message(f"Of the {stored.kind}: {message}" if len(result) > 1 else message)
             if stored.estimate.flags:
                 list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
-        for message in seen.record.damaged:
+        for message in view.record.damaged:
             list_message(f"Left out: {message}", "flag")
-    if seen.private:
+    if view.private:
         ui.label(IDENTITY_NOTE).classes("muted")
 
 
-def history(seen: TargetView) -> None:
+def history(view: TargetView) -> None:
     """Show all estimates."""
-    result = history_tables(seen.record)
+    result = history_tables(view.record)
     for item in result:
         table(item)
     if not result:
@@ -54,40 +62,30 @@ def history(seen: TargetView) -> None:
 NEWEST = "the newest press of each role and force"
 
 
-def estimate_button(page: TargetContext, seen: TargetView) -> None:
+def estimate_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks what to estimate from, and does it."""
-    ui.button("Estimate", icon="calculate", on_click=lambda: _ask(page, seen)).props("dense no-caps outline")
+    ui.button("Estimate", icon="calculate", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
 
 
-def _ask(page: TargetContext, seen: TargetView) -> None:
-    chosen = tuple(page.presses.chosen)
+def _ask(page: TargetContext, view: TargetView) -> None:
+    chosen, number, last = tuple(page.presses.chosen), view.target.number, view.record.estimate
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
-    with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
-        panel_title(f"Estimate target {seen.target.number}")
-        last = seen.record.estimate
-        kind = ui.select(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What").props(
-            "outlined dense"
-        )
+    with open_dialog(page.dialogs, f"Estimate target {number}") as dialog:
+        kind = ui.select(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
+        kind.props("outlined dense")
         way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
         ui.label("All presses must be of one probe under one calibration.").classes("muted")
 
         async def begin() -> None:
             dialog.close()
-            await _begin(page, seen, kind.value, chosen if way.value == "chosen" else None)
+            presses = chosen if way.value == "chosen" else None
+            estimate = partial(page.instrument.estimate, number, kind=kind.value, presses=presses)
+            await follow_job(page.viewer, page.below, estimate, _show)
 
-        with ui.element("div").classes("row"):
-            ui.button("Estimate", on_click=begin).props("no-caps dense unelevated")
-            ui.button("Cancel", on_click=dialog.close).props("no-caps dense flat")
-    dialog.on("hide", dialog.delete)
-
-
-async def _begin(page: TargetContext, seen: TargetView, kind: str, presses: tuple[str, ...] | None) -> None:
-    job = await page.viewer.attempt(page.instrument.estimate, seen.target.number, kind=kind, presses=presses)
-    if job is not None:
-        follow_job(job, page.below, _show)
+        dialog_buttons(dialog, "Estimate", begin)
 
 
-def _show() -> None:
+def _show(_: StoredEstimate) -> None:
     ui.label("The estimate is stored and current.").classes("good").props('role="status"')
 
 
@@ -97,42 +95,28 @@ EXPLAINED = (
 )
 
 
-def recompute_button(page: TargetContext, seen: TargetView) -> None:
+def recompute_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks whether to store what comes out, and computes."""
-    button = ui.button("Recompute", icon="restart_alt", on_click=lambda: _ask_to_recompute(page, seen))
-    button.props("dense no-caps outline").set_enabled(bool(seen.record.estimates))
+    button = ui.button("Recompute", icon="restart_alt", on_click=lambda: _ask_to_recompute(page, view))
+    button.props("dense no-caps outline").set_enabled(bool(view.record.estimates))
 
 
-def _ask_to_recompute(page: TargetContext, seen: TargetView) -> None:
-    with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
-        panel_title(f"Recompute target {seen.target.number}")
+def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
+    target = view.target
+    with open_dialog(page.dialogs, f"Recompute target {target.number}") as dialog:
         ui.label(EXPLAINED)
         dry = ui.switch("dry run: show changes, store nothing", value=False)
 
         async def begin() -> None:
             dialog.close()
-            await _begin_recomputation(page, seen, dry_run=dry.value)
+            recompute = partial(page.instrument.recompute, target, dry_run=dry.value)
+            await follow_job(page.viewer, page.below, recompute, partial(_show_recomputation, page))
 
-        with ui.element("div").classes("row"):
-            ui.button("Recompute", on_click=begin).props("no-caps dense unelevated")
-            ui.button("Cancel", on_click=dialog.close).props("no-caps dense flat")
-    dialog.on("hide", dialog.delete)
+        dialog_buttons(dialog, "Recompute", begin)
 
 
-async def _begin_recomputation(page: TargetContext, seen: TargetView, *, dry_run: bool) -> None:
-    store, target = page.instrument.store, seen.target
-    job: Job | None = await page.viewer.attempt(
-        page.instrument.jobs.begin,
-        f"recomputation of target {target.number}",
-        lambda job: recompute(store, target, dry_run=dry_run, progress=job.advance),
-    )
-    if job is not None:
-        follow_job(job, page.below, lambda: _show_recomputation(page, job))
-
-
-def _show_recomputation(page: TargetContext, job: Job) -> None:
-    recomputations: tuple[Recomputation, ...] = job.result
-    with ui.element("div").classes("told").props('role="status"'):
+def _show_recomputation(page: TargetContext, recomputations: tuple[Recomputation, ...]) -> None:
+    with ui.element("div").classes("outcome").props('role="status"'):
         for item in recomputations:
             ui.label(f"{item.before.kind.capitalize()}: {item.message}").classes("good" if item.same else "doubtful")
             for note in recomputation_notes(item):

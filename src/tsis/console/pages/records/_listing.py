@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -37,26 +37,14 @@ KEYS: dict[str, Callable[[TargetSummary], Any]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """The request of a list.
-
-    Attributes
-    ----------
-    search
-        Part of a name, or how a number begins; case does not matter.
-    kind
-        ``"all"``, ``"estimated"`` or ``"not estimated"``.
-    column, descending
-        By what to sort, and in which direction.
-    sheet, rows
-        Which sheet, from 1, and rows of one.
-    """
+    """The request of a list: part of a name or the start of a number, kind, order and page."""
 
     search: str = ""
-    kind: str = ALL
+    kind: str = ALL  # one of KINDS
     column: str = "number"
     descending: bool = False
-    sheet: int = 1
-    rows: int = SHEETS[1]
+    sheet: int = 1  # page, from 1
+    rows: int = SHEETS[1]  # of a page
 
     @classmethod
     def requested(cls, pagination: Mapping[str, Any], *, search: str, kind: str) -> Order:
@@ -84,7 +72,7 @@ class Sheet:
 def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
     """The targets to show; a page beyond the last becomes the last."""
     requested = order.search.strip().casefold()
-    results = [target for target in targets if _is_wanted(target, requested, order.kind)]
+    results = [target for target in targets if _is_requested(target, requested, order.kind)]
     results.sort(key=lambda item: item.target.number)
     results.sort(key=KEYS[order.column], reverse=order.descending)  # stable: equal ones stay by number
     sheet = min(order.sheet, max(1, -(-len(results) // order.rows)))
@@ -92,10 +80,10 @@ def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
     return Sheet(targets=tuple(results[begin : begin + order.rows]), sheet=sheet, total=len(results))
 
 
-def _is_wanted(each: TargetSummary, wanted: str, kind: str) -> bool:
-    if kind != ALL and (each.estimates > 0) != (kind == ESTIMATED):
+def _is_requested(summary: TargetSummary, search: str, kind: str) -> bool:
+    if kind != ALL and (summary.estimates > 0) != (kind == ESTIMATED):
         return False
-    return wanted in each.target.name.casefold() or str(each.target.number).startswith(wanted)
+    return search in summary.target.name.casefold() or str(summary.target.number).startswith(search)
 
 
 COLUMNS = (
@@ -117,37 +105,40 @@ def target_listing(instrument: Instrument, viewer: Viewer) -> None:
     with ui.element("section").classes("panel stack"):
         with ui.element("div").classes("row"):
             panel_title("Targets")
-            reported = ui.label().classes("muted")
+            count = ui.label().classes("muted")
             ui.element("div").classes("spring")
             buttons = ui.element("div").classes("row")
         below = ui.element("div")
         with buttons:
             verify_button(instrument, viewer, below)
             import_button(instrument, viewer, below)
-        result = _Found(instrument, viewer, reported)
-    follow_store(viewer, result.load)
+        targets = _TargetTable(instrument, viewer, count)
+    follow_store(viewer, targets.load)
 
 
-class _Found:
-    """The table of targets, and what was asked of it."""
+class _TargetTable:
+    """The table of targets, and its request."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, told: ui.label) -> None:
-        self._instrument, self._viewer, self._count = instrument, viewer, told
+    def __init__(self, instrument: Instrument, viewer: Viewer, count: ui.label) -> None:
+        self._instrument, self._viewer, self._count = instrument, viewer, count
         self._targets: tuple[TargetSummary, ...] = ()
         self._order = Order()
-        with ui.element("div").classes("row") as self._asking:
+        with ui.element("div").classes("row") as self._request:
             self._search = ui.input("Search number or name", on_change=self._requested).props(
                 "dense outlined clearable debounce=200"
             )
             self._kind = (
                 ui.select(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
                 .props("dense outlined")
-                .classes("asked-kind")
+                .classes("kind-choice")
             )
         self._empty = ui.label(BEGIN).classes("muted")
         self._table = ui.table(
             rows=[],
-            columns=[_column(*column) for column in COLUMNS],
+            columns=[
+                {"name": name, "label": label, "field": name, "align": align, "sortable": True}
+                for name, label, align in COLUMNS
+            ],
             row_key="number",
             pagination=self._pages(sheet_of((), self._order)),  # else it asks for a sheet of its own making
         )
@@ -158,7 +149,7 @@ class _Found:
             self._table.add_slot(f"body-cell-{name}", LINK)
         self._table.on("request", self._page_changed)
         self._table.on_pagination_change(self._notified)
-        for part in (self._asking, self._empty, self._table):
+        for part in (self._request, self._empty, self._table):
             part.set_visibility(False)
 
     async def load(self) -> None:
@@ -171,18 +162,12 @@ class _Found:
         kind = self._instrument.store.kind
         self._count.text = f"{count_of(len(targets), 'target')} ({kind}s), {count_of(presses, 'press')}"
         self._empty.set_visibility(not targets)
-        self._asking.set_visibility(bool(targets))
+        self._request.set_visibility(bool(targets))
         self._table.set_visibility(bool(targets))
         self._show()
 
     def _requested(self) -> None:
-        self._order = Order(
-            search=self._search.value or "",
-            kind=self._kind.value,
-            column=self._order.column,
-            descending=self._order.descending,
-            rows=self._order.rows,
-        )
+        self._order = replace(self._order, search=self._search.value or "", kind=self._kind.value, sheet=1)
         self._show()
 
     def _page_changed(self, event: GenericEventArguments) -> None:
@@ -192,7 +177,7 @@ class _Found:
         self._show()
 
     def _notified(self) -> None:
-        """A browser that was slow tells how many there were: what is known here stands."""
+        """Restore the pagination after a slow browser has sent an older one."""
         pages = self._pages(sheet_of(self._targets, self._order))
         if self._table.pagination != pages:
             self._table.pagination = pages
@@ -213,16 +198,12 @@ class _Found:
         }
 
 
-def _column(name: str, label: str, align: str) -> dict[str, Any]:
-    return {"name": name, "label": label, "field": name, "align": align, "sortable": True}
-
-
-def _row(each: TargetSummary) -> dict[str, Any]:
+def _row(summary: TargetSummary) -> dict[str, Any]:
     return {
-        "number": each.target.number,
-        "name": each.target.name or "(no name)",
-        "presses": each.presses,
-        "estimates": each.estimates,
-        "last": "never" if each.last is None else time_text(each.last),
-        "address": f"/records/{each.target.number}",
+        "number": summary.target.number,
+        "name": summary.target.name or "(no name)",
+        "presses": summary.presses,
+        "estimates": summary.estimates,
+        "last": "never" if summary.last is None else time_text(summary.last),
+        "address": f"/records/{summary.target.number}",
     }

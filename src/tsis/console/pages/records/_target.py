@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.console.pages.components import follow_store, panel_title
+from tsis.console.pages.components import Redrawn, follow_store, panel_title
 from tsis.console.pages.records._context import TargetView, read_target
 from tsis.console.pages.records._edit import about_target
 from tsis.console.pages.records._estimates import estimate_button, estimates, history, recompute_button
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument
 
 
-def target_buttons(page: TargetContext, seen: TargetView) -> None:
+def target_buttons(page: TargetContext, view: TargetView) -> None:
     """Show the name of the target, the way back, and the buttons."""
-    target = seen.target
+    target = view.target
     name = f": {target.name}" if target.name else ""
     ui.link("All targets", "/records").classes("link")
-    panel_title(f"{'Subject, target' if seen.private else 'Target'} {target.number}{name}").classes("target-title")
+    panel_title(f"{'Subject, target' if view.private else 'Target'} {target.number}{name}").classes("target-title")
     ui.element("div").classes("spring")
-    estimate_button(page, seen)
-    recompute_button(page, seen)
-    export_button(page, seen)
+    estimate_button(page, view)
+    recompute_button(page, view)
+    export_button(page, view)
     ui.link("Report", f"/files/report/{target.number}.html", new_tab=True).classes("link button")
     ui.link("PDF", f"/files/report/{target.number}.pdf").classes("link button").props("download")
 
@@ -40,21 +40,13 @@ def show_target(instrument: Instrument, viewer: Viewer, number: str) -> None:
 
 
 class TargetPage:
-    """The open page of a target.
-
-    Parameters
-    ----------
-    instrument, viewer
-        Whose store it is, and who looks.
-    number
-        As it stands in the address, whatever that is.
-    """
+    """The open page of the target whose number stands in the address."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, number: str) -> None:
         self.instrument, self.viewer, self.number = instrument, viewer, number
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel"):
-                self._head = ui.element("div").classes("row")
+                self._head = Redrawn(ui.element("div").classes("row"))
                 self.below = ui.element("div")
             with ui.element("div").classes("split records-split") as self._parts:
                 with ui.element("div").classes("stack"):
@@ -66,57 +58,48 @@ class TargetPage:
                     self._about = ui.element("section").classes("panel")
             self.dialogs = ui.element("div")
         self._requested = 0
-        self._fingerprint: tuple[object, ...] = ()
         self.presses = Presses(self, presses)
         self.compared.set_visibility(False)
         self._parts.set_visibility(False)
 
     async def load(self) -> None:
-        """Read the target anew; of several readings at once the last to be asked for is shown."""
+        """Read the target anew; of several readings at once the last requested one is shown."""
         self._requested += 1
         turn = self._requested
-        target_view: TargetView | None = None
-        refusal = ""
         try:
-            target_view = await run.io_bound(read_target, self.instrument.store, self.number, self.presses.offset)
+            view = await run.io_bound(read_target, self.instrument.store, self.number, self.presses.offset)
         except TsisError as error:
-            refusal = str(error)
-        if turn != self._requested:
+            if turn == self._requested:
+                self._refuse(str(error))
             return
-        if refusal:
-            self._refuse(refusal)
-        elif target_view is not None:  # which it is when the program ends
-            self._show(target_view)
+        if turn == self._requested and view is not None:  # None while the console closes
+            self._show(view)
 
-    def _show(self, seen: TargetView) -> None:
-        if (
-            self._fingerprint == seen.fingerprint
-        ):  # a change of another target; a button that is being replaced hears no click
+    def _show(self, view: TargetView) -> None:
+        if not self._head.changes_to(view.fingerprint):  # unchanged buttons stay: they lose clicks while replaced
             return
-        self._fingerprint = seen.fingerprint
         self._parts.set_visibility(True)
-        self._head.clear()
-        with self._head:
-            target_buttons(self, seen)
-        self.presses.show(seen)
+        with self._head.element:
+            target_buttons(self, view)
+        self.presses.show(view)
         for position in (self._estimates, self._about, self._history):
             position.clear()
         with self._estimates:
-            estimates(seen)
+            estimates(view)
         with self._about:
-            about_target(self, seen)
+            about_target(self, view)
         with self._history:
-            history(seen)
+            history(view)
 
-    def _refuse(self, sentence: str) -> None:
-        self._fingerprint = ()
+    def _refuse(self, message: str) -> None:
         self._parts.set_visibility(False)
-        self._head.clear()
-        with self._head:
+        self._head.changes_to(None)
+        self._head.element.clear()
+        with self._head.element:
             panel_title("Target")
-            ui.label(sentence).classes("flag").props('role="alert"')
+            ui.label(message).classes("flag").props('role="alert"')
             ui.link("All targets", "/records").classes("link")
 
-    async def compare(self, seen: TargetView) -> None:
+    async def compare(self, view: TargetView) -> None:
         """Show the two chosen presses beside each other."""
-        await compare(self, seen)
+        await compare(self, view)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 from nicegui.element import Element
 
-from tsis.console.pages.components import panel_title
+from tsis.console.pages.components import Redrawn, panel_title
 from tsis.errors import ControlError
 
 if TYPE_CHECKING:
@@ -19,77 +19,50 @@ if TYPE_CHECKING:
 
 
 class Notices:
-    """The banner below the header; empty when all is well.
-
-    Parameters
-    ----------
-    viewer
-        Who reads it.
-    """
+    """The banner below the header; empty without problems."""
 
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
-        self._trouble = ui.element("div").classes("banner").props('role="alert"').mark("banner")
-        self._calm = ui.element("div").classes("banner").props('role="status"').mark("watching")
-        self._message: tuple[tuple[str, ...], str] = ((), "")
+        self._trouble = Redrawn(ui.element("div").classes("banner").props('role="alert"').mark("banner"))
+        self._calm = Redrawn(ui.element("div").classes("banner").props('role="status"').mark("watching"))
 
     def show(self, now: InstrumentState) -> None:
         """Show changes only."""
-        watching = ""
-        if now.owner is not None and now.owner.identity != self._viewer.identity:
-            watching = f"{now.owner.name} holds the camera; you watch."
-        trouble, before = self._message
-        if trouble != now.trouble:
-            self._trouble.clear()
-            with self._trouble:
+        if self._trouble.changes_to(now.trouble):
+            with self._trouble.element:
                 for message in now.trouble:
                     ui.label(message)
-        if before != watching:
-            self._calm.clear()
-            with self._calm:
-                if watching:
-                    ui.label(watching).classes("calm")
-        self._message = (now.trouble, watching)
+        other = now.owner is not None and now.owner.identity != self._viewer.identity
+        if self._calm.changes_to(now.owner if other else None) and now.owner is not None and other:
+            with self._calm.element:
+                ui.label(f"{now.owner.name} holds the camera; you watch.").classes("calm")
 
 
 class PageVisibility(Element, component="presence.js"):
-    """Tells the viewer when his page comes into sight and when it goes.
-
-    Parameters
-    ----------
-    viewer
-        Who is told.
-    """
+    """Reports to the viewer when the page becomes visible or hidden."""
 
     def __init__(self, viewer: Viewer) -> None:
         super().__init__()
 
-        def seen(event: GenericEventArguments) -> None:
+        def changed(event: GenericEventArguments) -> None:
             viewer.visible = event.args is not False
 
-        self.on("seen", seen)
+        self.on("visible", changed)
 
 
 TAKE, RELEASE = "Take the camera", "Release the camera"
-TOLD_MS = 0  # for which the sentence to who lost the camera stays: until it is closed
+UNTIL_CLOSED_MS = 0  # duration of a message that stays until it is closed
 
 
 class ControlButtons:
     """Buttons that take and release the camera.
 
     They are two, so that a click does what the button said when it was clicked, whatever changes meanwhile.
-
-    Parameters
-    ----------
-    bench
-        Whose camera.
-    viewer
-        Who takes it.
     """
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
-        self._gave_back = self._in_control = False
+        self._released = self._in_control = False
         self._take = ui.button(TAKE, on_click=self._take_control).props("flat dense no-caps")
         self._release = ui.button(RELEASE, on_click=self._release_control).props("flat dense no-caps")
         self._release.set_visibility(False)
@@ -112,17 +85,17 @@ class ControlButtons:
             ui.notify(
                 f"{now.owner.name} took the camera over; you watch now.",
                 type="warning",
-                timeout=TOLD_MS,
+                timeout=UNTIL_CLOSED_MS,
                 close_button="Close",
             )
         self._in_control = mine
 
-    def heard(self) -> None:
+    def report_open(self) -> None:
         """Report that this page is open; it takes a free camera, unless it was released here."""
         control, viewer = self._instrument.control, self._viewer
         if not ui.context.client.has_socket_connection:
             return
-        if viewer.visible and not self._gave_back and control.owner() is None:
+        if viewer.visible and not self._released and control.owner() is None:
             with suppress(ControlError):  # somebody has taken it meanwhile
                 control.take(viewer.identity, viewer.name)
         control.heard_of(viewer.identity)
@@ -130,27 +103,27 @@ class ControlButtons:
     async def _take_control(self) -> None:
         owner = self._instrument.control.owner()
         if owner is None or owner.identity == self._viewer.identity:
-            await self._taken(over=False)
+            await self._take_as(over=False)
         else:
             self._question.text = _question(owner)
             self._dialog.open()
 
     def _release_control(self) -> None:
         self._instrument.control.release(self._viewer.identity)
-        self._gave_back, self._in_control = True, False
+        self._released, self._in_control = True, False
 
     async def _take_over(self) -> None:
         self._dialog.close()
-        await self._taken(over=True)
+        await self._take_as(over=True)
 
-    async def _taken(self, *, over: bool) -> None:
+    async def _take_as(self, *, over: bool) -> None:
         """Take the camera; from another owner only after confirmation."""
-        self._gave_back = False
+        self._released = False
         await self._viewer.attempt(self._instrument.control.take, self._viewer.identity, self._viewer.name, over=over)
 
 
-def _question(holder: Owner) -> str:
+def _question(owner: Owner) -> str:
     return (
-        f"{holder.name} holds the camera and may be in the middle of something. They are told that you took it, and "
+        f"{owner.name} holds the camera and may be in the middle of something. They are told that you took it, and "
         "watch from then on."
     )

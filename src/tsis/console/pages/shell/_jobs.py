@@ -1,4 +1,4 @@
-"""Longer work under way, in the header: how far it is, what came of the last, and how to end it."""
+"""Jobs in the header: progress, results, and cancellation."""
 
 from __future__ import annotations
 
@@ -21,15 +21,7 @@ SHOWN = 8  # the newest
 
 
 class JobList:
-    """A button that shows running jobs, and their list.
-
-    Parameters
-    ----------
-    bench
-        Whose jobs.
-    viewer
-        Who looks; whoever holds the camera may end jobs.
-    """
+    """A button that shows running jobs, and their list; the camera's owner may end jobs."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
@@ -88,7 +80,7 @@ class _Row:
         if state == self._shown:
             return
         self._shown = state
-        self._text.text = _share(state) or ("under way" if state.running else state.status)
+        self._text.text = _progress(state) or ("under way" if state.running else state.status)
         self._end.set_visibility(state.running)
         self._bar.show(state)
         self._message.text = state.sentence
@@ -98,9 +90,9 @@ class _Row:
 def _summary(running: list[JobState]) -> str:
     if not running:
         return "Jobs"
-    fraction = _share(running[-1]) if len(running) == 1 else ""
+    fraction = _progress(running[-1]) if len(running) == 1 else ""
     return f"Jobs: {fraction or len(running)}"
 
 
-def _share(state: JobState) -> str:
+def _progress(state: JobState) -> str:
     return f"{100 * state.fraction:.0f} %" if state.total and state.running else ""

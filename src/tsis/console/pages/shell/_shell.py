@@ -1,4 +1,4 @@
-"""Light, dark, or as the system has it: chosen in the browser and remembered there, nowhere else."""
+"""The frame of every page: navigation, colours, header and footer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nicegui.element import Element
 from nicegui.translations import translations
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.console.auth import LOGOUT, client_identity
+from tsis.console.auth import LOGOUT
 from tsis.console.pages._directory import PAGES
 from tsis.console.pages.components import StatePoller, Tabs, Viewer
 from tsis.console.pages.shell._control import ControlButtons, Notices, PageVisibility
@@ -44,7 +44,7 @@ _log = logging.getLogger(__name__)
 
 
 class Subpages(ui.sub_pages):
-    """Pages by address; an address without a page, or a page that fails, gives a sentence and a way out."""
+    """Pages by address; an address without a page, or a page that fails, gives a message and a link."""
 
     def _render_404(self) -> None:
         _instead("There is no page at this address. The links above lead to all there are.")
@@ -54,27 +54,14 @@ class Subpages(ui.sub_pages):
         _instead("This page could not be built. Saved data are safe; the other pages work. Load it again.")
 
 
-def _instead(sentence: str) -> None:
+def _instead(message: str) -> None:
     with ui.element("section").classes("panel"):
-        ui.label(sentence)
+        ui.label(message)
         ui.link("To the live image", "/")
 
 
-class LogoutButton:
-    """Says as whom one is in, and logs out; whoever came with the console's key sees nothing of it."""
-
-    def __init__(self) -> None:
-        name = client_identity(ui.context.client.request).name
-        if not name:
-            return
-        with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("leaving"):
-            ui.label(f"You are in as {name}.")
-            with ui.element("button").props('type="submit"'):
-                ui.label("Log out")
-
-
 LANGUAGE: Final = "en-GB"
-WORDS = {
+LOST_CONNECTION = {
     "connection_lost": "The connection to the console is lost.",
     "trying_to_reconnect": "Trying again. Saved data are safe; a running sequence or job continues.",
     "message_too_long": "This was too much for one message.",
@@ -83,8 +70,8 @@ WORDS = {
 
 
 def set_lost_connection_text() -> None:
-    """Have the library of the pages say it in these words, in every page from now on."""
-    translations[LANGUAGE] = {**translations["en-US"], **WORDS}
+    """Replace the texts of the pages' library, in every page from now on."""
+    translations[LANGUAGE] = {**translations["en-US"], **LOST_CONNECTION}
 
 
 NOWHERE = "No such page"
@@ -136,25 +123,19 @@ def title_of(path: str) -> str:
     return PAGES[address_of(path)][0] if address_of(path) in PAGES else NOWHERE
 
 
-HEARD_S = 2.0  # between two signs that a page is still open
+OPEN_EVERY_S = 2.0  # between two reports that a page is still open
 MAIN = "page"  # identity of the element that holds the page, for the link that skips to it
 
 
 class Shell:
-    """Builds the page of every tab of a console.
-
-    Parameters
-    ----------
-    bench
-        What the pages show.
-    """
+    """Builds the page of every tab of a console."""
 
     def __init__(self, instrument: Instrument) -> None:
-        self._instrument, self._summary, self._tabs = instrument, StatePoller(instrument), Tabs()
+        self._instrument, self._poller, self._tabs = instrument, StatePoller(instrument), Tabs()
 
     def build(self) -> None:
         """Build the page of the tab that opens now."""
-        viewer = Viewer(ui.context.client, self._instrument, self._summary, self._tabs)
+        viewer = Viewer(ui.context.client, self._instrument, self._poller, self._tabs)
         with ui.header(elevated=False).classes("bar"):
             ui.link("Skip to the page", f"#{MAIN}").classes("skip")
             ui.label("tsis").classes("brand")
@@ -162,7 +143,7 @@ class Shell:
             ui.element("div").classes("spring")
             camera = ui.label().classes("chip").mark("camera state")
             jobs = JobList(self._instrument, viewer)
-            holding = ControlButtons(self._instrument, viewer)
+            control = ControlButtons(self._instrument, viewer)
             ThemeChoice()
         notices = Notices(viewer)
         with ui.element("div").classes("content").props(f'id="{MAIN}" tabindex="-1"'):
@@ -170,21 +151,25 @@ class Shell:
             Subpages({address: partial(build, self._instrument, viewer) for address, (_, build) in PAGES.items()})
         with ui.footer(elevated=False).classes("foot"):
             ui.label(RESEARCH_USE_ONLY)
-            LogoutButton()
+            if viewer.logged_in:
+                with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("logout"):
+                    ui.label(f"You are in as {viewer.name}.")
+                    with ui.element("button").props('type="submit"'):
+                        ui.label("Log out")
         PageVisibility(viewer)
 
         def show(now: InstrumentState) -> None:
-            camera.text = _camera_words(now)
+            camera.text = _camera_text(now)
             camera.classes(replace="chip bad" if now.camera.lost else "chip")
             jobs.show(now)
-            holding.show(now)
+            control.show(now)
             notices.show(now)
 
         viewer.follow(show)
-        ui.timer(HEARD_S, holding.heard)
+        ui.timer(OPEN_EVERY_S, control.report_open)
 
 
-def _camera_words(state: InstrumentState) -> str:
+def _camera_text(state: InstrumentState) -> str:
     camera = state.camera
     if not camera.running:
         return "camera stopped"

@@ -1,14 +1,14 @@
-// Tells whether the page can be seen.
+// Reports whether the page is visible.
 
 export default {
   template: `<span hidden></span>`,
-  emits: ["seen"],
+  emits: ["visible"],
   mounted() {
-    this.tell = () => this.$emit("seen", !document.hidden);
-    document.addEventListener("visibilitychange", this.tell);
-    if (document.hidden) this.tell();
+    this.report = () => this.$emit("visible", !document.hidden);
+    document.addEventListener("visibilitychange", this.report);
+    if (document.hidden) this.report();
   },
   unmounted() {
-    document.removeEventListener("visibilitychange", this.tell);
+    document.removeEventListener("visibilitychange", this.report);
   },
 };

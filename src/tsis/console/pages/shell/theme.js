@@ -2,15 +2,15 @@
 
 const REMEMBERED = "tsis-colours";
 const CHOICES = [
-  { name: "auto", words: "as the system", icon: "brightness_auto" },
-  { name: "light", words: "light", icon: "light_mode" },
-  { name: "dark", words: "dark", icon: "dark_mode" },
+  { name: "auto", label: "as the system", icon: "brightness_auto" },
+  { name: "light", label: "light", icon: "light_mode" },
+  { name: "dark", label: "dark", icon: "dark_mode" },
 ];
 
 export default {
   template: `
-    <q-btn flat dense round :icon="choice.icon" :aria-label="'Colours: ' + choice.words + '. Change to ' + next.words"
-      @click="choose((at + 1) % 3)"><q-tooltip aria-hidden="true">Colours: {{ choice.words }}</q-tooltip></q-btn>`,
+    <q-btn flat dense round :icon="choice.icon" :aria-label="'Colours: ' + choice.label + '. Change to ' + next.label"
+      @click="choose((at + 1) % 3)"><q-tooltip aria-hidden="true">Colours: {{ choice.label }}</q-tooltip></q-btn>`,
   data: () => ({ at: 0 }),
   computed: {
     choice() {
@@ -46,7 +46,7 @@ export default {
       } catch {
         // storage is refused: as the system has it
       }
-      this.at = Math.max(0, CHOICES.findIndex((each) => each.name === name));
+      this.at = Math.max(0, CHOICES.findIndex((choice) => choice.name === name));
       this.colour();
     },
     choose(at) {

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from tsis.study import Study
 
 
-KEPT = 4  # studies whose numbers are kept
-_kept: OrderedDict[tuple[Path, str], StudyResult] = OrderedDict()
-_one = Lock()
+MOST_RESULTS = 4
+_results: OrderedDict[tuple[Path, str], StudyResult] = OrderedDict()
+_lock = Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,18 +60,17 @@ class StudyView:
     reported: bool
 
 
-def view_study(shelf: StudyRepository, name: str) -> StudyView:
+def view_study(repository: StudyRepository, name: str) -> StudyView:
     """Read a study; errors as `StudyRepository.study`."""
-    study = shelf.study(name)
+    study = repository.study(name)
     counter = Counter((reading.device, reading.operator) for reading in study.readings)
     undecided = Counter((reading.device, reading.operator) for reading in study.readings if reading.undecided)
-    requested = len(study.plan.codes) * study.plan.repeats
     devices = [
         DeviceProgress(
             device=device,
             operator=operator,
             read=count,
-            expected=requested,
+            expected=len(study.plan.codes) * study.plan.repeats,
             undecided=undecided[device, operator],
             threshold=study.threshold_of(device),
         )
@@ -83,31 +82,19 @@ def view_study(shelf: StudyRepository, name: str) -> StudyView:
 def study_result(study: Study) -> StudyResult:
     """Results of an unblinded study, cached until the log grows."""
     key = (study.folder.resolve(), study.chain.head)
-    with _one:
-        if key not in _kept:
-            _kept[key] = _told(study)
-            while len(_kept) > KEPT:
-                _kept.popitem(last=False)
-        return _kept[key]
-
-
-def _told(study: Study) -> StudyResult:
-    analysis = analyse(study)
-    page = study_page(analysis)
-    drawn = any(device.curve is not None for device in analysis.devices)
-    return StudyResult(page=page, curves=address(page.pictures[0]) if drawn else "", targets=targets_table(analysis))
+    with _lock:
+        if key not in _results:
+            analysis = analyse(study)
+            page, drawn = study_page(analysis), any(device.curve is not None for device in analysis.devices)
+            curves = address(page.pictures[0]) if drawn else ""
+            _results[key] = StudyResult(page=page, curves=curves, targets=targets_table(analysis))
+            if len(_results) > MOST_RESULTS:
+                _results.popitem(last=False)
+        return _results[key]
 
 
 class StudyContext(Protocol):
-    """The open page of a study, as its parts see it.
-
-    Attributes
-    ----------
-    jobs, viewer, repository
-        What runs, the browser tab, and the folder of studies.
-    name
-        As it stands in the address, whatever that is.
-    """
+    """The open page of a study, as its parts use it."""
 
     jobs: Jobs
     viewer: Viewer
@@ -116,17 +103,7 @@ class StudyContext(Protocol):
 
 
 def who_field(viewer: Viewer, label: str, before: str = "") -> ui.input:
-    """Place a field for the name, with that of the viewer in it; of a login it cannot be another.
-
-    Parameters
-    ----------
-    viewer
-        Who looks.
-    label
-        What he would be.
-    before
-        Who was it before, for whom this may be gone on with.
-    """
+    """Place a field for a person's name: the login's, else ``before``, who did it last, or the browser's."""
     field = unit_field(label, viewer.name if viewer.logged_in else before or viewer.name, keys="text")
     return field.props("readonly") if viewer.logged_in else field
 

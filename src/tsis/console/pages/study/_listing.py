@@ -1,10 +1,10 @@
-"""Every target by its code, in the order of reading: what is read and what is left, and after the end what is true."""
+"""The list of studies, the form of a new one, and the table of a study's targets."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from nicegui import ui
@@ -16,13 +16,15 @@ from tsis.console.pages.components import (
     loading,
     panel_title,
     rows_under,
+    typed_forces,
+    typed_integer,
     typed_number,
     unit_field,
 )
 from tsis.console.pages.study._context import name_in, who_field
 from tsis.console.studies import StudyRepository
 from tsis.errors import InputError
-from tsis.model import LARGEST_SEED, require_integer
+from tsis.model import LARGEST_SEED
 from tsis.study import TARGETS, printed_targets, random_targets
 
 if TYPE_CHECKING:
@@ -48,22 +50,21 @@ class CodeTable:
             f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}" rows-per-page-label="Targets on a sheet"'
         )
 
-    def show(self, found: StudyView, told: StudyResult | None) -> None:
+    def show(self, view: StudyView, result: StudyResult | None) -> None:
         """Show codes with their readings, or with the truth of an unblinded study."""
-        if told is None:
-            headings, rows = _progress(found.study)
+        if result is None:
+            headings, rows = _progress(view.study)
         else:
-            headings, rows = told.targets.headings, list(told.targets.rows)
-        self._table.columns = [_column(at, text) for at, text in enumerate(("order", *headings))]
+            headings, rows = result.targets.headings, list(result.targets.rows)
+        self._table.columns = [
+            {"name": f"c{at}", "label": text, "field": f"c{at}", "align": "left"}
+            for at, text in enumerate(("order", *headings))
+        ]
         self._table.rows = [
             {"number": number, **{f"c{at}": text for at, text in enumerate((str(number), *row))}}
             for number, row in enumerate(rows, start=1)
         ]
         self._table.update()
-
-
-def _column(at: int, words: str) -> dict[str, Any]:
-    return {"name": f"c{at}", "label": words, "field": f"c{at}", "align": "left"}
 
 
 def _progress(study: Study) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -86,7 +87,7 @@ def _state(read: int, repeats: int) -> str:
 
 
 LIKE = {"printed": "like the printed study", "random": "drawn by chance"}
-WORDS = {"present": "targets with an inclusion", "blank": "blanks", "forces_n": "forces"}
+LABELS = {"present": "targets with an inclusion", "blank": "blanks", "forces_n": "forces"}
 MOST_FORCES = 16
 MOST_REPEATS = 1000
 
@@ -106,39 +107,28 @@ class StudyDraft:
     threshold: str = "0.5"
     seed: str = ""
 
-    def make(self, shelf: StudyRepository, *, actor: str) -> str:
+    def make(self, repository: StudyRepository, *, actor: str) -> str:
         """Create the study, and return its name; `InputError` for an invalid field."""
         name = self.name.strip()
-        with field_messages(WORDS):
-            shelf.make(
+        with field_messages(LABELS):
+            repository.make(
                 name,
                 self._targets(),
-                seed=self._whole("seed", self.seed, 0, LARGEST_SEED) if self.seed.strip() else None,
+                seed=typed_integer("seed", self.seed, 0, LARGEST_SEED) if self.seed.strip() else None,
                 probe=self.probe,
-                forces_n=self._forces(),
+                forces_n=typed_forces(self.forces, most=MOST_FORCES) or None,
                 with_reference=self.with_reference,
-                repeats=self._whole("repeats", self.repeats, 1, MOST_REPEATS),
+                repeats=typed_integer("repeats", self.repeats, 1, MOST_REPEATS),
                 threshold=typed_number("threshold", self.threshold),
                 actor=actor,
             )
         return name
 
     def _targets(self) -> Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]]:
-        present = int(typed_whole(WORDS["present"], self.present))
-        blank = int(typed_whole(WORDS["blank"], self.blank))
+        present, blank = (typed_whole(LABELS[name], getattr(self, name)) for name in ("present", "blank"))
         if self.like == "random":
             return lambda seed: random_targets(present, blank, rng=np.random.default_rng([seed, TARGETS]))
         return printed_targets(present, blank)
-
-    def _forces(self) -> tuple[float, ...] | None:
-        parts = self.forces.replace(",", " ").replace(";", " ").split()
-        if len(parts) > MOST_FORCES:
-            raise InputError(f"forces must be at most {MOST_FORCES}; got {len(parts)}")
-        return tuple(typed_number("force", part) for part in parts) or None
-
-    @staticmethod
-    def _whole(name: str, text: str, low: int, high: int) -> int:
-        return require_integer(name, typed_whole(name, text), low, high)
 
 
 def typed_whole(name: str, text: str) -> int:
@@ -166,31 +156,32 @@ def study_listing(instrument: Instrument, viewer: Viewer) -> None:
     with ui.element("div").classes("split"):
         with ui.element("section").classes("panel stack"):
             panel_title("Studies")
-            result = ui.element("div").classes("scroll")
+            studies = ui.element("div").classes("scroll")
         with ui.element("section").classes("panel stack"):
             _NewStudy(repository, viewer)
-    observed: list[object] = []
+    shown: object = None
 
-    async def look() -> None:
+    async def refresh() -> None:
+        nonlocal shown
         stamps = await viewer.attempt(repository.stamps)
-        if stamps is None or observed == [stamps]:
+        if stamps is None or stamps == shown:
             return
-        observed[:] = [stamps]
-        glimpses = await viewer.attempt(repository.glimpses)
-        if glimpses is not None:
-            result.clear()
-            with result:
-                _show(glimpses)
+        shown = stamps
+        summaries = await viewer.attempt(repository.summaries)
+        if summaries is not None:
+            studies.clear()
+            with studies:
+                _show(summaries)
 
-    viewer.every(EVERY_S, look)
+    viewer.every(EVERY_S, refresh)
 
 
-def _show(glimpses: tuple[StudySummary, ...]) -> None:
-    if not glimpses:
+def _show(summaries: tuple[StudySummary, ...]) -> None:
+    if not summaries:
         ui.label(NONE_YET).classes("muted")
         return
     with rows_under(HEADINGS, label="Studies"):
-        for item in glimpses:
+        for item in summaries:
             if item.trouble:
                 with ui.element("tr"):
                     cell(item.name)
@@ -208,25 +199,34 @@ def _show(glimpses: tuple[StudySummary, ...]) -> None:
 class _NewStudy:
     """The form of a new study."""
 
-    def __init__(self, shelf: StudyRepository, viewer: Viewer) -> None:
-        self._repository, self._viewer = shelf, viewer
+    def __init__(self, repository: StudyRepository, viewer: Viewer) -> None:
+        self._repository, self._viewer = repository, viewer
         start = StudyDraft()
         panel_title("New study")
         with ui.element("div").classes("study-fields"):
-            self._name = unit_field("Name", keys="text").props("maxlength=200")
+            name = unit_field("Name", keys="text").props("maxlength=200")
             self._who = who_field(viewer, "Made by")
-            self._present = unit_field("With an inclusion", start.present, keys="numeric")
-            self._blank = unit_field("Blanks", start.blank, keys="numeric")
+            present = unit_field("With an inclusion", start.present, keys="numeric")
+            blank = unit_field("Blanks", start.blank, keys="numeric")
             self._like = ui.select(LIKE, value=start.like, label="Targets")
             self._like.props("dense outlined options-dense").classes("study-wide")
             self._probe = ui.select(list(list_probes()), value=start.probe, label="Probe")
             self._probe.props("dense outlined options-dense")
-            self._forces = unit_field("Forces", start.forces, unit="N", keys="text")
-            self._forces.props("stack-label").props["placeholder"] = "usual of the probe"
-            self._repeats = unit_field("Repeats", start.repeats, keys="numeric")
-            self._threshold = unit_field("Threshold", start.threshold)
-            self._seed = unit_field("Seed", start.seed, keys="numeric")
-            self._seed.props("stack-label").props["placeholder"] = "drawn and sealed"
+            forces = unit_field("Forces", start.forces, unit="N", keys="text")
+            forces.props("stack-label").props["placeholder"] = "usual of the probe"
+            repeats = unit_field("Repeats", start.repeats, keys="numeric")
+            threshold = unit_field("Threshold", start.threshold)
+            seed = unit_field("Seed", start.seed, keys="numeric")
+            seed.props("stack-label").props["placeholder"] = "drawn and sealed"
+        self._texts = {
+            "name": name,
+            "present": present,
+            "blank": blank,
+            "forces": forces,
+            "repeats": repeats,
+            "threshold": threshold,
+            "seed": seed,
+        }
         self._reference = ui.checkbox("Reference presses on tissue nearby", value=start.with_reference)
         ui.label(MEANT).classes("muted")
         with ui.element("div").classes("row"):
@@ -234,16 +234,10 @@ class _NewStudy:
 
     async def _make(self) -> None:
         draft = StudyDraft(
-            name=self._name.value or "",
             like=str(self._like.value),
-            present=self._present.value or "",
-            blank=self._blank.value or "",
-            forces=self._forces.value or "",
             probe=str(self._probe.value),
             with_reference=bool(self._reference.value),
-            repeats=self._repeats.value or "",
-            threshold=self._threshold.value or "",
-            seed=self._seed.value or "",
+            **{name: field.value or "" for name, field in self._texts.items()},
         )
         with loading(self._button):
             created = await self._viewer.attempt(draft.make, self._repository, actor=name_in(self._viewer, self._who))

@@ -1,4 +1,4 @@
-"""Results of an unblinded study: numbers with intervals, curves, and a link to the report."""
+"""Unblinding and verification of a study, and its results with the report."""
 
 from __future__ import annotations
 
@@ -6,7 +6,17 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import cards, figure, list_message, loading, message_list, panel_title, unit_field
+from tsis.console.pages.components import (
+    cards,
+    dialog_buttons,
+    figure,
+    list_message,
+    loading,
+    message_list,
+    open_dialog,
+    panel_title,
+    unit_field,
+)
 from tsis.console.pages.study._context import name_in, study_result, who_field
 from tsis.console.studies import begin_publishing, unread
 from tsis.report.target import count_of
@@ -18,57 +28,51 @@ if TYPE_CHECKING:
 
 
 class Outcome:
-    """A panel that is there once the study is unblinded.
-
-    Parameters
-    ----------
-    page
-        Of the study.
-    """
+    """A panel that is there once the study is unblinded."""
 
     def __init__(self, page: StudyContext) -> None:
         self._page = page
         self._panel = ui.element("section").classes("panel stack").props('aria-label="Results of the study"')
         self._panel.set_visibility(False)
 
-    async def show(self, found: StudyView) -> StudyResult | None:
+    async def show(self, view: StudyView) -> StudyResult | None:
         """Show and return the numbers; None while the study is blind, or without numbers."""
-        if found.study.unblinded is None:
+        if view.study.unblinded is None:
             return None
         self._panel.set_visibility(True)
         self._panel.clear()
         with self._panel:
             ui.label("Setting the readings beside the truth ...").classes("muted").props('role="status"')
-        message = await self._page.viewer.attempt(study_result, found.study)
+        result = await self._page.viewer.attempt(study_result, view.study)
         self._panel.clear()
         with self._panel:
-            self._head(found)
-            if message is None:
+            self._head(view)
+            if result is None:
                 ui.label("The numbers are not available; Verify shows what is wrong.").classes("flag")
             else:
-                self._body(message)
-        return message
+                self._body(result)
+        return result
 
-    def _head(self, found: StudyView) -> None:
+    def _head(self, view: StudyView) -> None:
         with ui.element("div").classes("row"):
             panel_title("Results of the study")
             ui.element("div").classes("spring")
-            if found.reported:
+            if view.reported:
                 position = f"/files/study/{self._page.name}/report"
                 ui.link("Report", f"{position}.html", new_tab=True).classes("link button")
                 ui.link("PDF", f"{position}.pdf").classes("link button").props("download")
             else:
                 ui.label("No report was written yet: Analyse again writes it.").classes("muted")
 
-    def _body(self, said: StudyResult) -> None:
-        cards(said.page.cards)
+    def _body(self, result: StudyResult) -> None:
+        cards(result.page.cards)
         with ui.element("div").classes("study-outcome"):
-            if said.curves:
-                figure(said.page.pictures[0], said.curves)
+            if result.curves:
+                figure(result.page.pictures[0], result.curves)
             with ui.element("div"):
                 panel_title("To know", level=3)
                 with ui.element("div").classes("wordy"):
-                    message_list(said.page.notes)
+                    message_list(result.page.notes)
 
 
 MOST_SHOWN = 5  # faults
@@ -81,13 +85,7 @@ FAULTY = "The study is not as it was written; that is entered too:"
 
 
 class Unblinding:
-    """The button, and its dialog.
-
-    Parameters
-    ----------
-    page
-        Of the study.
-    """
+    """The button, and its dialog."""
 
     def __init__(self, page: StudyContext) -> None:
         self._page, self._blind = page, True
@@ -95,9 +93,9 @@ class Unblinding:
         self._button = ui.button("Unblind and analyse", icon="visibility", on_click=self._clicked)
         self._button.props("dense no-caps outline")
 
-    def show(self, found: StudyView) -> None:
+    def show(self, view: StudyView) -> None:
         """Say what a click would do."""
-        self._blind = found.study.unblinded is None
+        self._blind = view.study.unblinded is None
         self._button.text = "Unblind and analyse" if self._blind else "Analyse again"
 
     async def _clicked(self) -> None:
@@ -109,16 +107,16 @@ class Unblinding:
         if result is not None:
             self._confirm(*result)
 
-    def _confirm(self, study: Study, found: StudyVerification) -> None:
+    def _confirm(self, study: Study, verification: StudyVerification) -> None:
         page, left = self._page, unread(study)
         blind = study.unblinded is None
-        with self._container, ui.dialog(value=True) as dialog, ui.card().classes("asked study-asked"):
-            panel_title(f"{'Unblind' if blind else 'Analyse'} study {study.plan.name}")
+        title = f"{'Unblind' if blind else 'Analyse'} study {study.plan.name}"
+        with open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
             if blind:
                 ui.label(f"{MEANT} The study has {count_of(len(study.readings), 'reading')}.")
-            if found.faults:
+            if verification.faults:
                 ui.label(FAULTY).classes("flag")
-                message_list(str(fault) for fault in found.faults[:MOST_SHOWN])
+                message_list(str(fault) for fault in verification.faults[:MOST_SHOWN])
             although = ui.checkbox("although incomplete").props("dense")
             although.set_visibility(blind and bool(left))
             if blind:
@@ -129,7 +127,7 @@ class Unblinding:
             who = who_field(page.viewer, "Done by")
 
             async def begin() -> None:
-                with loading(act):
+                with loading(button):
                     job = await page.viewer.attempt(
                         begin_publishing,
                         page.jobs,
@@ -141,11 +139,7 @@ class Unblinding:
                 if job is not None:
                     dialog.close()
 
-            with ui.element("div").classes("row"):
-                act = ui.button("Unblind and analyse" if blind else "Analyse", on_click=begin)
-                act.props("no-caps dense unelevated")
-                ui.button("Cancel", on_click=dialog.close).props("no-caps dense flat")
-        dialog.on("hide", dialog.delete)
+            button = dialog_buttons(dialog, "Unblind and analyse" if blind else "Analyse", begin)
 
 
 MOST_FAULTS_SHOWN = 100  # faults; a study that has more has one cause
@@ -168,16 +162,16 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
             with place:
                 show(result, head)
 
-    def show(found: StudyVerification, head: str) -> None:
-        with ui.element("section").classes("told").props('role="status"'):
+    def show(verification: StudyVerification, head: str) -> None:
+        with ui.element("section").classes("outcome").props('role="status"'):
             panel_title("Verification", level=3)
-            ui.label(verdict(found)).classes("good" if found.sound else "flag")
+            ui.label(verdict(verification)).classes("good" if verification.sound else "flag")
             with message_list():
-                for fault in found.faults[:MOST_FAULTS_SHOWN]:
+                for fault in verification.faults[:MOST_FAULTS_SHOWN]:
                     list_message(str(fault), "doubtful")
-            if len(found.faults) > MOST_FAULTS_SHOWN:
-                ui.label(f"and {len(found.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
-            ui.label(f"Head of the log: {found.head}").classes("muted identity")
+            if len(verification.faults) > MOST_FAULTS_SHOWN:
+                ui.label(f"and {len(verification.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
+            ui.label(f"Head of the log: {verification.head}").classes("muted identity")
             with ui.element("div").classes("row"):
                 saved = unit_field("Head that was saved elsewhere", head, keys="text").classes("study-head")
                 ui.button("Compare", on_click=lambda: begin(saved.value or "")).props("dense no-caps outline")
@@ -187,8 +181,8 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
     button = ui.button("Verify", icon="verified_user", on_click=lambda: begin()).props("dense no-caps outline")
 
 
-def verdict(found: StudyVerification) -> str:
-    """Whether the study can be believed."""
-    if found.sound:
-        return f"The study is as it was written, all {count_of(found.lines, 'line')} of its log."
-    return f"The study is NOT as it was written: it differs in {count_of(len(found.faults), 'place')}."
+def verdict(verification: StudyVerification) -> str:
+    """Whether the study is unchanged."""
+    if verification.sound:
+        return f"The study is as it was written, all {count_of(verification.lines, 'line')} of its log."
+    return f"The study is NOT as it was written: it differs in {count_of(len(verification.faults), 'place')}."

@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 NONE_YET = "Nothing was read yet. Run the virtual probe, or import the readings of another device."
 
 
-def show_devices(page: StudyContext, found: StudyView) -> None:
+def show_devices(page: StudyContext, view: StudyView) -> None:
     """Place the devices with their operators."""
-    if not found.devices:
+    if not view.devices:
         ui.label(NONE_YET).classes("muted")
-    for device in found.study.devices:
-        stored = [item for item in found.devices if item.device == device]
+    for device in view.study.devices:
+        stored = [item for item in view.devices if item.device == device]
         with ui.element("div").classes("study-device"):
             with ui.element("div").classes("row"):
                 ui.label(device).classes("strong wordy")
@@ -61,13 +61,7 @@ async def _export(page: StudyContext, device: str) -> None:
 
 
 class JobProgress:
-    """Progress, sentence and a button that ends it.
-
-    Parameters
-    ----------
-    page
-        Of the study.
-    """
+    """Progress, message and a button that ends the job."""
 
     def __init__(self, page: StudyContext) -> None:
         self._page = page
@@ -103,13 +97,7 @@ MEANT = (
 
 
 class Running:
-    """Operator and button.
-
-    Parameters
-    ----------
-    page
-        Of the study.
-    """
+    """Operator and button."""
 
     def __init__(self, page: StudyContext) -> None:
         self._page = page
@@ -120,20 +108,17 @@ class Running:
             self._who = who_field(page.viewer, "Operator")
             self._begin = ui.button("Run on the virtual probe", icon="play_arrow", on_click=self._run).props("no-caps")
 
-    def show(self, found: StudyView) -> None:
+    def show(self, view: StudyView) -> None:
         """Fill in the last operator, unless the field has text."""
-        before = [
-            device
-            for device in found.devices
-            if device.device == found.study.plan.device and device.read < device.expected
-        ]
+        own = [device for device in view.devices if device.device == view.study.plan.device]
+        before = [device for device in own if device.read < device.expected]
         if before and not self._named and not self._page.viewer.logged_in:
             self._who.set_value(max(before, key=lambda item: item.read).operator)
         self._named = True
 
-    def allow(self, wanted: bool) -> None:
-        """Let it be begun, or not while something is under way."""
-        self._begin.set_enabled(wanted)
+    def allow(self, possible: bool) -> None:
+        """Enable the button, or disable it while a job runs."""
+        self._begin.set_enabled(possible)
 
     async def _run(self) -> None:
         page = self._page
@@ -145,8 +130,7 @@ class Running:
 
 EXPLAINED = (
     f"A CSV file with the columns {', '.join(READING_COLUMNS)}. A higher score says that an inclusion is "
-    f"likelier, an empty "
-    "one is undecided; the last three may be empty. A table is entered whole or not at all."
+    "likelier, an empty one is undecided; the last three may be empty. A table is entered whole or not at all."
 )
 TOO_LARGE = f"readings must be one CSV file of at most {LARGEST_MIB} MiB here; larger ones: tsis study import"
 CUT = "the file did not come whole; try again"
@@ -155,7 +139,7 @@ CUT = "the file did not come whole; try again"
 def import_button(page: StudyContext) -> ui.button:
     """A button that asks for device, threshold and file, and enters its readings."""
     viewer = page.viewer
-    with ui.dialog() as dialog, ui.card().classes("asked study-asked"):
+    with ui.dialog() as dialog, ui.card().classes("dialog-card study-dialog"):
         panel_title("Import readings")
         ui.label(EXPLAINED).classes("muted")
         device = unit_field("Device", keys="text")
@@ -165,7 +149,7 @@ def import_button(page: StudyContext) -> ui.button:
         upload = one_file(viewer, "CSV file of readings", accept=".csv,text/csv", refused=TOO_LARGE)
         ui.button("Close", on_click=dialog.close).props("dense no-caps flat")
 
-    async def taken(event: UploadEventArguments) -> None:
+    async def uploaded(event: UploadEventArguments) -> None:
         upload.reset()
         try:
             content = await event.file.read()
@@ -180,7 +164,7 @@ def import_button(page: StudyContext) -> ui.button:
             viewer.notify(f"{entered} readings entered.")
             dialog.close()
 
-    upload.on_upload(taken)
+    upload.on_upload(uploaded)
     return ui.button("Import readings", icon="upload_file", on_click=dialog.open).props("dense no-caps outline")
 
 

@@ -28,15 +28,7 @@ def show_study(instrument: Instrument, viewer: Viewer, name: str) -> None:
 
 
 class StudyPage:
-    """The open page of a study.
-
-    Parameters
-    ----------
-    bench, viewer
-        Whose jobs, and who looks.
-    name
-        As it stands in the address, whatever that is.
-    """
+    """The open page of the study whose name stands in the address."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, name: str) -> None:
         self.jobs, self.viewer, self.name = instrument.jobs, viewer, name
@@ -81,39 +73,38 @@ class StudyPage:
             await self._load()
 
     async def _load(self) -> None:
-        study_view: StudyView | None = None
-        refusal = ""
+        view, refusal = None, ""
         try:
-            study_view = await run.io_bound(view_study, self.repository, self.name)
+            view = await run.io_bound(view_study, self.repository, self.name)
         except TsisError as error:
             refusal = str(error)
         self._refusal.text = refusal
         self._refusal.set_visibility(bool(refusal))
         for part in (self._parts, self._commands):
-            part.set_visibility(study_view is not None)
-        if study_view is not None:  # which it is not when the program ends
-            await self._show(study_view)
+            part.set_visibility(view is not None)
+        if view is not None:  # None while the console closes
+            await self._show(view)
 
-    async def _show(self, found: StudyView) -> None:
-        study, blind = found.study, found.study.unblinded is None
+    async def _show(self, view: StudyView) -> None:
+        study, blind = view.study, view.study.unblinded is None
         self._title.text = f"Study {study.plan.name}"
         self._run.set_visibility(blind)
         self._import.set_visibility(blind)
-        self._running.show(found)
-        self._unblinding.show(found)
-        self._plan.show(_facts(found))
+        self._running.show(view)
+        self._unblinding.show(view)
+        self._plan.show(_facts(view))
         self._devices.clear()
         with self._devices:
-            show_devices(self, found)
-        reported = await self._outcome.show(found)
-        self._codes.show(found, reported)
+            show_devices(self, view)
+        reported = await self._outcome.show(view)
+        self._codes.show(view, reported)
 
 
-def _facts(found: StudyView) -> tuple[tuple[str, str], ...]:
-    plan, head = found.study.plan, found.study.chain.head
+def _facts(view: StudyView) -> tuple[tuple[str, str], ...]:
+    plan, head = view.study.plan, view.study.chain.head
     forces = ", ".join(f"{force:g}" for force in plan.forces_n)
     return (
-        ("State", f"unblinded {unblinded_text(found.study)}" if found.study.unblinded else "blinded"),
+        ("State", f"unblinded {unblinded_text(view.study)}" if view.study.unblinded else "blinded"),
         ("Targets", str(len(plan.codes))),
         ("Repeats", str(plan.repeats)),
         ("Threshold", f"{plan.threshold:g}, fixed beforehand"),

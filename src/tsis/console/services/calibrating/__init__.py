@@ -1,4 +1,4 @@
-"""Guided calibrations at the bench: sessions on the disk, their steps as jobs, the calibration made from them."""
+"""Guided calibrations: sessions on the disk, their steps as jobs, the calibration computed from them."""
 
 from tsis.console.services.calibrating._session import CalibrationResult, CalibrationSession, StepState
 from tsis.console.services.calibrating._sessions import CalibrationSessions, SessionSummary

@@ -1,4 +1,4 @@
-"""Where the frames of a calibration's steps come from: the virtual bench, or the camera with a person before it."""
+"""Sources of the frames of a calibration's steps: the virtual rig, or the camera with an operator."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 LARGEST_TYPED_N = 100.0
-FAR = 2**64  # numbers that no step draws as many of
+FAR = 2**64  # more random numbers than any step draws
 
 
 class CalibrationRig(Protocol):
@@ -31,7 +31,7 @@ class CalibrationRig(Protocol):
 
     @property
     def by_itself(self) -> bool:
-        """Whether it does what a step says, so that nobody has to."""
+        """Whether it takes the steps without an operator."""
 
     @property
     def has_gauge(self) -> bool:
@@ -51,16 +51,9 @@ class CalibrationRig(Protocol):
 
 
 class VirtualCalibrationRig:
-    """The virtual bench of a session, made when it is first needed.
+    """The virtual rig of a session, created when it is first needed.
 
-    Parameters
-    ----------
-    terms
-        Of the session.
-    seed
-        Of its errors.
-    before
-        How many steps were done when the program began: noise that they have seen does not come again.
+    ``before`` steps were done when the program began: the noise of their frames does not repeat.
     """
 
     by_itself, has_gauge = True, True
@@ -91,17 +84,7 @@ class VirtualCalibrationRig:
 
 
 class CameraRig:
-    """The camera of the bench, and its gauge where there is one.
-
-    Parameters
-    ----------
-    terms
-        Of the session.
-    desk
-        Where the camera is.
-    gauge
-        Tells the gauge in use; None without one.
-    """
+    """The camera, and its gauge where there is one."""
 
     by_itself = False
 
@@ -144,14 +127,9 @@ class CameraRig:
 
 
 def acquisition_of(camera_controller: CameraController, terms: SessionSetup) -> Acquisition:
-    """The running camera, if it is that of a session, at its settings.
+    """The running camera of a session, at the session's settings.
 
-    Raises
-    ------
-    CameraError
-        When it is stopped or away.
-    CalibrationError
-        When it is another one, or another setting is made.
+    Raises `CameraError` when it is stopped or away, and `CalibrationError` for another camera or setting.
     """
     acquisition = camera_controller.acquisition
     if acquisition is None:

@@ -1,4 +1,4 @@
-"""How far a step of a calibration is."""
+"""A calibration session: its steps, typed loadings, and the calibration computed from its frames."""
 
 from __future__ import annotations
 
@@ -28,38 +28,20 @@ OPEN, UNDER_WAY, DONE, LEFT_OUT = "open", "under way", "done", "left out"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepState:
-    """A step as people see it.
-
-    Attributes
-    ----------
-    step
-        What is done.
-    status
-        ``"open"``, ``"under way"``, ``"done"`` or ``"left out"``.
-    frames
-        How many are kept.
-    forces_n
-        Forces that were typed so far in a loading which is not done, newtons.
-    """
+    """A step and its progress."""
 
     step: CalibrationStep
-    status: str
-    frames: int = 0
-    forces_n: tuple[float, ...] = ()
+    status: str  # OPEN, UNDER_WAY, DONE or LEFT_OUT
+    frames: int = 0  # saved
+    forces_n: tuple[float, ...] = ()  # typed so far in an unfinished loading, newtons
 
 
 MOST_TYPED = 100  # presses of one loading
-MOST_TYPED_BYTES = 2**30  # of the frames of all loadings that were typed and not kept, which wait in memory
+MOST_TYPED_BYTES = 2**30  # of the unsaved frames of all typed loadings, which wait in memory
 
 
 class TypedLoadings:
-    """The presses of each loading, by the name of its step; changed by one thread at a time, read by any.
-
-    Parameters
-    ----------
-    most_bytes
-        Of all frames together.
-    """
+    """The presses of each loading, by the name of its step; changed by one thread at a time, read by any."""
 
     def __init__(self, *, most_bytes: int = MOST_TYPED_BYTES) -> None:
         self._most_bytes = most_bytes
@@ -67,7 +49,7 @@ class TypedLoadings:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing waits to be kept."""
+        """Whether nothing is unsaved."""
         return not self._shots
 
     def shots(self, step: str) -> tuple[CalibrationFrame, ...]:
@@ -83,14 +65,9 @@ class TypedLoadings:
         require_integer("presses of a loading", len(self.shots(step)) + 1, 1, MOST_TYPED, hint="keep what there is")
 
     def add(self, step: str, shot: CalibrationFrame) -> int:
-        """Add a press, and say how many there are.
+        """Add a press, and return how many there are.
 
-        Raises
-        ------
-        InputError
-            When the loading has too many.
-        CalibrationError
-            When the frames would take too much memory.
+        Raises `InputError` for too many, and `CalibrationError` when the frames would take too much memory.
         """
         self.require_room(step)
         stored = sum(shot.image.grey.nbytes for shots in self._shots.values() for shot in shots)
@@ -126,23 +103,10 @@ class CalibrationResult:
 
 
 class CalibrationSession:
-    """A session at the bench; safe for several threads. One step is taken at a time.
+    """A session; safe for several threads. One step is taken at a time.
 
-    Parameters
-    ----------
-    folder
-        Of its frames.
-    rig
-        Takes them.
-    control, jobs
-        Of the bench.
-
-    Attributes
-    ----------
-    job, making
-        The steps that are taken or were taken last; the calibration that is made. None before.
-    result
-        What was made from the frames as they are, while this program runs; its `file` stays longer.
+    ``job`` is the step that runs or ran last, ``making`` the computation of the calibration; None before. ``result``
+    was computed from the present frames while this program runs; its `file` stays longer.
     """
 
     def __init__(self, folder: SessionFolder, *, rig: CalibrationRig, control: ControlLock, jobs: Jobs) -> None:
@@ -184,24 +148,16 @@ class CalibrationSession:
         taking = self._taking if self.job is not None and self.job.state().status == RUNNING else ""
         return tuple(self._state(step, taking) for step in self._plan)
 
-    def missing(self) -> tuple[str, ...]:
-        """Steps that no calibration can be made without and that are not done."""
-        return self.folder.missing()
-
     def take(self, name: str, *, by: str) -> Job:
-        """Take the frames of a step in the background; all of them are kept, or none.
+        """Take the frames of a step in the background; all of them are saved, or none.
 
-        Raises
-        ------
-        ControlError
-            When another step is being taken, or somebody else holds the camera.
-        CalibrationError, CameraError
-            When the step is done, or the camera is not that of the session.
+        Raises `ControlError` when another step runs or somebody else has the camera, and `CalibrationError` or
+        `CameraError` when the step is done or the camera is not that of the session.
         """
         return self._begin([self._open(name)], by)
 
     def take_all(self, *, by: str) -> Job:
-        """Take every step that is open, one after the other; of rigs that need nobody."""
+        """Take every step that is open, one after the other; of rigs that need no operator."""
         if not self.rig.by_itself:
             raise CalibrationError("all steps at once need the virtual bench; a camera needs a person (take each step)")
         steps = [state.step for state in self.steps() if state.status in (OPEN, LEFT_OUT)]
@@ -210,23 +166,20 @@ class CalibrationSession:
         return self._begin(steps, by)
 
     def end_loading(self, *, by: str) -> None:
-        """Say that a loading by the gauge is back at 0: what was taken is kept."""
+        """Say that a loading by the gauge is back at 0: what was taken is saved."""
         self._control.require(by)
         self._over.set()
 
     def end_step(self, *, by: str) -> None:
-        """End the step that is being taken; none of its frames is kept. Without one nothing happens."""
+        """End the step that is being taken; none of its frames is saved. Without one nothing happens."""
         self._control.require(by)
         if self.job is not None:
             self.job.end()
 
     def press(self, name: str, force_n: float, *, by: str) -> int:
-        """Take the next frame of a loading at a typed force, and say how many there are now.
+        """Take the next frame of a loading at a typed force, and return how many there are now.
 
-        Raises
-        ------
-        InputError, CameraError, ControlError, CalibrationError
-            When the force is none, no frame comes, or the step cannot be taken; what was typed before is as it was.
+        Errors of the force, the camera and the step leave what was typed before as it was.
         """
         step = self._open(name)
         if not step.is_loading:
@@ -243,7 +196,7 @@ class CalibrationSession:
             self._typed.forget_last(name)
 
     def save_presses(self, name: str, *, by: str) -> int:
-        """Keep the presses that were typed as the step's frames, and say how many."""
+        """Save the typed presses as the step's frames, and return how many."""
         step = self._open(name)
         with self._lock:
             self._require(by)
@@ -270,7 +223,7 @@ class CalibrationSession:
             self._left_out.discard(name)
 
     def make(self, *, days: float) -> Job:
-        """Make the calibration in the background and keep its file; the job's result is the `CalibrationResult`."""
+        """Make the calibration in the background and save its file; the job's result is the `CalibrationResult`."""
         require_number("days", days, 1, 3650)
 
         def work(job: Job) -> CalibrationResult:
@@ -315,7 +268,7 @@ class CalibrationSession:
         return saved
 
     def _reporting(self, job: Job, step: CalibrationStep, before: int, total: int) -> Iterator[CalibrationFrame]:
-        """The step's frames, each told; asked to end, the job leaves, and nothing of the step is kept."""
+        """The step's frames, with progress; a cancelled job saves nothing of the step."""
 
         def over() -> bool:
             if job.ending:
@@ -327,11 +280,11 @@ class CalibrationSession:
             yield shot
 
     def _save(self, step: CalibrationStep, shots: Iterable[CalibrationFrame]) -> int:
-        saved = self.folder.save(step, self._then_set_aside(shots))
+        saved = self.folder.save(step, self._then_archive(shots))
         self._typed.forget(step.name)
         return saved
 
-    def _then_set_aside(self, shots: Iterable[CalibrationFrame]) -> Iterator[CalibrationFrame]:
+    def _then_archive(self, shots: Iterable[CalibrationFrame]) -> Iterator[CalibrationFrame]:
         """A step's frames; before the step counts as done, the calibration made from fewer frames is set aside."""
         yield from shots
         archive_calibration(self.folder)

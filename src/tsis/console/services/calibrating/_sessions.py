@@ -30,51 +30,28 @@ if TYPE_CHECKING:
 
 
 LONGEST_FOLDER = 60
-IDLE = 4  # sessions that nobody looks at, and that are held nevertheless with what was made in them
+IDLE = 4  # idle sessions that stay in memory with their results
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionSummary:
-    """A session as a list shows it.
+    """A session in a list."""
 
-    Attributes
-    ----------
-    name
-        Of its folder.
-    title, probe, camera
-        As its terms say; empty where they cannot be read.
-    done, total
-        Steps done, and in all.
-    made
-        Whether a calibration was made from its frames.
-    trouble
-        Why it cannot go on; empty where it can.
-    """
-
-    name: str
-    title: str = ""
+    name: str  # of its folder
+    title: str = ""  # title, probe and camera are empty where the terms cannot be read
     probe: str = ""
     camera: str = ""
-    done: int = 0
+    done: int = 0  # steps
     total: int = 0
-    made: bool = False
-    trouble: str = ""
+    made: bool = False  # whether a calibration was computed from its frames
+    trouble: str = ""  # why it cannot go on; empty where it can
 
 
 class CalibrationSessions:
     """The sessions in a folder; safe for several threads.
 
-    Of those that are opened the last ones are held, and all with work under way or presses that wait to be kept; others
-    live as long as a page shows them.
-
-    Parameters
-    ----------
-    folder
-        Holds a folder for each; made with the first.
-    control, jobs, desk
-        Of the bench.
-    gauge
-        Tells the gauge in use; None without one.
+    The last opened ones stay in memory, and all with running work or unsaved presses; others as long as a page shows
+    them.
     """
 
     def __init__(
@@ -102,24 +79,11 @@ class CalibrationSessions:
         return tuple(_summary(SessionFolder(path)) for path in self._folders())
 
     def begin(self, terms: SessionSetup, *, by: str) -> CalibrationSession:
-        """Begin a session; its folder is called after it.
+        """Begin a session; its folder is named after it.
 
-        Parameters
-        ----------
-        terms
-            As a person states them; ``camera`` is `bench_name` of a seed, or anything else for the camera that runs,
-            which tells its name and settings itself.
-        by
-            Who does so.
-
-        Raises
-        ------
-        ControlError
-            When somebody else holds the camera.
-        CameraError
-            When the camera does not run.
-        FileInputError, InputError
-            When there is such a session already, or it cannot be written.
+        ``terms.camera`` is the name of a virtual rig with its seed, or anything else for the running camera, whose
+        name and settings are read. Raises `ControlError` when somebody else has the camera, `CameraError` when it does
+        not run, `InputError` or `FileInputError` when such a session exists already or it cannot be written.
         """
         self._control.require(by)
         folder = SessionFolder(self._folder / folder_name(terms.name))
@@ -138,7 +102,7 @@ class CalibrationSessions:
                 session = self._read(name)
             self._sessions[name] = self._opened[name] = session
             self._sessions.move_to_end(name)
-            self._let_go()
+            self._release()
             return session
 
     def _folders(self) -> list[Path]:
@@ -154,7 +118,7 @@ class CalibrationSessions:
         folder = SessionFolder(self._folder / name)
         return CalibrationSession(folder, rig=self._rig(folder), control=self._control, jobs=self._jobs)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         for name in [name for name, session in self._sessions.items() if session.idle][:-IDLE]:
             del self._sessions[name]
 

@@ -1,0 +1,111 @@
+"""Work in a process of its own: what comes back, and what becomes of it when that process ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.waiting import HANGS_S
+
+from tsis.console._worker import WorkerProcess
+from tsis.errors import ControlError, InputError, UnknownNameError
+from tsis.model import require_integer, require_one_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = pytest.mark.system
+
+
+@pytest.fixture
+def apart() -> Iterator[WorkerProcess]:
+    created = WorkerProcess(most=6)
+    yield created
+    created.close()
+
+
+def test_work_is_done_elsewhere_and_its_errors_come_back(
+    apart: WorkerProcess, caplog: pytest.LogCaptureFixture
+) -> None:
+    there = apart.call(os.getpid)
+    assert there != os.getpid()
+    assert apart.call(print, "what a library says") is None
+    with pytest.raises(UnknownNameError, match="did you mean 'pdf'"):
+        apart.call(require_one_of, "form", "pfd", ("html", "pdf"))
+    with pytest.raises(RuntimeError, match="failed"):
+        apart.call(int, "three")
+    assert "invalid literal" in caplog.text
+    assert apart.call(pow, 2, exp=10) == 1024
+    assert apart.call(os.getpid) == there  # the sixth and last
+    assert apart.call(os.getpid) != there
+
+
+def test_a_process_that_was_killed_is_replaced(apart: WorkerProcess) -> None:
+    there = apart.call(os.getpid)
+    with pytest.raises(RuntimeError, match="ended before its work was done"):
+        apart.call(os.kill, there, signal.SIGTERM)
+    assert apart.call(os.getpid) != there
+
+
+def touch_and_sleep(path: Path) -> None:
+    path.touch()
+    time.sleep(3600)
+
+
+def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess, tmp_path: Path) -> None:
+    begun = tmp_path / "begun"
+    assert apart.call(require_integer, "port", 1, 0, 2) == 1
+    reported: list[BaseException] = []
+
+    def wait() -> None:
+        try:
+            apart.call(touch_and_sleep, begun)
+        except ControlError as error:
+            reported.append(error)
+
+    waits = threading.Thread(target=wait)
+    waits.start()
+    while not begun.exists():
+        threading.Event().wait(0.01)
+    apart.close()
+    waits.join(HANGS_S)
+    assert len(reported) == 1
+    with pytest.raises(ControlError, match="being ended"):
+        apart.call(os.getpid)
+
+
+def test_what_cannot_be_sent_is_said_at_once(apart: WorkerProcess) -> None:
+    with pytest.raises((AttributeError, TypeError)):
+        apart.call(lambda: 1)
+    with pytest.raises(InputError):
+        apart.call(require_integer, "port", 3, 0, 2)
+
+
+CONSOLE = """
+import os, sys, time
+from tsis.console._worker import WorkerProcess
+
+if __name__ == "__main__":
+    print(WorkerProcess().call(os.getpid), flush=True)
+    time.sleep(3600)
+"""
+
+
+def test_the_process_ends_with_a_console_that_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "console.py"
+    script.write_text(CONSOLE, encoding="utf-8")
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as console:
+        assert console.stdout is not None
+        there = int(console.stdout.readline())
+        console.kill()
+    with pytest.raises(ProcessLookupError):  # noqa: PT012 - until it has ended
+        while True:
+            os.kill(there, 0)
+            threading.Event().wait(0.01)
