@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion._prior import InclusionPrior
+    from tsis.inclusion._prior import Floats, InclusionPrior
     from tsis.mechanics.surrogate import FullContactSurrogate, Surrogate
     from tsis.model import Calibration, LightMap, Probe
 
@@ -29,7 +29,7 @@ DARKEST = 1e-3  # of the brightest light; darker pixels are not corrected
 OUTER_FRACTION = 0.8  # of the face's radius; beyond it the singular pressure at the rim dominates
 
 
-def ring_edges(probe: Probe) -> NDArray[np.float64]:
+def ring_edges(probe: Probe) -> Floats:
     """Boundaries of the profile's rings, mm."""
     return np.linspace(0.0, OUTER_FRACTION * probe.radius_mm, RINGS + 1)
 
@@ -38,11 +38,11 @@ def ring_edges(probe: Probe) -> NDArray[np.float64]:
 class RingLight:
     """Light of each ring, shape (rings,), and its shading by a dent."""
 
-    level: NDArray[np.float64]
+    level: Floats
     shading: RingShading
 
 
-def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[np.float64]) -> RingLight:
+def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: Floats) -> RingLight:
     """Means over the pixels of each ring; uniform light without shading if the calibration has no light map."""
     if calibration.light is None:
         none = np.zeros(len(edges_mm) - 1)
@@ -63,7 +63,7 @@ def _rings_of(
     relative, flux_x, flux_y, growth, bend = light.undented(x, y)
     outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
 
-    def mean(values: NDArray[np.floating[Any]], empty: float) -> NDArray[np.float64]:
+    def mean(values: NDArray[np.floating[Any]], empty: float) -> Floats:
         result = radial_profile(replace(frame, grey=np.asarray(values, dtype=float)), edges_mm=edges_mm).mean_grey
         return np.asarray(np.nan_to_num(result, nan=empty))
 
@@ -82,7 +82,7 @@ def depletion_per_n(calibration: Calibration, probe: Probe) -> float:
     return calibration.light.depletion * float(fraction)
 
 
-def _pixels_mm(frame: TactileImage) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _pixels_mm(frame: TactileImage) -> tuple[Floats, Floats]:
     """Coordinates of the columns and of the rows from the probe's axis, mm."""
     (rows, columns), axis, (sx, sy) = frame.grey.shape, frame.axis(), frame.scale()
     return np.asarray((np.arange(columns) - axis[0]) * sx), np.asarray((np.arange(rows) - axis[1]) * sy)
@@ -98,12 +98,7 @@ def correct_light(frame: TactileImage, calibration: Calibration) -> TactileImage
 
 
 def ring_profiles(
-    frames: list[TactileImage],
-    calibration: Calibration,
-    edges_mm: NDArray[np.float64],
-    *,
-    light: NDArray[np.float64],
-    model_error: float,
+    frames: list[TactileImage], calibration: Calibration, edges_mm: Floats, *, light: Floats, model_error: float
 ) -> Profiles:
     """Mean grey above background at uniform light of each ring and frame, its variance, and the usable rings.
 
@@ -165,11 +160,7 @@ def _down(force_n: float) -> float:
 
 
 def covering_force_n(
-    surrogate: FullContactSurrogate,
-    prior: InclusionPrior,
-    inclusion: NDArray[np.float64] | None,
-    *,
-    stiffening: float = 1.0,
+    surrogate: FullContactSurrogate, prior: InclusionPrior, inclusion: Floats | None, *, stiffening: float = 1.0
 ) -> float:
     """Least force in newtons at which the contact covers the face; 0 for a flat face.
 

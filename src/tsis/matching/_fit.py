@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+Booleans = NDArray[np.bool]
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 UNMATCHED = -1
 BLOCK = 20_000  # points transformed at once
@@ -31,18 +32,18 @@ class MatchFit:
     """
 
     move: Move
-    matches: NDArray[np.int64]
-    trust: NDArray[np.float64]
+    matches: Integers
+    trust: Floats
 
 
 class Move(Protocol):
     """A map of points, shape (k, d), to points."""
 
-    def __call__(self, points: NDArray[np.float64], /) -> NDArray[np.float64]:
+    def __call__(self, points: Floats, /) -> Floats:
         """Transform the points."""
 
 
-def transformed_in_blocks(move: Move, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def transformed_in_blocks(move: Move, points: Floats) -> Floats:
     """Transform many points, shape (k, d), in blocks of limited memory."""
     return np.concatenate([move(points[start : start + BLOCK]) for start in range(0, len(points), BLOCK)])
 
@@ -54,9 +55,7 @@ class MatchMethod(Protocol):
     ``rng``.
     """
 
-    def __call__(
-        self, source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator
-    ) -> MatchFit:
+    def __call__(self, source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
         """Match the sets."""
 
 
@@ -64,27 +63,25 @@ class MatchMethod(Protocol):
 class NormalFrame:
     """Centre, shape (d,), and size of a point set in its own unit."""
 
-    centre: NDArray[np.float64]
+    centre: Floats
     size: float
 
     @classmethod
-    def of(cls, points: NDArray[np.float64]) -> NormalFrame:
+    def of(cls, points: Floats) -> NormalFrame:
         """The frame of points, shape (n, d), that do not all coincide."""
         centre = points.mean(axis=0)
         return cls(centre=centre, size=float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean())))
 
-    def inward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inward(self, points: Floats) -> Floats:
         """From the set's own unit to its frame."""
         return np.asarray((points - self.centre) / self.size)
 
-    def outward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def outward(self, points: Floats) -> Floats:
         """From the frame to the set's own unit."""
         return np.asarray(points * self.size + self.centre)
 
 
-def ridge_solution(
-    normal: NDArray[np.float64], right: NDArray[np.float64], ridge: NDArray[np.float64] | float
-) -> NDArray[np.float64]:
+def ridge_solution(normal: Floats, right: Floats, ridge: Floats | float) -> Floats:
     """Solution x of ``(normal + diag(ridge)) x = right``, shape (k, d), for inner loops: inputs are not checked.
 
     ``normal``, shape (k, k), is symmetric and is overwritten.

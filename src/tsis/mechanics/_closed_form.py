@@ -13,7 +13,9 @@ from tsis.model import Layer, require_number
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tsis.mechanics._element import Floats
 
 
 LARGEST_POISSON = 0.4999
@@ -64,7 +66,7 @@ class HertzContact:
     contact_radius_mm: float
     peak_pressure_kpa: float
 
-    def pressure_kpa(self, radius_mm: ArrayLike) -> NDArray[np.float64]:
+    def pressure_kpa(self, radius_mm: ArrayLike) -> Floats:
         """Pressure ``p0 sqrt(1 - r**2 / a**2)`` at ``radius_mm`` (any shape), zero outside the contact."""
         fraction = np.asarray(radius_mm, dtype=float) / self.contact_radius_mm
         return np.asarray(self.peak_pressure_kpa * np.sqrt(np.maximum(1 - fraction**2, 0.0)))

@@ -16,7 +16,7 @@ from scipy.special import chdtrc
 from tsis.inclusion.checks._sectors import SECTORS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.inclusion._prior import Complexes, Floats
 
 
 DENT_MM, SLOPE = 0.5, 0.15  # standard deviations of the unknown displacement of the face and of its slope
@@ -44,7 +44,7 @@ class Unevenness:
     over_noise: float
 
 
-def harmonic(sectors: NDArray[np.float64], order: int) -> NDArray[np.complex128]:
+def harmonic(sectors: Floats, order: int) -> Complexes:
     """Harmonic of each ring, shape (rings,), of means over sectors, shape (rings, SECTORS).
 
     The attenuation by averaging over a sector is corrected.
@@ -52,25 +52,20 @@ def harmonic(sectors: NDArray[np.float64], order: int) -> NDArray[np.complex128]
     return np.asarray(sectors @ _wave(order))
 
 
-def harmonic_noise(sectors: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+def harmonic_noise(sectors: Floats, order: int) -> Floats:
     """Variances of the real and imaginary part of `harmonic`, shape (2, rings), from those of the sectors."""
     wave = _wave(order)
     return np.stack([sectors @ wave.real**2, sectors @ wave.imag**2])
 
 
 @lru_cache
-def _wave(order: int) -> NDArray[np.complex128]:
+def _wave(order: int) -> Complexes:
     """Weights of the sectors in a harmonic."""
     angle = (np.arange(SECTORS) + 0.5) * (2 * np.pi / SECTORS)
     return np.asarray(np.exp(1j * order * angle) * (2 / SECTORS) / np.sinc(order / SECTORS))
 
 
-def shading_harmonics(
-    grey: NDArray[np.float64],
-    growth: NDArray[np.complex128],
-    flux: NDArray[np.complex128],
-    radius_mm: NDArray[np.float64],
-) -> list[NDArray[np.complex128]]:
+def shading_harmonics(grey: Floats, growth: Complexes, flux: Complexes, radius_mm: Floats) -> list[Complexes]:
     """Harmonics that lamps of unequal power give a round dent, for displacements of one standard deviation.
 
     Parameters
@@ -88,13 +83,7 @@ def shading_harmonics(
     return raised + tilted
 
 
-def unevenness(
-    values: NDArray[np.complex128],
-    variance: NDArray[np.float64],
-    radius_mm: NDArray[np.float64],
-    *,
-    given: list[NDArray[np.complex128]],
-) -> Unevenness:
+def unevenness(values: Complexes, variance: Floats, radius_mm: Floats, *, given: list[Complexes]) -> Unevenness:
     """Compare the harmonics of rings with their noise.
 
     Parameters

@@ -29,11 +29,7 @@ MISSING = 1e-3  # fraction of that disc that may be outside the picture without 
 
 
 def image_findings(
-    targets: Sequence[TactileImage],
-    references: Sequence[TactileImage],
-    *,
-    probe: Probe,
-    calibration: Calibration,
+    targets: Sequence[TactileImage], references: Sequence[TactileImage], *, probe: Probe, calibration: Calibration
 ) -> list[tuple[str, str]]:
     """Check the frames of a target: refuse frames without a press, and flag other defects.
 

@@ -12,8 +12,7 @@ from tsis.model import IMPROBABLE, probability_bound
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.inclusion._prior import Floats
     from tsis.inclusion.checks._harmonics import Unevenness
     from tsis.inclusion.checks._sectors import Sectors
     from tsis.model import Calibration
@@ -60,9 +59,7 @@ def roundness(target: Sectors, reference: Sectors | None, calibration: Calibrati
     return unevenness(harmonic(change, 2)[use], variance, radius, given=existing)
 
 
-def harmonic_variance(
-    grey: NDArray[np.float64], frames: Sequence[Sectors], calibration: Calibration, *, order: int
-) -> NDArray[np.float64]:
+def harmonic_variance(grey: Floats, frames: Sequence[Sectors], calibration: Calibration, *, order: int) -> Floats:
     """Variances of both parts of a harmonic of ``grey``, a frame or the difference of two, shape (2, rings).
 
     A pattern of uniform variance around a ring gives a harmonic's parts twice the variance of the ring's mean. The
@@ -77,9 +74,7 @@ def harmonic_variance(
 
 
 def roundness_findings(
-    targets: Sequence[Sectors],
-    references: Sequence[Sectors | None],
-    calibration: Calibration,
+    targets: Sequence[Sectors], references: Sequence[Sectors | None], calibration: Calibration
 ) -> list[tuple[str, str]]:
     """Flag ``not_one_round_inclusion`` for the least round target, or ``roundness_not_checked``.
 

@@ -14,6 +14,7 @@ from tsis.inclusion._frames import DARKEST, OUTER_FRACTION
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.inclusion._prior import Booleans, Floats, Integers
     from tsis.model import Calibration, LightMap, Probe, TactileImage
 
 
@@ -50,17 +51,17 @@ class SectorGrid:
     """
 
     sector: NDArray[np.uint8]
-    count: NDArray[np.float64]
-    whole: NDArray[np.bool]
-    light: NDArray[np.float64]
-    radius_mm: NDArray[np.float64]
-    growth_per_mm: NDArray[np.float64]
-    flux: NDArray[np.float64]
-    light_sd: NDArray[np.float64]
+    count: Floats
+    whole: Booleans
+    light: Floats
+    radius_mm: Floats
+    growth_per_mm: Floats
+    flux: Floats
+    light_sd: Floats
     extent_mm: float
 
     @property
-    def ring_radius_mm(self) -> NDArray[np.float64]:
+    def ring_radius_mm(self) -> Floats:
         """Mean distance of each ring's light from the axis, mm."""
         total = self.light.sum(axis=1)
         return np.asarray((self.light * self.radius_mm).sum(axis=1) / np.where(total > 0, total, 1.0))
@@ -87,14 +88,14 @@ class Sectors:
     """
 
     grid: SectorGrid
-    raw: NDArray[np.float64]
-    clipped: NDArray[np.int64]
-    grey: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    pixel_variance: NDArray[np.float64]
+    raw: Floats
+    clipped: Integers
+    grey: Floats
+    variance: Floats
+    pixel_variance: Floats
 
     @property
-    def usable(self) -> NDArray[np.bool]:
+    def usable(self) -> Booleans:
         """Complete rings without clipped pixels, shape (rings,)."""
         return np.asarray(self.grid.whole & (self.clipped.sum(axis=1) == 0))
 
@@ -120,7 +121,7 @@ def sector_means(frame: TactileImage, *, probe: Probe, calibration: Calibration)
     )
 
 
-def _slope(above: NDArray[np.float64], grid: SectorGrid) -> NDArray[np.float64]:
+def _slope(above: Floats, grid: SectorGrid) -> Floats:
     """Radial slope of the grey at uniform light, from its sums over rings; rings without light repeat the last."""
     light, ring = grid.light.sum(axis=1), np.arange(RINGS)
     lit = light > 0
@@ -131,9 +132,7 @@ def _slope(above: NDArray[np.float64], grid: SectorGrid) -> NDArray[np.float64]:
 
 
 @compiled
-def _gather(
-    grey: NDArray[np.float64], position: NDArray[np.uint8], full_scale: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _gather(grey: Floats, position: NDArray[np.uint8], full_scale: float) -> tuple[Floats, Integers]:
     """Sum of the grey levels and number of clipped pixels in each sector, in one pass."""
     total = np.zeros(RINGS * SECTORS + 1)
     clipped = np.zeros(RINGS * SECTORS + 1, dtype=np.int64)
@@ -151,7 +150,7 @@ def _gather(
     return total[:-1], clipped[:-1]
 
 
-def ring_visibility(frame: TactileImage, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+def ring_visibility(frame: TactileImage, edges_mm: Floats) -> Floats:
     """Fraction of each ring's area in the picture, shape (rings,), in [0, 1].
 
     Parameters
@@ -169,7 +168,7 @@ def _geometry(frame: TactileImage, extent: float) -> _Geometry:
     return (rows, columns), frame.scale(), frame.axis(), extent
 
 
-def _sums(position: NDArray[np.uint8], values: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def _sums(position: NDArray[np.uint8], values: Floats | None) -> Floats:
     """Sums of ``values``, or numbers of pixels, over rings and sectors."""
     result = np.bincount(position, weights=values, minlength=RINGS * SECTORS + 1)[: RINGS * SECTORS]
     return np.asarray(result.reshape(RINGS, SECTORS), dtype=float)
@@ -200,7 +199,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
     total = _sums(position, lit.ravel())
     divisor = np.where(total > 0, total, 1.0)
 
-    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mean(values: Floats) -> Floats:
         return _sums(position, (lit * values).ravel()) / divisor
 
     level = total / np.maximum(count, 1)
@@ -220,7 +219,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
 
 
 @lru_cache(maxsize=8)
-def _visible(geometry: _Geometry, edges: bytes) -> NDArray[np.float64]:
+def _visible(geometry: _Geometry, edges: bytes) -> Floats:
     """Fraction of each ring in the picture along many directions, shape (rings, directions)."""
     (rows, columns), scale, axis, _ = geometry
     angle = (np.arange(FINE_ANGLES) + 0.5) * (2 * np.pi / FINE_ANGLES)

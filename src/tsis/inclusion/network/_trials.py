@@ -15,7 +15,9 @@ from tsis.model import require_array, require_number
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tsis.inclusion._prior import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,11 +32,11 @@ class LinearMapping:
         Fraction of the simulated outputs' variance explained by the lines, shape (outputs,).
     """
 
-    slope: NDArray[np.float64]
-    intercept: NDArray[np.float64]
-    r_squared: NDArray[np.float64]
+    slope: Floats
+    intercept: Floats
+    r_squared: Floats
 
-    def __call__(self, measured: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, measured: ArrayLike) -> Floats:
         """Simulated outputs for measured ones, shape (n, outputs)."""
         return np.asarray(self.intercept + self.slope * require_array("measured", measured, ndim=2))
 
@@ -73,7 +75,7 @@ def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
     )
 
 
-def leave_one_out_mapping(measured: ArrayLike, simulated: ArrayLike) -> NDArray[np.float64]:
+def leave_one_out_mapping(measured: ArrayLike, simulated: ArrayLike) -> Floats:
     """Measured outputs mapped by lines fitted to the other inclusions; shape (n, outputs).
 
     Parameters
@@ -109,7 +111,7 @@ def estimate_by_networks(
     method: str = "scg",
     patience: int = 6,
     progress: Callable[[int, int], None] | None = None,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Estimates by networks with different initial weights and validation samples.
 
     Parameters

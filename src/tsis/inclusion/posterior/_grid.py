@@ -13,13 +13,13 @@ from scipy.optimize import brentq
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from tsis.inclusion._prior import Booleans, Floats, Integers
 
-    Support = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+    Support = Callable[[Floats], Booleans]
 
 
 @cache
-def _lattice(per_axis: int, *, ends: bool) -> NDArray[np.float64]:
+def _lattice(per_axis: int, *, ends: bool) -> Floats:
     """Points of a regular lattice in the cube [-1/2, 1/2]**3, with its faces or without, shape (per_axis**3, 3)."""
     steps = np.linspace(-0.5, 0.5, per_axis) if ends else (np.arange(per_axis) + 0.5) / per_axis - 0.5
     points = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -48,13 +48,13 @@ class GridCells:
         Volume fraction of each cell inside, shape (n,), in (0, 1].
     """
 
-    centre: NDArray[np.float64]
-    edges: NDArray[np.float64]
-    points: NDArray[np.float64]
-    fraction: NDArray[np.float64]
+    centre: Floats
+    edges: Floats
+    points: Floats
+    fraction: Floats
 
 
-def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> GridCells:
+def cells_of(origin: Floats, axes: Floats, per_axis: int, support: Support) -> GridCells:
     """Cells of the box spanned by the rows of ``axes``, without those outside the support."""
     centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
     edges = axes / per_axis
@@ -73,9 +73,7 @@ def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: i
     return GridCells(centre=centre[some], edges=edges, points=points[some], fraction=fraction[some])
 
 
-def _corners_inside(
-    origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support
-) -> NDArray[np.int64]:
+def _corners_inside(origin: Floats, axes: Floats, per_axis: int, support: Support) -> Integers:
     """Number of corners of each cell inside the support, shape (cells,)."""
     vertices = support(origin + (_lattice(per_axis + 1, ends=True) + 0.5) @ axes)
     cube = vertices.reshape(3 * (per_axis + 1,)).astype(np.int64)
@@ -88,10 +86,8 @@ def _corners_inside(
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    LogDensity = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    SlantedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # a corner, and its edges as rows
+    LogDensity = Callable[[Floats], Floats]
+    SlantedBox = tuple[Floats, Floats]  # a corner, and its edges as rows
 
 ENOUGH_FRACTION = (
     0.04  # of the cells: effective number that a refinement step leaves; fewer alias thin slanted densities
@@ -121,11 +117,11 @@ class Grid:
     """
 
     cells: GridCells
-    log_density: NDArray[np.float64]
+    log_density: Floats
     support: Support
 
     @property
-    def weight(self) -> NDArray[np.float64]:
+    def weight(self) -> Floats:
         """Probability of each cell, shape (n,)."""
         weight = self.cells.fraction * np.exp(self.log_density - self.log_density.max())
         return np.asarray(weight / weight.sum())
@@ -137,15 +133,15 @@ class Grid:
         total = float((self.cells.fraction * np.exp(self.log_density - most)).sum())
         return most + float(np.log(total * abs(np.linalg.det(self.cells.edges))))
 
-    def with_density(self, log_density: NDArray[np.float64]) -> Grid:
+    def with_density(self, log_density: Floats) -> Grid:
         """The same cells under another density."""
         return replace(self, log_density=log_density)
 
-    def mean(self) -> NDArray[np.float64]:
+    def mean(self) -> Floats:
         """Weighted mean of the points, shape (3,)."""
         return np.asarray(self.weight @ self.cells.points)
 
-    def samples(self, count: int) -> NDArray[np.float64]:
+    def samples(self, count: int) -> Floats:
         """``count`` equally weighted samples by a Sobol sequence, shape (count, 3): deterministic."""
         unit = scipy.stats.qmc.Sobol(4, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count] + 0.5 / count
         chosen = np.minimum(np.searchsorted(np.cumsum(self.weight), unit[:, 0] % 1.0), len(self.weight) - 1)
@@ -161,8 +157,8 @@ class Grid:
 
 def refine(
     log_density: LogDensity,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
+    low: Floats,
+    high: Floats,
     *,
     support: Support | None = None,
     per_axis: int = 16,
@@ -191,7 +187,7 @@ def refine(
     """
     if support is None:
 
-        def support(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        def support(points: Floats) -> Booleans:
             return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
     def look(box: SlantedBox, count: int) -> _CoarseLook:
@@ -212,10 +208,10 @@ class _CoarseLook:
     box: SlantedBox
     per_axis: int
     cells: GridCells
-    log_density: NDArray[np.float64]
+    log_density: Floats
 
     @property
-    def log_weight(self) -> NDArray[np.float64]:
+    def log_weight(self) -> Floats:
         """Log probability of each cell over the largest."""
         weight = self.log_density + np.log(self.cells.fraction)
         return np.asarray(weight - weight.max())
@@ -231,7 +227,7 @@ class _CoarseLook:
         return not outermost.any() or float(self.log_weight[outermost].max()) < FAINT
 
 
-def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], edges: NDArray[np.float64]) -> SlantedBox:
+def box_around(points: Floats, log_density: Floats, edges: Floats) -> SlantedBox:
     """A sheared box with a margin around a density at points (n, 3), the centres of cells with the given edges."""
     log_weight = log_density - log_density.max()
     weight = np.exp(log_weight)
@@ -250,7 +246,7 @@ def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], ed
 def _find(
     view: Callable[[SlantedBox, int], _CoarseLook],
     result: _CoarseLook,
-    ends: tuple[NDArray[np.float64], NDArray[np.float64]],
+    ends: tuple[Floats, Floats],
     counts: tuple[int, int],
 ) -> tuple[SlantedBox, int]:
     """The tight box of a density, and cells along its axes; ``counts`` are the requested and the most."""
@@ -272,7 +268,7 @@ def _find(
     return box, max(per_axis, fine)
 
 
-def _temper(log_weight: NDArray[np.float64], enough: float) -> float:
+def _temper(log_weight: Floats, enough: float) -> float:
     """Largest power of the density, at most one, at which the effective number of cells is ``enough``."""
 
     def excess(log_power: float) -> float:
@@ -283,12 +279,8 @@ def _temper(log_weight: NDArray[np.float64], enough: float) -> float:
 
 
 def _sheared_box(
-    cells: GridCells,
-    log_weight: NDArray[np.float64],
-    power: float,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    cells: GridCells, log_weight: Floats, power: float, low: Floats, high: Floats
+) -> tuple[Floats, Floats]:
     """Origin and edges (as rows) of a box around all cells of weight, sheared along the tempered points."""
     weight = np.exp(power * log_weight)
     weight /= weight.sum()
@@ -305,7 +297,7 @@ def _sheared_box(
     return middle + shear @ first, (shear * (last - first)).T
 
 
-def _shear(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shear(covariance: Floats) -> Floats:
     """Triangular root of a covariance, with the last coordinate first.
 
     Its range is never tilted, so that a flat posterior has exactly the prior's ends.

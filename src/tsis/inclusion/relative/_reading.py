@@ -15,8 +15,7 @@ from tsis.inclusion.relative._light import REFERENCE_TISSUE, UNTOUCHED
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.inclusion._prior import Floats
     from tsis.model import Calibration
 
 
@@ -147,7 +146,7 @@ class Repeats:
                 )
 
     @property
-    def values(self) -> NDArray[np.float64]:
+    def values(self) -> Floats:
         """The values, shape (readings with a value,)."""
         return np.array([reading.value for reading in self.readings if reading.value is not None])
 

@@ -16,9 +16,8 @@ from tsis.model import freeze_arrays
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from tsis.imaging import Features
+    from tsis.inclusion._prior import Floats
     from tsis.inclusion.relative import LightChange
     from tsis.model import Calibration, TactileImage
 
@@ -66,7 +65,7 @@ class ObjectShape:
     angle_deg: float | None
     eccentricity: float | None
     circularity: float | None
-    contour_mm: NDArray[np.float64]
+    contour_mm: Floats
     against: str
     assumptions: tuple[str, ...]
     flags: tuple[str, ...] = ()

@@ -15,11 +15,11 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tsis.errors import InputError
-from tsis.matching._fit import UNMATCHED
+from tsis.matching._fit import UNMATCHED, Floats, Integers
 from tsis.model import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
 
 BUMP_WIDTH = 0.3  # a bump falls to 1/e over it
@@ -87,10 +87,10 @@ class Trial:
         What the trial is called in tables.
     """
 
-    source: NDArray[np.float64]
-    target: NDArray[np.float64]
-    target_clean: NDArray[np.float64]
-    truth: NDArray[np.int64]
+    source: Floats
+    target: Floats
+    target_clean: Floats
+    truth: Integers
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -180,13 +180,7 @@ def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generato
 
 
 def shuffled(
-    source: NDArray[np.float64],
-    target: NDArray[np.float64],
-    target_clean: NDArray[np.float64],
-    truth: NDArray[np.int64],
-    *,
-    rng: np.random.Generator,
-    name: str = "",
+    source: Floats, target: Floats, target_clean: Floats, truth: Integers, *, rng: np.random.Generator, name: str = ""
 ) -> Trial:
     """A trial with its target rows in random order, so that no method can profit from the order of the data."""
     order = rng.permutation(len(target))
@@ -200,7 +194,7 @@ def shuffled(
     )
 
 
-def deformed(points: NDArray[np.float64], distortion: Distortion, *, rng: np.random.Generator) -> NDArray[np.float64]:
+def deformed(points: Floats, distortion: Distortion, *, rng: np.random.Generator) -> Floats:
     """The points after the affine map and the bumps."""
     dimension = points.shape[1]
     centres = _separated(points, rng=rng)
@@ -210,7 +204,7 @@ def deformed(points: NDArray[np.float64], distortion: Distortion, *, rng: np.ran
     return np.asarray(points + affine[0] + points @ affine[1:] + bent)
 
 
-def rotated(points: NDArray[np.float64], angle_deg: float, *, rng: np.random.Generator) -> NDArray[np.float64]:
+def rotated(points: Floats, angle_deg: float, *, rng: np.random.Generator) -> Floats:
     """The points turned by ``angle_deg`` about their mean, in a random sense or about a random axis."""
     middle = points.mean(axis=0)
     angle = np.radians(angle_deg) * rng.choice([-1.0, 1.0])
@@ -224,9 +218,7 @@ def rotated(points: NDArray[np.float64], angle_deg: float, *, rng: np.random.Gen
     return np.asarray((points - middle) @ turn.T + middle)
 
 
-def visible(
-    points: NDArray[np.float64], occluded: float, *, kind: Occlusion, rng: np.random.Generator
-) -> NDArray[np.int64]:
+def visible(points: Floats, occluded: float, *, kind: Occlusion, rng: np.random.Generator) -> Integers:
     """Rows of the points that are left when a share of them is occluded, at least one, in ascending order."""
     gone = int(occluded * len(points) + ROUNDING)
     if kind == "scattered":
@@ -237,7 +229,7 @@ def visible(
     return np.sort(order[gone:])
 
 
-def _separated(points: NDArray[np.float64], *, rng: np.random.Generator) -> NDArray[np.float64]:
+def _separated(points: Floats, *, rng: np.random.Generator) -> Floats:
     """Points taken at random, none nearer to another than `BUMP_SPACING`."""
     free, centres = rng.permutation(points), []
     while len(free):

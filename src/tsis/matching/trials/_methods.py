@@ -19,7 +19,7 @@ from tsis.matching.trials._runs import MatchOutcome
 from tsis.model import require_one_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.matching._fit import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class Peer:
             return f"{self.library} cannot be loaded: {error}"
         return ""
 
-    def transformed(self, source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    def transformed(self, source: Floats, target: Floats) -> Floats:
         """Where the library moves the source, shape (n, d), in the target's unit.
 
         Raises
@@ -94,7 +94,7 @@ def peer(name: str) -> Peer:
     return PEERS[require_one_of("peer", name, PEERS)]
 
 
-def _frame(points: NDArray[np.float64], scaling: str) -> tuple[NDArray[np.float64], float]:
+def _frame(points: Floats, scaling: str) -> tuple[Floats, float]:
     """What is subtracted and then divided by."""
     if scaling == "raw":
         return np.zeros(points.shape[1]), 1.0
@@ -102,12 +102,12 @@ def _frame(points: NDArray[np.float64], scaling: str) -> tuple[NDArray[np.float6
     return centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean()))
 
 
-def _pycpd(source: NDArray[np.float64], target: NDArray[np.float64], outliers: float) -> NDArray[np.float64]:
+def _pycpd(source: Floats, target: Floats, outliers: float) -> Floats:
     pycpd: Any = importlib.import_module("pycpd")
     return np.asarray(pycpd.DeformableRegistration(X=target, Y=source, w=outliers).register()[0])
 
 
-def _probreg(source: NDArray[np.float64], target: NDArray[np.float64], outliers: float) -> NDArray[np.float64]:
+def _probreg(source: Floats, target: Floats, outliers: float) -> Floats:
     probreg: Any = importlib.import_module("probreg.cpd")
     result = probreg.registration_cpd(source, target, tf_type_name="nonrigid", w=outliers, maxiter=100)
     return np.asarray(result.transformation.transform(source))
@@ -136,9 +136,7 @@ class BenchmarkMethod:
         """Why it cannot be run here; empty when it can."""
         return peer(self.name).absent() if self.name in PEERS else ""
 
-    def __call__(
-        self, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
-    ) -> MatchOutcome:
+    def __call__(self, source: Floats, target: Floats, *, rng: np.random.Generator) -> MatchOutcome:
         """Match two point sets, shapes (n, d) and (m, d).
 
         The answer of a method of this package is judged even where `tsis.matching.register` would withhold it, as it

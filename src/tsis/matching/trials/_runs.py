@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from tsis.matching._fit import Floats
     from tsis.matching.trials._distort import Trial
 
 
@@ -183,16 +182,14 @@ class MatchOutcome:
         Whether the method trusts its own answer; None where it does not say.
     """
 
-    transformed: NDArray[np.float64]
+    transformed: Floats
     reliable: bool | None
 
 
 class Matcher(Protocol):
     """Anything that matches two point sets; picklable where several processes are asked for."""
 
-    def __call__(
-        self, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
-    ) -> MatchOutcome:
+    def __call__(self, source: Floats, target: Floats, *, rng: np.random.Generator) -> MatchOutcome:
         """Match them."""
 
 
@@ -296,11 +293,7 @@ def _row(trial: Trial, name: str, matcher: Matcher, seed: int) -> TrialRow:
 
 
 def _trial_row(
-    todo: Sequence[tuple[Trial, list[str]]],
-    matchers: Mapping[str, Matcher],
-    seed: int,
-    workers: int,
-    stack: ExitStack,
+    todo: Sequence[tuple[Trial, list[str]]], matchers: Mapping[str, Matcher], seed: int, workers: int, stack: ExitStack
 ) -> Iterator[list[TrialRow]]:
     """Rows of each trial, here or from a pool of processes."""
     tasks = [(trial, {name: matchers[name] for name in names}) for trial, names in todo]

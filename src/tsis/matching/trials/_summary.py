@@ -13,8 +13,7 @@ from tsis.model import require_number
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.matching._fit import Floats
     from tsis.matching.trials._runs import TrialRow
 
 
@@ -150,7 +149,7 @@ def summarise_pooled(
 
 
 def ratio_of_means(
-    errors: NDArray[np.float64], others: NDArray[np.float64], *, rng: np.random.Generator, draws: int = DRAWS
+    errors: Floats, others: Floats, *, rng: np.random.Generator, draws: int = DRAWS
 ) -> ErrorRatio | None:
     """Ratio of two means over the same trials, with the bootstrap's interval of 95 %; None where the rival never errs.
 

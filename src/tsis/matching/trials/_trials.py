@@ -11,7 +11,7 @@ import scipy.io
 
 from tsis.errors import FileInputError, InputError
 from tsis.files import one_line, printable_path, read_arrays, read_bytes
-from tsis.matching._fit import UNMATCHED
+from tsis.matching._fit import UNMATCHED, Floats
 from tsis.matching.trials._distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
 from tsis.matching.trials._shapes import SHAPES
 from tsis.model import require_array, require_integer, require_number, require_one_of
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from tsis.matching.trials._distort import Family
 
@@ -193,7 +193,7 @@ def generated_trials(
         yield distort(make(points, rng=rng), distortion, rng=rng, name=f"{shape}/{family}/{level}/{number}")
 
 
-def _public_arrays(path: Path, requested: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
+def _public_arrays(path: Path, requested: tuple[str, ...]) -> dict[str, Floats]:
     """Those of the wanted arrays that the file holds."""
     content = read_bytes(path, most=LARGEST_BYTES)
     try:
@@ -209,7 +209,7 @@ def _public_arrays(path: Path, requested: tuple[str, ...]) -> dict[str, NDArray[
     return results
 
 
-def _frames(path: Path, name: str) -> NDArray[np.float64]:
+def _frames(path: Path, name: str) -> Floats:
     """Landmarks of each frame, shape (frames, landmarks, 2)."""
     content = read_bytes(path, most=LARGEST_BYTES)
     result = hashlib.sha256(content).hexdigest()

@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics._element import lame_constants, reference_element
+from tsis.mechanics._element import Floats, Integers, lame_constants, reference_element
 from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
 from tsis.mechanics.finite_strain._neo_hookean import HOOP, RR, RZ, ZR, ZZ
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tsis.mechanics.finite_strain._patches import Solid
 
 
@@ -39,16 +37,16 @@ class Numbering:
         Number of unknowns.
     """
 
-    of_node: NDArray[np.int64]
+    of_node: Integers
     skeleton: int
     total: int
 
-    def displacements(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def displacements(self, unknowns: Floats) -> Floats:
         """Displacements (u_r, u_z) of all nodes in mm."""
         return np.append(unknowns, 0.0)[self.of_node]
 
 
-def number_unknowns(solid: Solid, shared: NDArray[np.int64], shared_count: int) -> Numbering:
+def number_unknowns(solid: Solid, shared: Integers, shared_count: int) -> Numbering:
     """Number the unknowns of a mesh; the ``shared_count`` shared ones come first.
 
     ``shared`` has shape (nodes, 2): `FIXED`, the index of a shared unknown (from 0), or `OWN`.
@@ -65,12 +63,12 @@ def number_unknowns(solid: Solid, shared: NDArray[np.int64], shared_count: int) 
     return Numbering(of_node=of_node, skeleton=first, total=first + interior.size * 2)
 
 
-def _inner(order: int) -> NDArray[np.int64]:
+def _inner(order: int) -> Integers:
     grid = np.arange((order + 1) ** 2).reshape(order + 1, order + 1)
     return np.asarray(grid[1:-1, 1:-1].ravel())
 
 
-def _outer(order: int) -> NDArray[np.int64]:
+def _outer(order: int) -> Integers:
     return np.setdiff1d(np.arange((order + 1) ** 2), _inner(order))
 
 
@@ -92,11 +90,11 @@ class Tangent:
         Interior forces times ``rest``, mN mm: the interiors' part of the slope of the energy.
     """
 
-    matrices: NDArray[np.float64]
-    forces: NDArray[np.float64]
-    back: NDArray[np.float64]
-    rest: NDArray[np.float64]
-    gradient: NDArray[np.float64]
+    matrices: Floats
+    forces: Floats
+    back: Floats
+    rest: Floats
+    gradient: Floats
     relief: float
 
 
@@ -111,14 +109,14 @@ class ElasticBody:
         self._inner, self._outer = _inner(solid.order), _outer(solid.order)
         self.element_unknowns = numbering.of_node[solid.cells[:, self._outer]].reshape(len(solid.cells), -1)
 
-    def gradient(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gradient(self, displacements: Floats) -> Floats:
         """Deformation gradient at the integration points, shape (5, elements, points)."""
         result = self._spread(displacements)
         for i in (RR, ZZ, HOOP):
             result[i] += 1
         return result
 
-    def _spread(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _spread(self, displacements: Floats) -> Floats:
         """Derivatives of displacements at the integration points, shape (5, elements, points)."""
         local = displacements[self.solid.cells]
         elements, points, _, count = self._operator.shape
@@ -129,17 +127,17 @@ class ElasticBody:
         result[ZR], result[ZZ] = derivative[:, :, 0, 1], derivative[:, :, 1, 1]
         return result
 
-    def energy(self, displacements: NDArray[np.float64]) -> float:
+    def energy(self, displacements: Floats) -> float:
         """Strain energy in mN mm; infinite where an element has det F <= 0."""
         density = neo_hookean.energy(self.gradient(displacements), self._mu, self._lam)
         return float(np.sum(density * self.volume))
 
-    def forces(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def forces(self, displacements: Floats) -> Floats:
         """Gradient of the energy by all nodal displacements in mN, shape (elements, nodes an element, 2)."""
         gradient = self.gradient(displacements)
         return self._element_forces(neo_hookean.stress(gradient, self._mu, self._lam) * self.volume)
 
-    def _element_forces(self, stress: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _element_forces(self, stress: Floats) -> Floats:
         elements, points, _, count = self._operator.shape
         flat = self._operator.reshape(elements, points * 3, count)
         radial = np.stack([stress[i] for i in RADIAL], axis=-1).reshape(elements, 1, points * 3)
@@ -147,25 +145,23 @@ class ElasticBody:
         both = np.concatenate([radial, axial.reshape(elements, 1, points * 3)], axis=1)
         return np.swapaxes(both @ flat, 1, 2)
 
-    def matrices(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def matrices(self, displacements: Floats) -> Floats:
         """Tangents of all elements in mN/mm, shape (elements, n, n) with unknowns (u_r, u_z) node by node."""
         return self._element_matrices(self.gradient(displacements), None)
 
-    def volumetric_stress(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def volumetric_stress(self, displacements: Floats) -> Floats:
         """Volumetric stress at the integration points in kPa, shape (elements, points)."""
         return self.volumetric_stress_at(self.gradient(displacements))
 
-    def volumetric_stress_at(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+    def volumetric_stress_at(self, gradient: Floats) -> Floats:
         """Volumetric stress from the deformation gradient."""
         return neo_hookean.volumetric_stress(gradient, self._lam)
 
-    def volumetric_change(
-        self, gradient: NDArray[np.float64], displacements: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def volumetric_change(self, gradient: Floats, displacements: Floats) -> Floats:
         """First-order change of the volumetric stress with more ``displacements``, kPa, shape (elements, points)."""
         return neo_hookean.volumetric_stress_change(gradient, self._spread(displacements), self._lam)
 
-    def _element_matrices(self, gradient: NDArray[np.float64], pull: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    def _element_matrices(self, gradient: Floats, pull: Floats | None) -> Floats:
         tangent = neo_hookean.tangent(gradient, self._mu, self._lam, pull) * self.volume
         operator = self._operator
         elements, points, _, count = operator.shape
@@ -181,7 +177,7 @@ class ElasticBody:
         result[:, :, 1, :, 0] = np.swapaxes(result[:, :, 0, :, 1], 1, 2)
         return result.reshape(elements, 2 * count, 2 * count)
 
-    def tangent(self, displacements: NDArray[np.float64], pull: NDArray[np.float64] | None = None) -> Tangent:
+    def tangent(self, displacements: Floats, pull: Floats | None = None) -> Tangent:
         """Gradient and tangent, reduced to the skeleton.
 
         ``pull`` is a volumetric stress (elements, points) in kPa that is an unknown of its own in Newton's method. The
@@ -208,7 +204,7 @@ class ElasticBody:
         )
 
 
-def _operators(solid: Solid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _operators(solid: Solid) -> tuple[Floats, Floats]:
     """Operator (elements, points, 3, nodes) to d/dR, d/dZ and 1/R, and the volume of every integration point."""
     ref = reference_element(solid.order)
     nodes = solid.nodes[solid.cells]

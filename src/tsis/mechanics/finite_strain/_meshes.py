@@ -21,8 +21,7 @@ from tsis.mechanics._mesh import (
 from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, weld
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Booleans, Floats, Integers
     from tsis.model import Phantom, Probe
 
 
@@ -47,28 +46,28 @@ class RoundedProbe:
         """Arc length of the middle of the rim, mm."""
         return self.radius_mm - self.fillet_mm * (1 - np.pi / 4)
 
-    def points(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, arc_mm: Floats) -> Floats:
         """Points (r, z) of the undeformed outline, z downwards from the apex, mm, shape (k, 2)."""
         return self.bulge(self.flat_points(arc_mm))
 
-    def flat_points(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def flat_points(self, arc_mm: Floats) -> Floats:
         """Points of the outline before the face is domed."""
         flat, fillet = self.radius_mm - self.fillet_mm, self.fillet_mm
         turn = np.clip((arc_mm - flat) / fillet, 0.0, np.pi / 2)
         up = np.maximum(arc_mm - flat - fillet * np.pi / 2, 0.0)
         return np.column_stack([np.minimum(arc_mm, flat) + fillet * np.sin(turn), -fillet * (1 - np.cos(turn)) - up])
 
-    def arc_at(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def arc_at(self, radius_mm: Floats) -> Floats:
         """Arc lengths of the face's material points at ``radius_mm``, mm."""
         flat = self.radius_mm - self.fillet_mm
         beyond = np.clip((radius_mm - flat) / self.fillet_mm, 0.0, 1.0)
         return np.asarray(np.minimum(radius_mm, flat) + self.fillet_mm * np.arcsin(beyond))
 
-    def radius_at(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def radius_at(self, arc_mm: Floats) -> Floats:
         """Material radius at arc lengths on the outline, mm."""
         return self.flat_points(arc_mm)[:, 0]
 
-    def bulge(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def bulge(self, nodes: Floats) -> Floats:
         """Nodes (r, z) of a flat probe after its layers bulge in proportion, the glass staying flat."""
         thickness = self.probe.thickness_mm
         fraction = (thickness - self.probe.sag_mm(np.minimum(nodes[:, 0], self.radius_mm))) / thickness
@@ -132,13 +131,13 @@ class MeshedProbe:
     """
 
     solid: Solid
-    face: NDArray[np.int64]
-    arc_mm: NDArray[np.float64]
-    glass: NDArray[np.int64]
-    side: NDArray[np.int64]
+    face: Integers
+    arc_mm: Floats
+    glass: Integers
+    side: Integers
 
 
-def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution: FiniteResolution) -> MeshedProbe:
+def mesh_probe(shape: RoundedProbe, face_lines: Floats, resolution: FiniteResolution) -> MeshedProbe:
     """Mesh a probe in three patches that meet inside its rounded rim.
 
     ``face_lines`` are the element boundaries as fractions of the arc from the axis to the middle of the rounded rim.
@@ -193,17 +192,15 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     )
 
 
-def _shaped(shape: RoundedProbe, nodes: NDArray[np.float64], order: int) -> LayeredMesh:
+def _shaped(shape: RoundedProbe, nodes: Floats, order: int) -> LayeredMesh:
     return LayeredMesh(nodes=shape.bulge(nodes.reshape(-1, 2)).reshape(nodes.shape), order=order)
 
 
-def _between(
-    outer: NDArray[np.float64], inner: NDArray[np.float64], fraction: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _between(outer: Floats, inner: Floats, fraction: Floats) -> Floats:
     return np.asarray(outer[:, None] + fraction[None, :, None] * (inner - outer)[:, None])
 
 
-def _chain(ends: NDArray[np.float64], fractions: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _chain(ends: Floats, fractions: list[Floats]) -> Floats:
     """Node coordinates of pieces between ``ends``, each divided by its ``fractions``; common nodes once."""
     parts = [low + fraction * (high - low) for low, high, fraction in zip(ends[:-1], ends[1:], fractions, strict=True)]
     return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
@@ -224,8 +221,8 @@ class MeshedSlab:
     """
 
     solid: Solid
-    skin: NDArray[np.int64]
-    inclusion: NDArray[np.bool_]
+    skin: Integers
+    inclusion: Booleans
 
 
 def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> MeshedSlab:
@@ -281,7 +278,7 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     return MeshedSlab(solid=solid, skin=skin, inclusion=member)
 
 
-def _outline(near: NDArray[np.float64], depth: NDArray[np.float64], order: int, *, cells: int) -> NDArray[np.float64]:
+def _outline(near: Floats, depth: Floats, order: int, *, cells: int) -> Floats:
     """Outer nodes of the block around the inclusion: along the skin, down its side, back along the chest wall."""
     edge, bottom = near[-1], depth[-1]
     top, side = refine(near, order), refine(depth, order)

@@ -15,8 +15,7 @@ from tsis.mechanics._mesh import layer_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats, Integers
     from tsis.mechanics._mesh import LayeredMesh
 
 
@@ -28,8 +27,8 @@ class MeshPatch:
     """One logical rectangle of elements and the material of each element layer, shape (layers,)."""
 
     mesh: LayeredMesh
-    young_kpa: NDArray[np.float64]
-    poisson: NDArray[np.float64]
+    young_kpa: Floats
+    poisson: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,14 +49,14 @@ class Solid:
         Node indices of each welded patch in its logical grid, shape (na, nb).
     """
 
-    nodes: NDArray[np.float64]
-    cells: NDArray[np.int64]
+    nodes: Floats
+    cells: Integers
     order: int
-    young_kpa: NDArray[np.float64]
-    poisson: NDArray[np.float64]
-    patches: tuple[NDArray[np.int64], ...]
+    young_kpa: Floats
+    poisson: Floats
+    patches: tuple[Integers, ...]
 
-    def shifted(self, first: int) -> tuple[NDArray[np.int64], ...]:
+    def shifted(self, first: int) -> tuple[Integers, ...]:
         """Node indices of the patches, counted from ``first``."""
         return tuple(patch + first for patch in self.patches)
 

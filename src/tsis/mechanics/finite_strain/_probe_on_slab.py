@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from tsis.errors import MechanicsError
-from tsis.mechanics._element import gauss_points, lagrange
+from tsis.mechanics._element import Booleans, Floats, Integers, gauss_points, lagrange
 from tsis.mechanics._face import FACE_POINTS, hat_areas
 from tsis.mechanics._mesh import face_lines
 from tsis.mechanics.finite_strain import _load_path as load_path
@@ -25,8 +25,6 @@ from tsis.model import MN_PER_N, PressField
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from tsis.mechanics.finite_strain._load_path import State
     from tsis.model import Phantom, Probe
 
@@ -36,25 +34,16 @@ PRESSURE_DEGREES_LESS = 2  # than the displacement has; higher degrees of the pr
 
 
 def face_displacement_mm(
-    shape: RoundedProbe,
-    face: SoftFace,
-    displacements: NDArray[np.float64],
-    radius_mm: NDArray[np.float64],
-    *,
-    glass_mm: float,
-) -> NDArray[np.float64]:
+    shape: RoundedProbe, face: SoftFace, displacements: Floats, radius_mm: Floats, *, glass_mm: float
+) -> Floats:
     """Displacement of the face towards the glass at ``radius_mm``, mm; ``glass_mm`` is the glass's own."""
     weights = face.face.weights(shape.arc_at(radius_mm))[:, 1]
     return np.asarray(glass_mm - weights @ displacements[face.nodes, 1])
 
 
 def face_pressure_kpa(
-    shape: RoundedProbe,
-    contact: SlidingContact,
-    face: SoftFace,
-    positions: NDArray[np.float64],
-    radius_mm: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: Floats, radius_mm: Floats
+) -> Floats:
     """Axial force per area of the undeformed face in kPa, as means around each of ``radius_mm``.
 
     The means are weighted by area and by distance to the neighbours, so that their integral is the force. On each
@@ -64,7 +53,7 @@ def face_pressure_kpa(
 
     # The mean of a hat function over the force is a difference of the integrals of "force within a radius".
     # The pressure is constant between two radii, so the force grows with the square of the radius.
-    def primitive(cell: NDArray[np.int64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    def primitive(cell: Integers, at: Floats) -> Floats:
         low, high = radius[cell], radius[cell + 1]
         pressure = (force[cell + 1] - force[cell]) / np.maximum(high**2 - low**2, 1e-12)
         return np.asarray((at - low) * force[cell] + pressure * ((at**3 - low**3) / 3 - low**2 * (at - low)))
@@ -81,8 +70,8 @@ def face_pressure_kpa(
 
 
 def _force_within(
-    shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: Floats
+) -> tuple[Floats, Floats]:
     """Material radii, ascending from 0, and the axial force in mN on the face inside each radius."""
     gauss, weight = gauss_points(4)
     radii, forces = [np.zeros(1)], [np.zeros(1)]
@@ -187,7 +176,7 @@ class ProbeOnSlab:
         states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
-    def _deformed(self, travel_mm: float) -> NDArray[np.float64]:
+    def _deformed(self, travel_mm: float) -> Floats:
         """Unknowns when the whole undeformed probe moves by ``travel_mm``."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[: self._probe_nodes, 1]
@@ -229,7 +218,7 @@ def _refuse_pulling(field: PressField) -> None:
         )
 
 
-def largest_stretch(potential: Potential, state: State, elements: NDArray[np.bool_]) -> float:
+def largest_stretch(potential: Potential, state: State, elements: Booleans) -> float:
     """Largest principal stretch or its inverse in ``elements``."""
     gradient = potential.body.gradient(potential.displacements(state.unknowns))[:, elements]
     stretches = neo_hookean.principal_stretches(gradient)
@@ -243,7 +232,7 @@ def stretch_problem(stretch: float, largest: float) -> str | None:
     return f"lengths change {stretch:.2g} times, more than {largest:g}, the limit of this model,"
 
 
-def _away_from_rim(centres: NDArray[np.float64], shape: RoundedProbe) -> NDArray[np.bool_]:
+def _away_from_rim(centres: Floats, shape: RoundedProbe) -> Booleans:
     """Mask of the elements outside the neighbourhood of the rounded rim."""
     probe = shape.probe
     on_probe = np.array([probe.radius_mm, -float(probe.sag_mm(probe.radius_mm))])

@@ -32,8 +32,7 @@ from tsis.model import MN_PER_N, PressField, Probe, require_number, require_type
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats, Integers
     from tsis.mechanics.finite_strain._load_path import State
 
 
@@ -42,7 +41,7 @@ CORE = 0.5  # half the core's side as a fraction of the radius
 
 def mesh_ball(
     *, radius_mm: float, young_kpa: float, poisson: float, order: int, cells: int, rings: int
-) -> tuple[Solid, NDArray[np.int64]]:
+) -> tuple[Solid, Integers]:
     """Mesh a ball with its pole (0, 0) on a face and its centre at z = radius; see `SphereResolution`.
 
     Returns the body, and the nodes of its surface from the pole at z = 0 to the other pole.
@@ -247,7 +246,7 @@ class SphereOnProbe:
         states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
-    def _deformed(self, travel_mm: float) -> NDArray[np.float64]:
+    def _deformed(self, travel_mm: float) -> Floats:
         """Unknowns when the plate moves by ``travel_mm`` and the sphere by half of it."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[self._first : self._plate, 1]
@@ -280,7 +279,7 @@ class SphereOnProbe:
             stretch=largest_stretch(self.potential, state, self._everywhere),
         )
 
-    def _contact(self, positions: NDArray[np.float64]) -> tuple[float, float]:
+    def _contact(self, positions: Floats) -> tuple[float, float]:
         """Radius of the contact in mm and pressure on the axis in kPa."""
         radii, pressures, areas, edge = [], [], [], 0.0
         for part in self.contact.pressed(positions):
@@ -301,7 +300,7 @@ class SphereOnProbe:
         return edge, float(np.sqrt(max(fit[0], 0.0)))
 
 
-def _lines(probe: Probe, radius_mm: float, size: float) -> NDArray[np.float64]:
+def _lines(probe: Probe, radius_mm: float, size: float) -> Floats:
     """Element boundaries along the face as fractions of its radius: even under the sphere, coarser beyond it."""
     even = int(np.ceil(min(1.4 * radius_mm, 0.8 * probe.radius_mm) / size))
     near = size * np.arange(even + 1)

@@ -13,8 +13,7 @@ from tsis.mechanics.solid._mesh import FEATURE, inclusion_name, layer_name, soli
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats
     from tsis.mechanics.solid._mesh import SolidResolution, Symmetry
     from tsis.model import Phantom, Probe
 
@@ -37,8 +36,8 @@ class FaceChange:
         Size of the linear system, and iterations for tissue without inclusion.
     """
 
-    face_displacement_mm: NDArray[np.float64]
-    pressure_kpa: NDArray[np.float64]
+    face_displacement_mm: Floats
+    pressure_kpa: Floats
     approach_mm: float
     unknowns: int
     iterations: int
@@ -77,7 +76,7 @@ class TiedSolid:
             ]
         )
 
-    def change(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], report: Callable[[str], None]) -> FaceChange:
+    def change(self, x_mm: Floats, y_mm: Floats, report: Callable[[str], None]) -> FaceChange:
         """Change by the inclusions at points of the face in the phantom's frame."""
         probe, with_it, reference = (self._stiffness(part) for part in ("probe", "with", "without"))
         report(f"factorising {self._space.ndof} unknowns")
@@ -165,7 +164,7 @@ class TiedSolid:
         pressure.vec.data = mass.Inverse(on_face, inverse="sparsecholesky") * load
         return pressure
 
-    def _points(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> Any:
+    def _points(self, x_mm: Floats, y_mm: Floats) -> Any:
         """Points of the face in the mesh."""
         x, y = self.symmetry.folded(x_mm, y_mm)
         step = INSIDE * self.probe.radius_mm

@@ -12,8 +12,7 @@ from scipy import sparse
 from tsis.optics.propagation._guide import interfaces_um
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.optics._inputs import Complexes, Floats
     from tsis.optics.propagation._guide import Dent, ThinGuide
 
 
@@ -46,7 +45,7 @@ class Axis:
     absorber_cells: int
 
     @property
-    def nodes_um(self) -> NDArray[np.float64]:
+    def nodes_um(self) -> Floats:
         """Ends of the cells, µm, shape (cells + 1,)."""
         return np.asarray(self.low_um + self.step_um * np.arange(self.cells + 1), dtype=float)
 
@@ -57,7 +56,7 @@ class Axis:
         return slice(self.absorber_cells + border, self.cells + 1 - self.absorber_cells - border)
 
     @property
-    def stretch(self) -> NDArray[np.complex128]:
+    def stretch(self) -> Complexes:
         """Complex stretch of each cell, shape (cells,)."""
         middle = np.arange(self.cells) + 0.5
         into = np.maximum(self.absorber_cells - np.minimum(middle, self.cells - middle), 0.0)
@@ -72,9 +71,7 @@ def axis(low_um: float, high_um: float, *, step_um: float, absorber_um: float) -
     return Axis(low_um=low_um - beyond * step, step_um=step, cells=cells + 2 * beyond, absorber_cells=beyond)
 
 
-def permittivity(
-    guide: ThinGuide, dent: Dent, x_um: NDArray[np.float64], z_um: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def permittivity(guide: ThinGuide, dent: Dent, x_um: Floats, z_um: Floats) -> Floats:
     """Mean square of the index in each cell of the grid with these nodes; the dent's middle is at ``z_um = 0``.
 
     For a field along y the mean over the cell is effective, so results do not jump when an interface passes a node. The
@@ -98,9 +95,7 @@ def permittivity(
     return result
 
 
-def _cell_means(
-    at_um: NDArray[np.float64], jumps: NDArray[np.float64], x_um: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _cell_means(at_um: Floats, jumps: Floats, x_um: Floats) -> Floats:
     """Means of ``jumps`` at the interfaces over the cells of x, shape (sections, cells)."""
     total = sum(
         jump * np.maximum(x_um - position[:, np.newaxis], 0.0) for jump, position in zip(jumps, at_um.T, strict=True)
@@ -113,7 +108,7 @@ MASS = np.array([[5.0, 1.0], [1.0, 5.0]]) / 12
 ENDS = (0, 1)  # of a cell
 
 
-def tridiagonal(of_cells: NDArray[np.complex128], element: NDArray[np.float64]) -> NDArray[np.complex128]:
+def tridiagonal(of_cells: Complexes, element: Floats) -> Complexes:
     """Assemble ``element`` times a value of each cell along one axis.
 
     Returns
@@ -127,7 +122,7 @@ def tridiagonal(of_cells: NDArray[np.complex128], element: NDArray[np.float64]) 
     return np.array([element[0, 0] * (along + np.concatenate((none, of_cells))), element[0, 1] * along])
 
 
-def times(matrix: NDArray[np.complex128], vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def times(matrix: Complexes, vectors: Complexes) -> Complexes:
     """Multiply a `tridiagonal` matrix with columns, shape (cells + 1, columns)."""
     diagonal, off = matrix[..., np.newaxis]
     result = np.asarray(diagonal * vectors)
@@ -148,9 +143,7 @@ def links(step_x_um: float, step_z_um: float, wavenumber_squared: float) -> tupl
     return 2 * straight, aslant
 
 
-def helmholtz_matrix(
-    layer: Axis, along: Axis, wavenumber_squared: NDArray[np.float64]
-) -> sparse.csc_array[np.complex128]:
+def helmholtz_matrix(layer: Axis, along: Axis, wavenumber_squared: Floats) -> sparse.csc_array[np.complex128]:
     """Matrix of ``-laplace - k**2`` on the whole grid, absorbers included.
 
     Parameters

@@ -10,8 +10,7 @@ import numpy as np
 from tsis.optics.propagation._grid import MASS, STIFFNESS, times, tridiagonal
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.optics._inputs import Booleans, Complexes, Floats
     from tsis.optics.propagation._grid import Axis
 
 
@@ -37,30 +36,30 @@ class SectionModes:
         Whether a guided mode is clear of cut-off, shape (guided,).
     """
 
-    separation: NDArray[np.complex128]
-    profile: NDArray[np.complex128]
-    mass: NDArray[np.complex128]
-    clear: NDArray[np.bool]
+    separation: Complexes
+    profile: Complexes
+    mass: Complexes
+    clear: Booleans
 
     @property
     def guided(self) -> int:
         """Number of guided modes."""
         return len(self.clear)
 
-    def amplitudes(self, field: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def amplitudes(self, field: Complexes) -> Complexes:
         """Amplitude of every mode in the columns of a field over x, shape (modes, columns)."""
         return np.asarray(self.profile.T @ times(self.mass, field))
 
-    def onward(self, step_um: float) -> NDArray[np.complex128]:
+    def onward(self, step_um: float) -> Complexes:
         """Phase factor of each mode from node to node along z, shape (modes,)."""
         fraction = self.separation * step_um**2 / 12
         return np.asarray(np.exp(1j * np.arccos((1 - 5 * fraction) / (1 + fraction))))
 
-    def effective_index(self, wavelength_um: float) -> NDArray[np.float64]:
+    def effective_index(self, wavelength_um: float) -> Floats:
         """Effective index of each guided mode, shape (guided,)."""
         return np.sqrt(self.separation[: self.guided].real) * wavelength_um / (2 * np.pi)
 
-    def flow(self, amplitudes: NDArray[np.complex128], step_um: float, rows: slice) -> NDArray[np.float64]:
+    def flow(self, amplitudes: Complexes, step_um: float, rows: slice) -> Floats:
         """Power of forward waves with these amplitudes, shape (modes, columns), between the nodes ``rows``.
 
         A wave of amplitude 1 has the power ``beta``; shape (columns,).
@@ -71,7 +70,7 @@ class SectionModes:
         return np.asarray(np.imag(here.conj() * times(self.mass, there))[rows].sum(axis=0))
 
 
-def section_modes(layer: Axis, wavenumber_squared: NDArray[np.float64], *, faded_um: float) -> SectionModes:
+def section_modes(layer: Axis, wavenumber_squared: Floats, *, faded_um: float) -> SectionModes:
     """Find all modes of a section.
 
     Parameters
@@ -96,6 +95,6 @@ def section_modes(layer: Axis, wavenumber_squared: NDArray[np.float64], *, faded
     return SectionModes(separation=separation, profile=profile / norm, mass=mass, clear=decay * faded_um > CLEAR)
 
 
-def _dense(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _dense(matrix: Complexes) -> Complexes:
     diagonal, off = matrix
     return np.asarray(np.diag(diagonal) + np.diag(off[:-1], 1) + np.diag(off[:-1], -1))

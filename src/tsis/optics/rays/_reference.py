@@ -24,11 +24,10 @@ from tsis.optics.rays._trace import Tally
 if TYPE_CHECKING:
     from typing import Any
 
-    from numpy.typing import NDArray
-
     from tsis.model import Led, PressField, PressMap, Probe
+    from tsis.optics._inputs import Floats
 
-    Vector = NDArray[np.float64]
+    Vector = Floats
 
 SAMPLES = 200  # along a ray between two walls
 AWAY_MM = 1e-9  # offset from a ray's start, so that the start is no intersection
@@ -52,7 +51,7 @@ class ReferenceSurface:
     pull: float
     face: RectBivariateSpline
 
-    def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def height(self, x: Floats, y: Floats) -> Floats:
         """Height at positions of any shape, mm."""
         return np.asarray(self.level + self.pull * self.face(x, y, grid=False))
 

@@ -13,8 +13,7 @@ from tsis.optics.rays import _surface as rays_surface
 from tsis.optics.rays._face import face_grid, on_face
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.optics._inputs import Floats
     from tsis.optics.rays._surface import Heights
 
 
@@ -31,10 +30,10 @@ class Scene(NamedTuple):
     """
 
     radius: float
-    level: NDArray[np.float64]
-    pull: NDArray[np.float64]
-    indices: NDArray[np.float64]
-    thinnest: NDArray[np.float64]  # lowest index from the face up to each medium
+    level: Floats
+    pull: Floats
+    indices: Floats
+    thinnest: Floats  # lowest index from the face up to each medium
     outside: float
     absorption: float
     face: Heights
@@ -83,7 +82,7 @@ def scene(
     )
 
 
-def media(probe: Probe) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def media(probe: Probe) -> tuple[Floats, Floats]:
     """Refractive indices from the face up and the levels between them; neighbours of equal index are one medium."""
     parts = [(layer.refractive_index, layer.thickness_mm) for layer in probe.layers]
     parts.append((probe.glass.refractive_index, probe.glass.thickness_mm))
