@@ -29,18 +29,10 @@ KERNEL_ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DisplacementField:
-    """Sum of Gaussians of the width `WIDTH` about control points.
+    """Sum of Gaussians of the width `WIDTH` about control points."""
 
-    Attributes
-    ----------
-    control
-        Control points, shape (k, d).
-    weights
-        Their displacements, shape (k, d).
-    """
-
-    control: Floats
-    weights: Floats
+    control: Floats  # control points, shape (k, d)
+    weights: Floats  # their displacements, shape (k, d)
 
     def __call__(self, points: Floats, /) -> Floats:
         """Transform ``points``, shape (n, d)."""
@@ -49,21 +41,11 @@ class DisplacementField:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExpectedPairs:
-    """Expectation: sums over the matrix of probabilities that target j belongs to source i.
+    """Expectation: sums over the matrix of probabilities that target j belongs to source i."""
 
-    Attributes
-    ----------
-    source
-        Sum of the probabilities over the target, shape (n,).
-    target
-        Sum over the source, shape (m,).
-    drawn
-        Sum of target points weighted by the probabilities, shape (n, d).
-    """
-
-    source: Floats
-    target: Floats
-    drawn: Floats
+    source: Floats  # sum of the probabilities over the target, shape (n,)
+    target: Floats  # sum over the source, shape (m,)
+    drawn: Floats  # sum of target points weighted by the probabilities, shape (n, d)
 
 
 def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:

@@ -27,24 +27,12 @@ SLACK = 1e-6  # ridge on the affine part, which regularises zero responsibility
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExplainedTarget:
-    """Likelihood of the target under the transformed source points, and sums over the responsibilities.
+    """Likelihood of the target under the transformed source points, and sums over the responsibilities."""
 
-    Attributes
-    ----------
-    likelihood
-        Log of the target's probability.
-    paired
-        Sum of each source point's responsibilities, shape (n,).
-    drawn
-        Weighted sum of the targets, shape (n, d).
-    squared
-        Weighted sum of the squared distances.
-    """
-
-    likelihood: float
-    paired: Floats
-    drawn: Floats
-    squared: float
+    likelihood: float  # log of the target's probability
+    paired: Floats  # sum of each source point's responsibilities, shape (n,)
+    drawn: Floats  # weighted sum of the targets, shape (n, d)
+    squared: float  # weighted sum of the squared distances
 
 
 def log_evidence(basis: SplineBasis, coordinates: Floats, target: Floats) -> float:

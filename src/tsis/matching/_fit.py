@@ -19,21 +19,11 @@ BLOCK = 20_000  # points transformed at once
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MatchFit:
-    """Result of a method, in its normalised coordinates.
+    """Result of a method, in its normalised coordinates."""
 
-    Attributes
-    ----------
-    move
-        Map from the source's coordinates, shape (k, d), to the target's.
-    matches
-        Index of each source point's target point, or `UNMATCHED`, shape (n,); no target point twice.
-    trust
-        Confidence of each match, in [0, 1], shape (n,); 0 where there is none.
-    """
-
-    move: Move
-    matches: Integers
-    trust: Floats
+    move: Move  # map from the source's coordinates, shape (k, d), to the target's
+    matches: Integers  # index of each source point's target point, or `UNMATCHED`, shape (n,); no target point twice
+    trust: Floats  # confidence of each match, in [0, 1], shape (n,); 0 where there is none
 
 
 class Move(Protocol):

@@ -41,21 +41,11 @@ TYPES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vertices:
-    """Vertices as declared in a PLY header.
+    """Vertices as declared in a PLY header."""
 
-    Attributes
-    ----------
-    order
-        NumPy's code of the byte order; empty for text.
-    count
-        Number of vertices.
-    types
-        NumPy's type of each property, by name, in order.
-    """
-
-    order: str
-    count: int
-    types: dict[str, str]
+    order: str  # NumPy's code of the byte order; empty for text
+    count: int  # number of vertices
+    types: dict[str, str]  # NumPy's type of each property, by name, in order
 
 
 def parse_ply(content: bytes, *, most: int) -> Floats:

@@ -40,21 +40,11 @@ SAME_DISTANCE = 1.0  # difference of the logarithms of two distances at which al
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Neighbourhood:
-    """The nearest neighbours of each point: index, distance and direction.
+    """The nearest neighbours of each point: index, distance and direction."""
 
-    Attributes
-    ----------
-    index
-        Shape (n, k), nearest first.
-    log_distance
-        Logarithm of their distance, shape (n, k).
-    direction
-        Unit vector towards them, shape (n, k, d).
-    """
-
-    index: Integers
-    log_distance: Floats
-    direction: Floats
+    index: Integers  # shape (n, k), nearest first
+    log_distance: Floats  # logarithm of their distance, shape (n, k)
+    direction: Floats  # unit vector towards them, shape (n, k, d)
 
     @classmethod
     def of(cls, points: Floats, count: int) -> Neighbourhood:
@@ -79,17 +69,10 @@ class Neighbourhood:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Labels:
-    """Probabilities of partners.
+    """Probabilities of partners."""
 
-    Attributes
-    ----------
-    candidates
-        Candidate target points, shape (n, c).
-    probability
-        Their probabilities, shape (n, c); a row sums to one together with the probability of no partner.
-    """
-
-    candidates: Integers
+    candidates: Integers  # candidate target points, shape (n, c)
+    # Their probabilities, shape (n, c); a row sums to one together with the probability of no partner
     probability: Floats
 
     @property

@@ -39,36 +39,20 @@ BENDING, SOFTENING = 30.0, 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pairs:
-    """Candidate pairs, as the entries of a sparse matrix in row order.
+    """Candidate pairs, as the entries of a sparse matrix in row order."""
 
-    Attributes
-    ----------
-    row, column
-        Source and target point of each pair, shape (p,).
-    shape
-        Numbers of source and target points.
-    """
-
-    row: Integers
-    column: Integers
-    shape: tuple[int, int]
+    row: Integers  # source point of each pair, shape (p,)
+    column: Integers  # target point of each pair, shape (p,)
+    shape: tuple[int, int]  # numbers of source and target points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chances:
-    """Probabilities of the pairs, and of points without partner.
+    """Probabilities of the pairs, and of points without partner."""
 
-    Attributes
-    ----------
-    pair
-        In the order of `Pairs`, shape (p,).
-    source, target
-        Probabilities of no partner, shapes (n,) and (m,).
-    """
-
-    pair: Floats
-    source: Floats
-    target: Floats
+    pair: Floats  # in the order of `Pairs`, shape (p,)
+    source: Floats  # of no partner, shape (n,)
+    target: Floats  # of no partner, shape (m,)
 
 
 def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:

@@ -68,24 +68,13 @@ class ThinPlateSpline:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SplineBasis:
-    """Basis of the splines over given control points, whose bending energy is a sum of squares of coordinates.
+    """Basis of the splines over given control points, whose bending energy is a sum of squares of coordinates."""
 
-    Attributes
-    ----------
-    points
-        The points of the fits, shape (n, d).
-    control
-        Control points, shape (k, d).
-    design
-        Values at the points of the basis functions, shape (n, k): the first k - d - 1 bend, the last d + 1 are affine.
-    weights_of
-        Kernel weights of the bending coordinates, shape (k, k - d - 1).
-    """
-
-    points: Floats
-    control: Floats
+    points: Floats  # the points of the fits, shape (n, d)
+    control: Floats  # control points, shape (k, d)
+    # Values at the points of the basis functions, shape (n, k): the first k - d - 1 bend, the last d + 1 are affine
     design: Floats
-    weights_of: Floats
+    weights_of: Floats  # kernel weights of the bending coordinates, shape (k, k - d - 1)
 
     @property
     def bent(self) -> int:

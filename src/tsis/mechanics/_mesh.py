@@ -24,18 +24,10 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LayeredMesh:
-    """Nodes (r, z) of a logical rectangle, z downwards from the contact face.
+    """Nodes (r, z) of a logical rectangle, z downwards from the contact face."""
 
-    Attributes
-    ----------
-    nodes
-        Positions in mm, shape (na, nb, 2), with na = columns * order + 1 and nb = layers * order + 1.
-    order
-        Polynomial order of the elements.
-    """
-
-    nodes: Floats
-    order: int
+    nodes: Floats  # positions in mm, shape (na, nb, 2), with na = columns * order + 1 and nb = layers * order + 1
+    order: int  # polynomial order of the elements
 
     @property
     def layers(self) -> int:

@@ -114,48 +114,23 @@ class LoadingCamera:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineErrors:
-    """Errors of a loading machine: standard deviations from which it draws its own.
+    """Errors of a loading machine: standard deviations from which it draws its own."""
 
-    Parameters
-    ----------
-    probe_young_sd
-        Of the probe's moduli, relative.
-    gain_sd
-        Of the response to pressure, relative.
-    shading_sd
-        Of the unevenness of the light from the middle of the frame to its edge, relative.
-    tip_sd
-        Of the light from tip to tip, relative.
-    repeatability_sd
-        Of the light from press to press, relative.
-    pattern_sd
-        Of each press's pattern in rings, relative.
-    hysteresis_sd
-        Of the difference of light between unloading and loading at half of the largest force, relative.
-    force_sd
-        Of the force from the commanded force, relative; the gauge shows it.
-    position_sd_mm
-        Of a tip's mounting position.
-    stray_grey
-        Light of the untouched probe, grey levels; no standard deviation.
-    gauge_gain_sd, gauge_zero_sd_n, gauge_noise_n, gauge_resolution_n
-        Of the gauge's gain, its zero and its readings; the last is the step of its display.
-    """
-
-    probe_young_sd: float = 0.03
-    gain_sd: float = 0.05
-    shading_sd: float = 0.04
-    tip_sd: float = 0.01
-    repeatability_sd: float = 0.002
-    pattern_sd: float = 0.0005
+    probe_young_sd: float = 0.03  # of the probe's moduli, relative
+    gain_sd: float = 0.05  # of the response to pressure, relative
+    shading_sd: float = 0.04  # of the unevenness of the light from the middle of the frame to its edge, relative
+    tip_sd: float = 0.01  # of the light from tip to tip, relative
+    repeatability_sd: float = 0.002  # of the light from press to press, relative
+    pattern_sd: float = 0.0005  # of each press's pattern in rings, relative
+    # Of the difference of light between unloading and loading at half of the largest force, relative
     hysteresis_sd: float = 0.003
-    force_sd: float = 0.003
-    position_sd_mm: float = 0.2
-    stray_grey: float = 3.0
-    gauge_gain_sd: float = 0.001
-    gauge_zero_sd_n: float = 0.003
-    gauge_noise_n: float = 0.001
-    gauge_resolution_n: float = 0.001
+    force_sd: float = 0.003  # of the force from the commanded force, relative; the gauge shows it
+    position_sd_mm: float = 0.2  # of a tip's mounting position
+    stray_grey: float = 3.0  # light of the untouched probe, grey levels; no standard deviation
+    gauge_gain_sd: float = 0.001  # of the gauge's gain
+    gauge_zero_sd_n: float = 0.003  # of its zero
+    gauge_noise_n: float = 0.001  # of its readings
+    gauge_resolution_n: float = 0.001  # step of its display; no standard deviation
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -164,27 +139,15 @@ class MachineErrors:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MachineTruth:
-    """True values of one machine, unknown to calibrations.
+    """True values of one machine, unknown to calibrations."""
 
-    Attributes
-    ----------
-    response
-        Response of grey level to pressure at the mean light of the face and lamps of 1.
-    stiffness
-        Moduli of the probe over the nominal ones.
-    hysteresis_fraction
-        Light of unloading over that of loading, less one, at half of the largest force.
-    gauge_gain, gauge_zero_n
-        The gauge shows ``gain * F + zero``.
-    relative_light
-        Light over the face, shape (rows, columns), of mean 1 outside the reference patch.
-    """
-
-    response: Calibration
-    stiffness: float
-    hysteresis_fraction: float
+    response: Calibration  # response of grey level to pressure at the mean light of the face and lamps of 1
+    stiffness: float  # moduli of the probe over the nominal ones
+    hysteresis_fraction: float  # light of unloading over that of loading, less one, at half of the largest force
+    # The gauge shows ``gain * F + zero``
     gauge_gain: float
     gauge_zero_n: float
+    # Light over the face, shape (rows, columns), of mean 1 outside the reference patch
     relative_light: NDArray[np.float64]
 
 

@@ -24,24 +24,12 @@ DENT_MM, SLOPE = 0.5, 0.15  # standard deviations of the unknown displacement of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unevenness:
-    """Test of harmonics against noise.
+    """Test of harmonics against noise."""
 
-    Attributes
-    ----------
-    chance
-        Probability of harmonics this large by noise alone.
-    size_grey
-        The harmonic in the ring of the largest signal-to-noise ratio, grey levels at uniform light.
-    radius_mm
-        Radius of that ring.
-    over_noise
-        Its size there over the standard deviation of one of its two parts.
-    """
-
-    chance: float
-    size_grey: float
-    radius_mm: float
-    over_noise: float
+    chance: float  # probability of harmonics this large by noise alone
+    size_grey: float  # the harmonic in the ring of the largest signal-to-noise ratio, grey levels at uniform light
+    radius_mm: float  # radius of that ring
+    over_noise: float  # its size there over the standard deviation of one of its two parts
 
 
 def harmonic(sectors: Floats, order: int) -> Complexes:

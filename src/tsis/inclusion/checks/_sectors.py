@@ -27,38 +27,18 @@ _Geometry = tuple[tuple[int, int], tuple[float, float], tuple[float, float], flo
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SectorGrid:
-    """Rings and sectors in the pictures of one camera, and their light.
+    """Rings and sectors in the pictures of one camera, and their light."""
 
-    Attributes
-    ----------
-    sector
-        Index of each pixel's sector, ring by ring, flat; one beyond the last for pixels outside all rings.
-    count
-        Pixels in each sector, shape (rings, sectors).
-    whole
-        Rings whose sectors are all lit and in the picture, shape (rings,).
-    light
-        Sum of the light over the pixels of each sector, shape (rings, sectors).
-    radius_mm
-        Mean distance from the axis of the light in each sector, shape (rings, sectors).
-    growth_per_mm, flux
-        Growth of the light with displacement and its flux away from the axis, weighted by the light, shape
-        (rings, sectors).
-    light_sd
-        Relative standard error of the mean light in each ring, by the number of rays, shape (rings,).
-    extent_mm
-        Outer radius of the last ring.
-    """
-
+    # Index of each pixel's sector, ring by ring, flat; one beyond the last for pixels outside all rings
     sector: NDArray[np.uint8]
-    count: Floats
-    whole: Booleans
-    light: Floats
-    radius_mm: Floats
-    growth_per_mm: Floats
-    flux: Floats
-    light_sd: Floats
-    extent_mm: float
+    count: Floats  # pixels in each sector, shape (rings, sectors)
+    whole: Booleans  # rings whose sectors are all lit and in the picture, shape (rings,)
+    light: Floats  # sum of the light over the pixels of each sector, shape (rings, sectors)
+    radius_mm: Floats  # mean distance from the axis of the light in each sector, shape (rings, sectors)
+    growth_per_mm: Floats  # growth of the light with displacement, weighted by the light, shape (rings, sectors)
+    flux: Floats  # flux of the light away from the axis, weighted by the light, shape (rings, sectors)
+    light_sd: Floats  # relative standard error of the mean light in each ring, by the number of rays, shape (rings,)
+    extent_mm: float  # outer radius of the last ring
 
     @property
     def ring_radius_mm(self) -> Floats:
@@ -69,30 +49,14 @@ class SectorGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sectors:
-    """Means of one frame over rings and sectors.
+    """Means of one frame over rings and sectors."""
 
-    Attributes
-    ----------
-    grid
-        The rings and sectors.
-    raw
-        Mean raw grey level, shape (rings, sectors).
-    clipped
-        Clipped pixels, shape (rings, sectors).
-    grey
-        Mean grey level above background at uniform light, at the ring's mean radius, shape (rings, sectors).
-    variance
-        Variance of ``grey`` by pixel noise, shape (rings, sectors).
-    pixel_variance
-        Variance of one pixel in each sector, grey levels squared, shape (rings, sectors).
-    """
-
-    grid: SectorGrid
-    raw: Floats
-    clipped: Integers
-    grey: Floats
-    variance: Floats
-    pixel_variance: Floats
+    grid: SectorGrid  # the rings and sectors
+    raw: Floats  # mean raw grey level, shape (rings, sectors)
+    clipped: Integers  # clipped pixels, shape (rings, sectors)
+    grey: Floats  # mean grey level above background at uniform light, at the ring's mean radius, shape (rings, sectors)
+    variance: Floats  # variance of ``grey`` by pixel noise, shape (rings, sectors)
+    pixel_variance: Floats  # variance of one pixel in each sector, grey levels squared, shape (rings, sectors)
 
     @property
     def usable(self) -> Booleans:

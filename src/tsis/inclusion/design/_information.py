@@ -128,20 +128,10 @@ def _variance(weight: Floats, values: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlannedView:
-    """Model of a protocol's presses, and the sensor's pixels in each ring.
+    """Model of a protocol's presses, and the sensor's pixels in each ring."""
 
-    Attributes
-    ----------
-    model
-        Model of one frame of each press, with the errors of the mean of its repeats.
-    count
-        Pixels of the sensor in each ring, shape (rings,).
-    protocol, surrogate, sensor
-        The inputs.
-    """
-
-    model: ForwardModel
-    count: NDArray[np.int_]
+    model: ForwardModel  # model of one frame of each press, with the errors of the mean of its repeats
+    count: NDArray[np.int_]  # pixels of the sensor in each ring, shape (rings,)
     protocol: Protocol
     surrogate: FullContactSurrogate
     sensor: Sensor

@@ -32,22 +32,13 @@ GREATEST_DAMPING = 1e20  # beyond it no step changes a double any more
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Descent:
-    """Result of a minimisation.
+    """Result of a minimisation."""
 
-    Attributes
-    ----------
-    x, value
-        The point, shape (n,), and the value there.
-    iterations
-        Number of steps, each of one or two gradients.
-    reason
-        ``"gradient"`` when it vanished, ``"stopped"`` by the caller, ``"damping"`` when rounding prevents a descent,
-        ``"iterations"`` at their limit.
-    """
-
-    x: Floats
-    value: float
-    iterations: int
+    x: Floats  # the point, shape (n,)
+    value: float  # the value there
+    iterations: int  # number of steps, each of one or two gradients
+    # ``"gradient"`` when it vanished, ``"stopped"`` by the caller, ``"damping"`` when rounding prevents a descent,
+    # ``"iterations"`` at their limit
     reason: str
 
 

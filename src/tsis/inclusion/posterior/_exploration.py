@@ -27,18 +27,10 @@ ROUNDING = 1e-9  # of a range: a grid's end at the prior's end counts as inside
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalChart:
-    """Points (signal diameter, depth, modulus), each (n, 3), and back to inclusions (diameter, depth, modulus).
+    """Points (signal diameter, depth, modulus), each (n, 3), and back to inclusions (diameter, depth, modulus)."""
 
-    Attributes
-    ----------
-    prior
-        Ranges of the inclusions.
-    bend_mm
-        Correction of signal diameter and depth at both ends of the modulus's range, shape (2,).
-    """
-
-    prior: InclusionPrior
-    bend_mm: Floats
+    prior: InclusionPrior  # ranges of the inclusions
+    bend_mm: Floats  # correction of signal diameter and depth at both ends of the modulus's range, shape (2,)
 
     @property
     def low(self) -> Floats:

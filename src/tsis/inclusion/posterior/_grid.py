@@ -34,24 +34,12 @@ INNER_AND_ENDS = _lattice(5, ends=True)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GridCells:
-    """Cells of a sheared box that are at least partly inside the support.
+    """Cells of a sheared box that are at least partly inside the support."""
 
-    Attributes
-    ----------
-    centre
-        Centres of the cells, shape (n, 3).
-    edges
-        Edge vectors of a cell as rows, shape (3, 3).
-    points
-        Centroids of the parts inside, shape (n, 3).
-    fraction
-        Volume fraction of each cell inside, shape (n,), in (0, 1].
-    """
-
-    centre: Floats
-    edges: Floats
-    points: Floats
-    fraction: Floats
+    centre: Floats  # centres of the cells, shape (n, 3)
+    edges: Floats  # edge vectors of a cell as rows, shape (3, 3)
+    points: Floats  # centroids of the parts inside, shape (n, 3)
+    fraction: Floats  # volume fraction of each cell inside, shape (n,), in (0, 1]
 
 
 def cells_of(origin: Floats, axes: Floats, per_axis: int, support: Support) -> GridCells:
@@ -104,21 +92,11 @@ ELSEWHERE = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # Kronecker se
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid:
-    """Cells of a density.
+    """Cells of a density."""
 
-    Attributes
-    ----------
-    cells
-        The cells in which it is not negligible.
-    log_density
-        Log density at their points, shape (n,).
-    support
-        Mask function of its support.
-    """
-
-    cells: GridCells
-    log_density: Floats
-    support: Support
+    cells: GridCells  # the cells in which it is not negligible
+    log_density: Floats  # log density at their points, shape (n,)
+    support: Support  # mask function of its support
 
     @property
     def weight(self) -> Floats:

@@ -139,18 +139,11 @@ class InclusionLikelihood:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearisedLikelihood:
-    """A fast likelihood with the derivatives by the nuisances at one inclusion, where it is exact.
+    """A fast likelihood with the derivatives by the nuisances at one inclusion, where it is exact."""
 
-    Attributes
-    ----------
-    residual
-        Surrogate of the residual in the directions that depend on the inclusion, of unit covariance.
-    constant
-        The rest of the log evidence.
-    """
-
+    # Surrogate of the residual in the directions that depend on the inclusion, of unit covariance
     residual: TissueSurrogate
-    constant: float
+    constant: float  # the rest of the log evidence
 
     def __call__(self, inclusions: Floats) -> Floats:
         """Log evidence of inclusions (n, 3)."""

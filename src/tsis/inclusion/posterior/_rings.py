@@ -35,23 +35,13 @@ class RingResponses:
     """Mean pressure in kPa of each ring, then mean displacement of the face in mm, then its mean slope.
 
     A press is affine in its force: the response per newton, then for a dome the response to its shape at zero force.
-
-    Attributes
-    ----------
-    response
-        Surrogate of the responses.
-    by_poisson
-        Their derivative with respect to Poisson's ratio of tissue and inclusion.
-    by_spread
-        Their derivative with respect to the square of the inclusion's distance from the axis, per mm**2.
-    is_domed
-        Whether there is a response to the shape.
     """
 
-    response: Surrogate
-    by_poisson: Surrogate
+    response: Surrogate  # surrogate of the responses
+    by_poisson: Surrogate  # their derivative with respect to Poisson's ratio of tissue and inclusion
+    # Their derivative with respect to the square of the inclusion's distance from the axis, per mm**2
     by_spread: Surrogate
-    is_domed: bool
+    is_domed: bool  # whether there is a response to the shape
 
     @property
     def count(self) -> int:

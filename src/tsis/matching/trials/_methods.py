@@ -24,22 +24,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peer:
-    """One way of using another library.
+    """A configuration of another library."""
 
-    Attributes
-    ----------
-    library
-        Name that it is installed and imported by.
-    scaling
-        ``"apart"`` takes from each set its own mean and root-mean-square radius, ``"common"`` its own mean and the
-        source's radius, ``"raw"`` nothing.
-    outliers
-        Share of target points that the library is told to take for outliers, in [0, 1).
-    """
-
-    library: Literal["pycpd", "probreg"]
+    library: Literal["pycpd", "probreg"]  # name of its installation and import
+    # ``"apart"``: each set has its own mean and root-mean-square radius; ``"common"``: its own mean and the source's
+    # radius; ``"raw"``: no scaling
     scaling: Literal["apart", "common", "raw"]
-    outliers: float = 0.1
+    outliers: float = 0.1  # fraction of the target points that the library assumes to be outliers, in [0, 1)
 
     def absent(self) -> str:
         """Why it cannot be run here, in a few words; empty when it can."""

@@ -172,18 +172,10 @@ LONGEST_REASON = 120
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MatchOutcome:
-    """What a method says.
+    """Result of a method."""
 
-    Attributes
-    ----------
-    transformed
-        The source's points after they were moved, shape (n, d).
-    reliable
-        Whether the method trusts its own answer; None where it does not say.
-    """
-
-    transformed: Floats
-    reliable: bool | None
+    transformed: Floats  # the source's points after the transform, shape (n, d)
+    reliable: bool | None  # whether the method rates its result as reliable; None without a rating
 
 
 class Matcher(Protocol):

@@ -26,45 +26,23 @@ SAMPLES = 13  # on an edge, to bracket changes of the pressure's sign
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Linearised:
-    """A contact's part of a Newton step.
+    """A contact's part of a Newton step."""
 
-    Attributes
-    ----------
-    forces
-        Forces on the coordinates (r, z) of its nodes in mN, shape (m,).
-    matrix
-        Tangent in mN/mm, shape (m, m).
-    gap_mm, slope
-        Gaps at its points (k,) and their first derivatives (k, m).
-    """
-
-    forces: Floats
-    matrix: Floats
-    gap_mm: Floats
-    slope: Floats
+    forces: Floats  # forces on the coordinates (r, z) of its nodes in mN, shape (m,)
+    matrix: Floats  # tangent in mN/mm, shape (m, m)
+    gap_mm: Floats  # gaps at its points (k,)
+    slope: Floats  # their first derivatives (k, m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContactSegment:
-    """One closed part of an element edge.
+    """One closed part of an element edge."""
 
-    Attributes
-    ----------
-    edge
-        Index of the edge.
-    low, high
-        Ends of the closed part, coordinates on the edge in [-1, 1].
-    pressure_kpa
-        Force per reference area at the edge's points ``gauss``, shape (count,).
-    axial
-        Fraction of it along the axis at the same points, positive into the obstacle's body.
-    """
-
-    edge: int
-    low: float
-    high: float
-    pressure_kpa: Floats
-    axial: Floats
+    edge: int  # index of the edge
+    low: float  # start of the closed part, coordinate on the edge in [-1, 1]
+    high: float  # its end
+    pressure_kpa: Floats  # force per reference area at the edge's points ``gauss``, shape (count,)
+    axial: Floats  # fraction of it along the axis at the same points, positive into the obstacle's body
 
 
 class SlidingContact:

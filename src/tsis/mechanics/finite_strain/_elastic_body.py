@@ -25,21 +25,12 @@ RADIAL, AXIAL = (RR, RZ, HOOP), (ZR, ZZ)  # components that u_r and u_z act on
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Numbering:
-    """Map from node directions to unknowns.
+    """Map from node directions to unknowns."""
 
-    Attributes
-    ----------
-    of_node
-        Index of the unknown for (u_r, u_z) of every node, shape (nodes, 2); `FIXED` where the node cannot move.
-    skeleton
-        Number of unknowns outside element interiors; they come first.
-    total
-        Number of unknowns.
-    """
-
+    # Index of the unknown for (u_r, u_z) of every node, shape (nodes, 2); `FIXED` where the node cannot move
     of_node: Integers
-    skeleton: int
-    total: int
+    skeleton: int  # number of unknowns outside element interiors; they come first
+    total: int  # number of unknowns
 
     def displacements(self, unknowns: Floats) -> Floats:
         """Displacements (u_r, u_z) of all nodes in mm."""
@@ -74,28 +65,15 @@ def _outer(order: int) -> Integers:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tangent:
-    """A quadratic model of the energy, reduced to the skeleton.
+    """A quadratic model of the energy, reduced to the skeleton."""
 
-    Attributes
-    ----------
-    matrices
-        Condensed tangent of each element, shape (elements, m, m), mN/mm.
-    forces
-        Condensed gradient of each element, shape (elements, m), mN.
-    back, rest
-        Interior displacements are ``rest - back @ (skeleton's)``.
-    gradient
-        Deformation gradient at the integration points.
-    relief
-        Interior forces times ``rest``, mN mm: the interiors' part of the slope of the energy.
-    """
-
-    matrices: Floats
-    forces: Floats
+    matrices: Floats  # condensed tangent of each element, shape (elements, m, m), mN/mm
+    forces: Floats  # condensed gradient of each element, shape (elements, m), mN
+    # Interior displacements are ``rest - back @ (skeleton's)``
     back: Floats
     rest: Floats
-    gradient: Floats
-    relief: float
+    gradient: Floats  # deformation gradient at the integration points
+    relief: float  # interior forces times ``rest``, mN mm: the interiors' part of the slope of the energy
 
 
 class ElasticBody:

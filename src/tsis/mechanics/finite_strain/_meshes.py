@@ -114,27 +114,13 @@ class FiniteResolution:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeshedProbe:
-    """The probe's mesh.
+    """The probe's mesh."""
 
-    Attributes
-    ----------
-    solid
-        Nodes with z downwards, the face's apex at z = 0 and the glass at minus the thickness.
-    face
-        Nodes of the face from the axis over the rounded rim up the side, in order.
-    arc_mm
-        Arc length of the face's nodes on the outline, mm.
-    glass
-        Nodes on the glass.
-    side
-        Nodes on the straight side, without the rounded rim.
-    """
-
-    solid: Solid
-    face: Integers
-    arc_mm: Floats
-    glass: Integers
-    side: Integers
+    solid: Solid  # nodes with z downwards, the face's apex at z = 0 and the glass at minus the thickness
+    face: Integers  # nodes of the face from the axis over the rounded rim up the side, in order
+    arc_mm: Floats  # arc length of the face's nodes on the outline, mm
+    glass: Integers  # nodes on the glass
+    side: Integers  # nodes on the straight side, without the rounded rim
 
 
 def mesh_probe(shape: RoundedProbe, face_lines: Floats, resolution: FiniteResolution) -> MeshedProbe:
@@ -208,21 +194,11 @@ def _chain(ends: Floats, fractions: list[Floats]) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeshedSlab:
-    """The slab's mesh.
+    """The slab's mesh."""
 
-    Attributes
-    ----------
-    solid
-        Nodes with z downwards from the skin.
-    skin
-        Nodes of the skin that the probe can touch, from the axis outwards, in order.
-    inclusion
-        Mask of the elements in the inclusion.
-    """
-
-    solid: Solid
-    skin: Integers
-    inclusion: Booleans
+    solid: Solid  # nodes with z downwards from the skin
+    skin: Integers  # nodes of the skin that the probe can touch, from the axis outwards, in order
+    inclusion: Booleans  # mask of the elements in the inclusion
 
 
 def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> MeshedSlab:

@@ -33,28 +33,14 @@ class MeshPatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solid:
-    """A body as a list of nodes and elements.
+    """A body as a list of nodes and elements."""
 
-    Attributes
-    ----------
-    nodes
-        Reference positions (r, z) in mm, shape (n, 2).
-    cells
-        Nodes of each element in the order of `reference_element`, shape (elements, (order + 1)**2).
-    order
-        Polynomial order.
-    young_kpa, poisson
-        Material of each element.
-    patches
-        Node indices of each welded patch in its logical grid, shape (na, nb).
-    """
-
-    nodes: Floats
-    cells: Integers
-    order: int
-    young_kpa: Floats
-    poisson: Floats
-    patches: tuple[Integers, ...]
+    nodes: Floats  # reference positions (r, z) in mm, shape (n, 2)
+    cells: Integers  # nodes of each element in the order of `reference_element`, shape (elements, (order + 1)**2)
+    order: int  # polynomial order
+    young_kpa: Floats  # of each element
+    poisson: Floats  # of each element
+    patches: tuple[Integers, ...]  # node indices of each welded patch in its logical grid, shape (na, nb)
 
     def shifted(self, first: int) -> tuple[Integers, ...]:
         """Node indices of the patches, counted from ``first``."""

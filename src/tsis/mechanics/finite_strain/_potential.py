@@ -34,18 +34,10 @@ class Load:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Quadratic:
-    """The energy's second-order model at one state, factorised.
+    """The energy's second-order model at one state, factorised."""
 
-    Attributes
-    ----------
-    gradient
-        Gradient by the skeleton's unknowns, mN.
-    factors
-        LU factors of the condensed tangent with permuted rows and columns.
-    """
-
-    gradient: Floats
-    factors: SuperLU
+    gradient: Floats  # gradient by the skeleton's unknowns, mN
+    factors: SuperLU  # LU factors of the condensed tangent with permuted rows and columns
     permutation: Integers
     elements: Tangent
     body: ElasticBody

@@ -107,21 +107,11 @@ RIM_FILLETS = 3.0  # zone around the rim in its radii where strains come from it
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FinitePress:
-    """One state of a press with large deformations.
+    """One state of a press with large deformations."""
 
-    Attributes
-    ----------
-    field
-        Displacement and pressure on the probe's face.
-    stored_mn_mm
-        Strain energy of probe, tissue and the contact's springs, mN mm: the work of the force.
-    stretch
-        Largest principal stretch or its inverse outside the rounded rim.
-    """
-
-    field: PressField
-    stored_mn_mm: float
-    stretch: float
+    field: PressField  # displacement and pressure on the probe's face
+    stored_mn_mm: float  # strain energy of probe, tissue and the contact's springs, mN mm: the work of the force
+    stretch: float  # largest principal stretch or its inverse outside the rounded rim
 
 
 class ProbeOnSlab:

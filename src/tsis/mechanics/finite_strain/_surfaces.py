@@ -28,25 +28,13 @@ START_POINTS = 5  # between two nodes: candidates to start the search for the cl
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosestPoints:
-    """Closest points of a curve and the curve's derivatives there.
+    """Closest points of a curve and the curve's derivatives there."""
 
-    Attributes
-    ----------
-    parameter
-        Parameter of each point, shape (k,): the arc length in the reference shape from the axis, mm.
-    gap_mm
-        Signed distance, positive outside the body, shape (k,).
-    normal
-        Outward unit normal, shape (k, 2).
-    slope, bend
-        First and second derivative of the position by the parameter, shape (k, 2).
-    """
-
-    parameter: Floats
-    gap_mm: Floats
-    normal: Floats
-    slope: Floats
-    bend: Floats
+    parameter: Floats  # parameter of each point, shape (k,): the arc length in the reference shape from the axis, mm
+    gap_mm: Floats  # signed distance, positive outside the body, shape (k,)
+    normal: Floats  # outward unit normal, shape (k, 2)
+    slope: Floats  # first derivative of the position by the parameter, shape (k, 2)
+    bend: Floats  # second derivative, shape (k, 2)
 
 
 class SmoothFace:
@@ -149,21 +137,11 @@ def _projection(parameter: Floats, radius: Floats, order: int) -> tuple[Floats, 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gaps:
-    """Signed gaps of k points and their derivatives by m coordinates.
+    """Signed gaps of k points and their derivatives by m coordinates."""
 
-    Attributes
-    ----------
-    gap_mm
-        Shape (k,).
-    slope
-        First derivatives, shape (k, m).
-    curvature
-        Sum over the points of a weight times the second derivatives, shape (m, m).
-    """
-
-    gap_mm: Floats
-    slope: Floats
-    curvature: Floats
+    gap_mm: Floats  # shape (k,)
+    slope: Floats  # first derivatives, shape (k, m)
+    curvature: Floats  # sum over the points of a weight times the second derivatives, shape (m, m)
 
 
 class Obstacle(Protocol):

@@ -112,25 +112,14 @@ def condense_layers(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CondensationStep:
-    """Assembly of one element layer into a matrix whose first rows are eliminated.
+    """Assembly of one element layer into a matrix whose first rows are eliminated."""
 
-    Attributes
-    ----------
-    size, eliminated
-        Number of rows of the matrix and of eliminated rows.
-    element_slots
-        Index of each entry of the layer's elements in the flat matrix; ``size**2`` where it is fixed.
-    condensed_slots
-        Index of each entry of the stiffness from the previous step.
-    dofs
-        Degrees of freedom after the step, ascending.
-    """
-
-    size: int
-    eliminated: int
+    size: int  # number of rows of the matrix
+    eliminated: int  # number of eliminated rows
+    # Index of each entry of the layer's elements in the flat matrix; ``size**2`` where it is fixed
     element_slots: Integers
-    condensed_slots: Integers
-    dofs: Integers
+    condensed_slots: Integers  # index of each entry of the stiffness from the previous step
+    dofs: Integers  # degrees of freedom after the step, ascending
 
 
 @lru_cache(maxsize=64)

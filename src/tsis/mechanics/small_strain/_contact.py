@@ -32,21 +32,11 @@ MOST_STALLED_EXCHANGES = 3  # exchanges of all wrong nodes without progress befo
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContactDiagnostics:
-    """Diagnostics of `unilateral_contact`.
+    """Diagnostics of `unilateral_contact`."""
 
-    Attributes
-    ----------
-    closed
-        Whether each node touches, shape (n,).
-    gap_mm
-        Remaining gap at each node, shape (n,), mm; zero where closed.
-    iterations
-        Number of linear solves.
-    """
-
-    closed: Booleans
-    gap_mm: Floats
-    iterations: int
+    closed: Booleans  # whether each node touches, shape (n,)
+    gap_mm: Floats  # remaining gap at each node, shape (n,), mm; zero where closed
+    iterations: int  # number of linear solves
 
 
 def unilateral_contact(
@@ -155,21 +145,11 @@ class PartialContact:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FullContact:
-    """All contacts that cover the face: ``shape + force * unit`` at a force of at least ``force_mn``.
+    """All contacts that cover the face: ``shape + force * unit`` at a force of at least ``force_mn``."""
 
-    Attributes
-    ----------
-    unit
-        Contact by one newton.
-    shape
-        Self-equilibrated contact by a dome's gap; None when the face is flat.
-    force_mn
-        Force at which the contact covers the face, mN; 0 when the face is flat.
-    """
-
-    unit: PartialContact
-    shape: PartialContact | None
-    force_mn: float
+    unit: PartialContact  # contact by one newton
+    shape: PartialContact | None  # self-equilibrated contact by a dome's gap; None when the face is flat
+    force_mn: float  # force at which the contact covers the face, mN; 0 when the face is flat
 
 
 class FaceContact:

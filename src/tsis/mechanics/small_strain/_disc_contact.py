@@ -40,24 +40,12 @@ TINY = 1e-300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DiscContact:
-    """A contact over a disc.
+    """A contact over a disc."""
 
-    Attributes
-    ----------
-    radius_mm
-        Radius of the disc; the pressure vanishes there.
-    terms
-        Factors of the pressure's terms, kPa, shape (terms,).
-    force
-        Forces on the face's nodes, mN, shape (n,).
-    approach_mm
-        Travel since first touch.
-    """
-
-    radius_mm: float
-    terms: Floats
-    force: Floats
-    approach_mm: float
+    radius_mm: float  # radius of the disc; the pressure vanishes there
+    terms: Floats  # factors of the pressure's terms, kPa, shape (terms,)
+    force: Floats  # forces on the face's nodes, mN, shape (n,)
+    approach_mm: float  # travel since first touch
 
     def pressure_kpa(self, radius_mm: Floats) -> Floats:
         """Pressure at ``radius_mm``, zero outside the contact."""
@@ -67,37 +55,19 @@ class DiscContact:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Elastic:
-    """Two bodies in contact.
+    """Two bodies in contact."""
 
-    Attributes
-    ----------
-    half_space
-        Compliance ``(1 - nu**2) / E`` of the exact half-space, 1/kPa.
-    smooth
-        Compliance of both bodies less that of the half-space on the face's nodes, mm/mN, shape (n, n).
-    """
-
-    half_space: float
-    smooth: Floats
+    half_space: float  # compliance ``(1 - nu**2) / E`` of the exact half-space, 1/kPa
+    smooth: Floats  # compliance of both bodies less that of the half-space on the face's nodes, mm/mN, shape (n, n)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loads:
-    """Loads by each term of the pressure on a disc; the last column belongs to the term that is infinite at its edge.
+    """Loads by each term of the pressure on a disc; the last column is the term that is infinite at its edge."""
 
-    Attributes
-    ----------
-    nodal
-        Nodal forces from 1 kPa, shape (n, terms + 1).
-    total
-        Total force from 1 kPa, shape (terms + 1,).
-    gap
-        Undeformed gap weighted by the term, mm mN/kPa, shape (terms + 1,).
-    """
-
-    nodal: Floats
-    total: Floats
-    gap: Floats
+    nodal: Floats  # nodal forces from 1 kPa, shape (n, terms + 1)
+    total: Floats  # total force from 1 kPa, shape (terms + 1,)
+    gap: Floats  # undeformed gap weighted by the term, mm mN/kPa, shape (terms + 1,)
 
 
 def loads(face: Face, gap_mm: Callable[[Floats], Floats], radius_mm: float) -> Loads:

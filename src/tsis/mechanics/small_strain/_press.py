@@ -81,21 +81,11 @@ class FacePress:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FullContactPress:
-    """All presses that cover the face: ``shape + force_n * unit``, from ``force_n`` on.
+    """All presses that cover the face: ``shape + force_n * unit``, from ``force_n`` on."""
 
-    Attributes
-    ----------
-    unit
-        Press by one newton.
-    shape
-        Self-equilibrated press by a dome's gap; None when the face is flat.
-    force_n
-        Force at which the contact covers the face; 0 when the face is flat.
-    """
-
-    unit: FacePress
-    shape: FacePress | None
-    force_n: float
+    unit: FacePress  # press by one newton
+    shape: FacePress | None  # self-equilibrated press by a dome's gap; None when the face is flat
+    force_n: float  # force at which the contact covers the face; 0 when the face is flat
 
 
 class PressKernel:

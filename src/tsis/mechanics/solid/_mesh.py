@@ -19,18 +19,10 @@ ROUNDING_MM = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Symmetry:
-    """Mirror symmetry of a phantom in a frame rotated about the probe's axis.
+    """Mirror symmetry of a phantom in a frame rotated about the probe's axis."""
 
-    Attributes
-    ----------
-    angle
-        Angle of the frame's x axis from the phantom's, radians.
-    mirrors
-        Mirrored coordinates of the frame: ``""``, ``"y"`` (half model) or ``"xy"`` (quarter).
-    """
-
-    angle: float
-    mirrors: str
+    angle: float  # angle of the frame's x axis from the phantom's, radians
+    mirrors: str  # mirrored coordinates of the frame: ``""``, ``"y"`` (half model) or ``"xy"`` (quarter)
 
     @property
     def copies(self) -> int:

@@ -24,23 +24,13 @@ INSIDE = 1e-6  # of the face's radius: offset of points on mirrors and skin into
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FaceChange:
-    """Change on the face by the inclusions under a force of 1 mN.
+    """Change on the face by the inclusions under a force of 1 mN."""
 
-    Attributes
-    ----------
-    face_displacement_mm, pressure_kpa
-        Changes at the requested points.
-    approach_mm
-        Change of the glass's travel.
-    unknowns, iterations
-        Size of the linear system, and iterations for tissue without inclusion.
-    """
-
-    face_displacement_mm: Floats
-    pressure_kpa: Floats
-    approach_mm: float
-    unknowns: int
-    iterations: int
+    face_displacement_mm: Floats  # at the requested points
+    pressure_kpa: Floats  # at the requested points
+    approach_mm: float  # change of the glass's travel
+    unknowns: int  # size of the linear system
+    iterations: int  # for tissue without inclusion
 
 
 class TiedSolid:

@@ -26,23 +26,12 @@ class Axis:
 
     The absorber is a perfectly matched layer: lengths in it are stretched by ``1 + i s``, with ``s`` growing as the
     fourth power of the depth, so waves decay there with little reflection.
-
-    Attributes
-    ----------
-    low_um
-        Start of the first cell, µm.
-    step_um
-        Size of a cell, µm.
-    cells
-        Number of cells, absorbers included.
-    absorber_cells
-        Number of absorbing cells at each end.
     """
 
-    low_um: float
-    step_um: float
-    cells: int
-    absorber_cells: int
+    low_um: float  # start of the first cell, µm
+    step_um: float  # size of a cell, µm
+    cells: int  # number of cells, absorbers included
+    absorber_cells: int  # number of absorbing cells at each end
 
     @property
     def nodes_um(self) -> Floats:

@@ -23,23 +23,12 @@ class SectionModes:
     """Modes of a section, the guided ones first, each kind with the largest ``beta`` first.
 
     They are modes of the grid, not of the continuous guide: on the grid they pass the flat guide unchanged.
-
-    Attributes
-    ----------
-    separation
-        ``beta**2`` in 1/µm², shape (modes,).
-    profile
-        Columns over the nodes of x with ``profile.T @ mass @ profile = 1``, shape (nodes, modes).
-    mass
-        Tridiagonal mass matrix across the layers, shape (2, nodes).
-    clear
-        Whether a guided mode is clear of cut-off, shape (guided,).
     """
 
-    separation: Complexes
-    profile: Complexes
-    mass: Complexes
-    clear: Booleans
+    separation: Complexes  # ``beta**2`` in 1/µm², shape (modes,)
+    profile: Complexes  # columns over the nodes of x with ``profile.T @ mass @ profile = 1``, shape (nodes, modes)
+    mass: Complexes  # tridiagonal mass matrix across the layers, shape (2, nodes)
+    clear: Booleans  # whether a guided mode is clear of cut-off, shape (guided,)
 
     @property
     def guided(self) -> int:

@@ -33,21 +33,12 @@ class Waves:
 
     Where the mode decays, g is real and each wave decays from its own end, so there is no cancellation of large terms.
     Where it oscillates, g is imaginary and the waves travel up and down.
-
-    Attributes
-    ----------
-    layers
-        The stack.
-    rate
-        g of each region, complex, (layers + 2,).
-    from_lower, from_upper
-        a and b of each region, complex; a is 0 in the half-space below and b in the half-space above.
     """
 
-    layers: SlabLayers
-    rate: Complexes
-    from_lower: Complexes
-    from_upper: Complexes
+    layers: SlabLayers  # the stack
+    rate: Complexes  # g of each region, (layers + 2,)
+    from_lower: Complexes  # a of each region; 0 in the half-space below
+    from_upper: Complexes  # b of each region; 0 in the half-space above
 
     @classmethod
     def between(cls, layers: SlabLayers, q: Floats, lower: Floats, upper: Floats) -> Self:
