@@ -124,13 +124,7 @@ def ring_profiles(
 def require_valid_forces(
     frames: Sequence[TactileImage], surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior
 ) -> None:
-    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond small strain.
-
-    Raises
-    ------
-    InputError
-        Naming the frame and the range of forces.
-    """
+    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond small strain."""
     least, most = covering_force_n(surrogate, prior, None), largest_force_n(surrogate, probe=probe, prior=prior)
     if least > most:
         raise InputError(

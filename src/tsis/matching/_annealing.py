@@ -48,18 +48,9 @@ class Cooling:
 
 
 def anneal(basis: SplineBasis, coordinates: Floats, target: Floats, cooling: Cooling) -> Floats:
-    """Coordinates of the spline after cooling, shape (k, d).
+    """Coordinates, shape (k, d), of the spline at the source's points after cooling towards ``target``, shape (m, d).
 
-    Parameters
-    ----------
-    basis
-        Of the source's points, normalised.
-    coordinates
-        The initial spline; the ridge draws the affine part to its matrix.
-    target
-        Normalised points, shape (m, d).
-    cooling
-        The temperatures.
+    Points are normalised. ``coordinates`` is the initial spline; the ridge draws the affine part to its matrix.
     """
     rows, columns = spread_order(basis.points), spread_order(target)
     small = len(rows) <= COARSE[0] and len(columns) <= COARSE[1]
@@ -106,25 +97,11 @@ def _settle(
 def soft_pairs(
     transformed: Floats, target: Floats, temperature: float, balance: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Sums over the soft pairs of the transformed source, shape (n, d), and the target, shape (m, d).
+    """Sums over the soft pairs of the transformed source (n, d) and the target (m, d) at a temperature.
 
-    Parameters
-    ----------
-    transformed, target
-        The points.
-    temperature
-        T, positive.
-    balance
-        Initial factors of the target's points, shape (m,): those of a similar temperature save most of the work.
-
-    Returns
-    -------
-    paired
-        Sum of each source point's weights, in [0, 1], shape (n,).
-    drawn
-        Weighted sum of the targets, shape (n, d).
-    balance
-        Factors of the target's points, shape (m,).
+    Returns the sum of each source point's weights, in [0, 1], shape (n,), its weighted sum of the targets, shape (n,
+    d), and the factors of the target's points, shape (m,). The initial factors ``balance`` of a similar temperature
+    save most of the work.
     """
     order = np.argsort(target[:, 0], kind="stable")
     source_outliers, target_outliers = outlier_weights(transformed), outlier_weights(target)[order]

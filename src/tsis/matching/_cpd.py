@@ -60,18 +60,10 @@ def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> Match
 def fit_displacement(
     source: Floats, target: Floats, *, outliers: float = OUTLIERS, rounds: int = ROUNDS, settled: float = SETTLED
 ) -> tuple[DisplacementField, float]:
-    """The displacement field from source to target, and the residual variance of positions.
+    """The displacement field between normalised sets (n, d) and (m, d), and the residual variance of positions.
 
-    Parameters
-    ----------
-    source, target
-        Shapes (n, d) and (m, d), normalised.
-    outliers
-        Assumed fraction of unmatched target points, in [0, 1).
-    rounds
-        Most rounds of expectation and maximisation.
-    settled
-        Relative change of the variance in a round that ends the iteration.
+    ``outliers`` is the assumed fraction of unmatched target points, in [0, 1). At most ``rounds`` rounds of expectation
+    and maximisation end when the variance changes by less than the fraction ``settled``.
     """
     factor, control, triangle = _kernel_factor(source)
     dimension, transformed = source.shape[1], source

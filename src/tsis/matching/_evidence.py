@@ -36,18 +36,11 @@ class ExplainedTarget:
 
 
 def log_evidence(basis: SplineBasis, coordinates: Floats, target: Floats) -> float:
-    """Log probability of the target given the transformed source, over that of uniformly distributed points.
+    """Log probability of the target (m, d) given the transformed source, over that of uniformly distributed points.
 
     Each target point is an outlier, uniform in the target's box, or is normal about a transformed source point. Spline,
     outlier fraction and common standard deviation maximise the likelihood near the given spline. The bending
     coordinates have a normal prior and are integrated out by Laplace's method.
-
-    Parameters
-    ----------
-    basis, coordinates
-        The spline, at the source's points.
-    target
-        Shape (m, d).
     """
     return max(_evidence(basis, coordinates, target, bending_variance) for bending_variance in BENDING_VARIANCES)
 

@@ -34,26 +34,11 @@ SMALLEST = 1e-300
 
 
 def histograms(points: ArrayLike, *, turn: float = 0.0, scale: float | None = None) -> Floats:
-    """Shape context of each point, with directions from the x axis.
+    """Shape context of each point (n, d), d = 2 or 3, with directions from the x axis, rotated by ``turn`` towards y.
 
-    Parameters
-    ----------
-    points
-        Shape (n, d) with d = 2 or 3, in any unit.
-    turn
-        Rotation of the axis of angle 0 from x towards y, in radians.
-    scale
-        Unit of distance of the bins, in the unit of the points; by default the mean distance of two points.
-
-    Returns
-    -------
-    NDArray
-        Shape (n, 60) in the plane, (n, 360) in space; a row sums to 1, or to 0 where no point lies within the bins.
-
-    Raises
-    ------
-    InputError
-        When the points are not in the plane or in space, or all coincide.
+    The unit ``scale`` of the bins' distances is the mean distance of two points by default. The shape is (n, 60) in the
+    plane and (n, 360) in space; a row sums to 1, or to 0 where no point lies within the bins. Raises `InputError` for
+    other shapes, or when all points coincide.
 
     Examples
     --------
@@ -66,26 +51,9 @@ def histograms(points: ArrayLike, *, turn: float = 0.0, scale: float | None = No
 
 
 def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> Floats:
-    """Shape context of each point, with directions from the mass centre: invariant to rotation.
+    """`histograms` with directions from the mass centre, which are invariant to rotation.
 
-    In space only the polar angle to that direction is defined, in `POLAR_BINS` bins.
-
-    Parameters
-    ----------
-    points
-        Shape (n, d) with d = 2 or 3, in any unit.
-    scale
-        Unit of distance of the bins, in the unit of the points; by default the mean distance of two points.
-
-    Returns
-    -------
-    NDArray
-        Shape (n, 60) in the plane, (n, 30) in space; a row sums to 1, or to 0 where no point lies within the bins.
-
-    Raises
-    ------
-    InputError
-        When the points are not in the plane or in space, or all coincide.
+    In space only the polar angle to that direction is defined, in `POLAR_BINS` bins: shape (n, 30).
 
     Examples
     --------
@@ -110,12 +78,9 @@ def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> Floats:
 
 
 def chi_squared(a: Floats, b: Floats) -> Floats:
-    """Chi-squared distances ``sum_k (a_k - b_k)**2 / (a_k + b_k) / 2`` of histograms, shapes (n, k), (m, k).
+    """Chi-squared distances ``sum_k (a_k - b_k)**2 / (a_k + b_k) / 2`` of histograms (n, k) and (m, k), shape (n, m).
 
-    Returns
-    -------
-    NDArray
-        Shape (n, m); in [0, 1] for histograms that sum to 1.
+    They lie in [0, 1] for histograms that sum to 1.
 
     Examples
     --------

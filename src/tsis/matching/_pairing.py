@@ -13,22 +13,12 @@ TOLERANCE_SD = 3.0  # tolerance in standard deviations of a point's position
 
 
 def nearest_pairs(transformed: Floats, target: Floats, *, tolerance: float) -> tuple[Integers, Floats]:
-    """Match transformed points with target points at the least sum of squared distances.
+    """Match transformed points (n, d) with target points (m, d) at the least sum of squared distances.
 
-    Parameters
-    ----------
-    transformed, target
-        Shapes (n, d) and (m, d), in the same unit.
-    tolerance
-        Distance beyond which points are unmatched, positive, in that unit.
-
-    Returns
-    -------
-    matches
-        Index of the target point, or `UNMATCHED`, shape (n,); no target point twice.
-    trust
-        Probability of the match, for normal positions with a standard deviation of a third of the tolerance, where no
-        partner is as likely as a partner at the tolerance; 0 where there is no match; shape (n,).
+    Points farther apart than ``tolerance`` are unmatched. Returns the index of each point's target, or `UNMATCHED`, no
+    target twice, and the trust in it, both of shape (n,). The trust is the probability of the match for normal
+    positions with a standard deviation of a third of the tolerance, where no partner is as likely as a partner at the
+    tolerance; 0 where there is no match.
 
     Examples
     --------
@@ -44,9 +34,7 @@ def nearest_pairs(transformed: Floats, target: Floats, *, tolerance: float) -> t
 
 
 def assign(cost: Floats, *, dummy: float) -> Integers:
-    """Cheapest pairing of rows with columns, shape (n, m), where points may be unmatched.
-
-    An unmatched row costs ``dummy``. Returns the column of each row, or `UNMATCHED`, shape (n,).
+    """Column of each row, or `UNMATCHED`, in the cheapest pairing with columns; an unmatched row costs ``dummy``.
 
     Examples
     --------

@@ -49,19 +49,9 @@ class Vertices:
 
 
 def parse_ply(content: bytes, *, most: int) -> Floats:
-    r"""Coordinates of the vertices, shape (n, 2) or (n, 3).
+    r"""Coordinates of the vertices of a file's content, shape (n, 2) or (n, 3); at most ``most`` of them.
 
-    Parameters
-    ----------
-    content
-        The whole file.
-    most
-        Largest number of vertices.
-
-    Raises
-    ------
-    FileInputError
-        When the header or the data are invalid, or the vertices are not the first element or are too many.
+    Raises `FileInputError` when the header or the data are invalid, or the vertices are not the first element.
 
     Examples
     --------

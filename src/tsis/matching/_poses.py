@@ -102,18 +102,9 @@ def rotations(dimension: int) -> Floats:
 
 
 def agreed(source: Floats, partners: Floats, trust: Floats, *, rng: np.random.Generator) -> Pose:
-    """Consensus of the pairs: the best of the affine maps through d + 1 pairs drawn by trust (RANSAC).
+    """Consensus of pairs (n, d): the best of the affine maps through d + 1 pairs drawn by ``trust`` (RANSAC).
 
     Where no sample gives a plausible map, the result is a translation.
-
-    Parameters
-    ----------
-    source, partners
-        Pairs of points, shape (n, d) each.
-    trust
-        Trust in each pair, not negative, shape (n,).
-    rng
-        Random generator of the samples.
     """
     count, dimension = source.shape
     chance = trust + 1e-9

@@ -36,17 +36,10 @@ PASSING = 1e-6  # bending ridge of the spline through the transformed points
 
 
 def confidence_of(fit: MatchFit, source: Floats, target: Floats) -> float:
-    """Confidence in [0, 1] of a fit: from its evidence over that of unrelated sets.
+    """Confidence in [0, 1] of a fit of normalised points: from its evidence over that of unrelated sets.
 
     Unrelated points are uniform or one normal cloud, whichever is likelier; Schwarz's criterion penalises the affine
     part of the map. A wrong fit of high evidence, as of a shape on half of another, is not detected.
-
-    Parameters
-    ----------
-    fit
-        Result of a method.
-    source, target
-        Its normalised points.
     """
     dimension = source.shape[1]
     if np.count_nonzero(fit.matches != UNMATCHED) < dimension + 2:

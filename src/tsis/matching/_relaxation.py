@@ -90,18 +90,9 @@ class Labels:
 def label(
     source: Neighbourhood, target: Neighbourhood, cost: Floats, *, single: float, updates: int = UPDATES
 ) -> Labels:
-    """Probabilities of partners after relaxation.
+    """Probabilities of partners after relaxation, from the initial ``cost`` of each pair, shape (n, m).
 
-    Parameters
-    ----------
-    source, target
-        Neighbours of the n and m points.
-    cost
-        Initial cost of each pair, shape (n, m).
-    single
-        Support for having no partner, in (0, 1], where full agreement of all neighbours is 1.
-    updates
-        Most updates.
+    ``single`` is the support for having no partner, in (0, 1], where full agreement of all neighbours is 1.
     """
     candidates = cheapest(cost, CANDIDATES)
     costs = np.take_along_axis(cost, candidates, axis=1)

@@ -108,20 +108,11 @@ class SplineBasis:
 
 
 def spline_basis(points: ArrayLike, *, control: ArrayLike | None = None) -> SplineBasis:
-    """Basis of the splines that are fitted at ``points``.
+    """Basis of the splines that are fitted at ``points``, shape (n, d), n > d, not all in a line or plane.
 
-    Parameters
-    ----------
-    points
-        Shape (n, d) with d = 2 or 3, n at least d + 1, not all in a line or plane; normalised as by `NormalFrame`: the
-        bounds on rounding assume numbers near 1.
-    control
-        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` spread ones of them.
-
-    Raises
-    ------
-    InputError
-        When the shapes do not fit or the control points lie in a line or plane.
+    The points are normalised as by `NormalFrame`: the bounds on rounding assume numbers near 1. The ``control`` points,
+    shape (k, d), are the points by default, or `CONTROL_POINTS` spread ones of them. Raises `InputError` when the
+    shapes do not fit or the control points lie in a line or plane.
     """
     points = _points("points", points)
     dimension = points.shape[1]

@@ -156,13 +156,7 @@ def central_cell_mm(width_mm: float, depth_mm: float, centre_mm: float) -> float
 
 
 def shape_on_axis(phantom: Phantom) -> Spheroid:
-    """The phantom's only inclusion as a body of revolution.
-
-    Raises
-    ------
-    InputError
-        When there are several inclusions or it is no body of revolution around the probe's axis.
-    """
+    """The phantom's only inclusion as a body of revolution; others raise `InputError`."""
     inclusion: Inclusion | None = phantom.inclusion
     if inclusion is None or not phantom.is_axisymmetric:
         raise InputError(

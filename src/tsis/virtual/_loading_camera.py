@@ -26,23 +26,9 @@ DARKEST = 0.3  # lower limit of uneven light, over the light in the middle
 class LoadingCamera:
     """A camera that takes frames in sequence, each at the lamps' brightness of its time.
 
-    Parameters
-    ----------
-    sensor
-        Pixels and noise.
-    rng
-        Random generator of all errors.
-    drift
-        Drift of the lamps; the default `LedDrift` when None.
-    patch
-        Whether the frame has a reference patch, a corner that sees the lamps directly.
-    warm_s, frame_s
-        Seconds from switching the lamps on to the first frame, in [0, 1e6], and from frame to frame, in [1e-3, 1e4].
-
-    Raises
-    ------
-    InputError
-        When an argument is of the wrong kind or outside its range.
+    ``rng`` draws all errors. With ``patch`` a corner of the frame shows the lamps directly. The first frame is
+    ``warm_s`` seconds after switching the lamps on, in [0, 1e6]; the others follow every ``frame_s`` seconds, in [1e-3,
+    1e4].
 
     Examples
     --------

@@ -56,14 +56,8 @@ def _wave(order: int) -> Complexes:
 def shading_harmonics(grey: Floats, growth: Complexes, flux: Complexes, radius_mm: Floats) -> list[Complexes]:
     """Harmonics that lamps of unequal power give a round dent, for displacements of one standard deviation.
 
-    Parameters
-    ----------
-    grey
-        Mean grey level at uniform light of each ring, shape (rings,).
-    growth, flux
-        Harmonics of the light's growth per mm and of its flux away from the axis, shape (rings,).
-    radius_mm
-        Radius of each ring.
+    All arguments have one value a ring: mean grey level at uniform light, and harmonics of the light's growth per mm
+    and of its flux away from the axis.
     """
     fraction = radius_mm / radius_mm[-1]
     raised = [DENT_MM * fraction**power * growth * grey for power in (0, 2, 4)]
@@ -74,16 +68,8 @@ def shading_harmonics(grey: Floats, growth: Complexes, flux: Complexes, radius_m
 def unevenness(values: Complexes, variance: Floats, radius_mm: Floats, *, given: list[Complexes]) -> Unevenness:
     """Compare the harmonics of rings with their noise.
 
-    Parameters
-    ----------
-    values
-        Harmonics, shape (rings,).
-    variance
-        Variances of their real and imaginary parts, shape (2, rings), positive.
-    radius_mm
-        Radius of each ring.
-    given
-        Harmonics of allowed causes, each with a standard normal factor.
+    ``variance`` are the variances of their real and imaginary parts, shape (2, rings), positive. ``given`` are
+    harmonics of allowed causes, each with a standard normal factor.
     """
     covariance = np.diag(variance.ravel())
     if given:

@@ -78,12 +78,7 @@ def roundness_findings(
 ) -> list[tuple[str, str]]:
     """Flag ``not_one_round_inclusion`` for the least round target, or ``roundness_not_checked``.
 
-    Parameters
-    ----------
-    targets, references
-        The targets, and the reference that is subtracted from each, or None.
-    calibration
-        The errors.
+    A target is compared with its reference, or tested alone where that is None.
     """
     tests = [roundness(*pair, calibration) for pair in zip(targets, references, strict=True)]
     results = [result for result in tests if result is not None]

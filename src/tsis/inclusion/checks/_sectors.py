@@ -115,15 +115,7 @@ def _gather(grey: Floats, position: NDArray[np.uint8], full_scale: float) -> tup
 
 
 def ring_visibility(frame: TactileImage, edges_mm: Floats) -> Floats:
-    """Fraction of each ring's area in the picture, shape (rings,), in [0, 1].
-
-    Parameters
-    ----------
-    frame
-        A frame with a scale.
-    edges_mm
-        Boundaries of the rings in mm, ascending, shape (rings + 1,).
-    """
+    """Fraction in [0, 1] of each ring's area in the picture; ``edges_mm`` ascend, shape (rings + 1,)."""
     return np.asarray(_visible(_geometry(frame, float(edges_mm[-1])), edges_mm.tobytes()).mean(axis=1))
 
 

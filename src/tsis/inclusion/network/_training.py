@@ -50,20 +50,10 @@ def scaled_conjugate_gradient(
     least_gradient: float = 1e-6,
     stop: Callable[[Floats], bool] | None = None,
 ) -> Descent:
-    """Minimise a smooth function from ``start``.
+    """Minimise a smooth function, given with its gradient, from ``start``, shape (n,).
 
-    Parameters
-    ----------
-    value_and_gradient
-        The function and its gradient at a point of shape (n,).
-    start
-        Initial point.
-    iterations
-        Most steps, successful or not.
-    least_gradient
-        Norm of the gradient that ends the descent.
-    stop
-        Called with each new point; True ends the descent.
+    It ends after ``iterations`` steps, successful or not, at a gradient of norm ``least_gradient``, or when ``stop`` is
+    true of a new point.
 
     Examples
     --------

@@ -144,24 +144,12 @@ def refine(
     near: SlantedBox | None = None,
     finest: int = 2,
 ) -> Grid:
-    """Refine a grid on the box [low, high] until it resolves the density.
+    """Refine a grid on the box [low, high], which contains all of a density, until it resolves the density.
 
-    Parameters
-    ----------
-    log_density
-        Log density, up to a constant, of points (n, 3); called once a refinement.
-    low, high
-        A box that contains all of the density, shape (3,) each.
-    support
-        Mask of points (n, 3) with density, a convex region; the box when None.
-    per_axis
-        Cells along each axis of the result.
-    finder
-        Cells along each axis of the search grids, at most ``per_axis``; at least `FEWEST` without ``near``.
-    near
-        Box of a similar density, searched first.
-    finest
-        Largest factor on the cells along each axis, for a curved density in a wide box.
+    ``log_density``, up to a constant, of points (n, 3) is called once a refinement. ``support`` masks points with
+    density, a convex region; the box when None. The result has ``per_axis`` cells along each axis, for a curved density
+    in a wide box up to ``finest`` times as many. Search grids have ``finder`` cells, at least `FEWEST` without
+    ``near``, the box of a similar density, which is searched first.
     """
     if support is None:
 

@@ -151,16 +151,9 @@ def summarise_pooled(
 def ratio_of_means(
     errors: Floats, others: Floats, *, rng: np.random.Generator, draws: int = DRAWS
 ) -> ErrorRatio | None:
-    """Ratio of two means over the same trials, with the bootstrap's interval of 95 %; None where the rival never errs.
+    """Ratio of the mean ``errors`` to those of a rival on the same trials, with its bootstrap interval of 95 %.
 
-    Parameters
-    ----------
-    errors, others
-        Errors of the method and of its rival, trial by trial, shape (trials,).
-    rng
-        Source of the draws.
-    draws
-        How many.
+    None where the rival never errs.
 
     Examples
     --------

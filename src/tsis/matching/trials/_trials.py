@@ -165,25 +165,10 @@ def hotel_trials(
 def generated_trials(
     *, shape: str, family: Family, level: int, count: int, seed: int = 0, points: int = GENERATED_POINTS
 ) -> Iterator[Trial]:
-    """Trials like the public ones on generated shapes, each trial with a shape of its own.
+    """Trials like the public ones on generated shapes, each trial with a shape of its own of ``points`` points.
 
-    Parameters
-    ----------
-    shape
-        A name of `tsis.matching.trials.SHAPES`.
-    family, level
-        As for `public_trials`.
-    count
-        How many.
-    seed
-        Of shapes, distortions and shuffling; a trial does not depend on how many there are.
-    points
-        Points a shape, at least 10.
-
-    Raises
-    ------
-    InputError
-        When there is no such shape, family or level.
+    ``shape`` is a name of `tsis.matching.trials.SHAPES`; ``family`` and ``level`` are those of `public_trials`. A trial
+    does not depend on their number.
     """
     make = SHAPES[require_one_of("shape", shape, SHAPES)]
     distortion = public_distortion(family, level)

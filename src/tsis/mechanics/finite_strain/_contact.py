@@ -48,20 +48,9 @@ class ContactSegment:
 class SlidingContact:
     """A surface of element edges that may touch an obstacle.
 
-    Parameters
-    ----------
-    reference
-        Reference positions of all nodes, mm.
-    surface
-        Nodes of the sliding surface in order, shape (edges * order + 1,).
-    order
-        Order of the elements, at least 3.
-    obstacle
-        The surface that it slides on.
-    stiffness
-        Pressure per overlap, kPa/mm.
-    steering
-        The same for the open or closed decision in Newton's method; much smaller, of the bodies' own stiffness.
+    ``surface`` has its nodes in order, shape (edges * order + 1,); ``reference`` has the positions of all nodes in mm.
+    The order of the elements is at least 3. The pressure over the overlap is ``stiffness``, kPa/mm; ``steering`` is the
+    same for the open or closed decision in Newton's method: much smaller, of the bodies' own stiffness.
     """
 
     def __init__(

@@ -40,14 +40,8 @@ class ClosestPoints:
 class SmoothFace:
     """The curve of a face from the axis outwards; the body lies at smaller z.
 
-    Parameters
-    ----------
-    parameter
-        Arc length of each node on the outline, ascending from 0 on the axis, mm, shape (n,).
-    order
-        Order of the elements at the face.
-    outline
-        The undeformed outline: points (r, z) in mm at arc lengths, shape (k, 2).
+    ``parameter`` has the arc length of each node on the outline, ascending from 0 on the axis, mm, shape (n,).
+    ``outline`` gives points (r, z) of the undeformed outline in mm at arc lengths, shape (k, 2).
     """
 
     def __init__(self, parameter: Floats, order: int, outline: Callable[[Floats], Floats]) -> None:
@@ -209,12 +203,7 @@ class SoftFace:
 class Plate:
     """A rigid frictionless plane that faces a body from larger z and moves towards smaller z.
 
-    Parameters
-    ----------
-    node
-        A node without elements; its displacement along z is the plate's travel.
-    height_mm
-        Initial position of the plate, mm.
+    The displacement along z of ``node``, which has no elements, is the travel from the initial ``height_mm``.
     """
 
     def __init__(self, node: int, height_mm: float) -> None:

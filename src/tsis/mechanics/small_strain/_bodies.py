@@ -123,16 +123,8 @@ def _bulged(nodes: Floats, probe: Probe) -> Floats:
 class Slab:
     """Tissue of unit modulus around the block that an inclusion may occupy, condensed once.
 
-    Parameters
-    ----------
-    thickness_mm, poisson
-        The slab, bonded to a rigid chest wall below.
-    face
-        The contact face.
-    block_mm
-        Least radius of the block around the axis in which inclusions are meshed.
-    resolution
-        Mesh density.
+    It is bonded to a rigid chest wall below. Inclusions are meshed in a block around the axis, of radius ``block_mm``
+    or more.
     """
 
     def __init__(

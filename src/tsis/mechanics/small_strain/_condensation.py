@@ -80,18 +80,9 @@ def condense_layers(
 ) -> Condensate:
     """Condense a body from its first layer to its last.
 
-    Parameters
-    ----------
-    mesh
-        The body.
-    dofs
-        Index of each displacement, shape (na, nb, 2); `FIXED` where it is zero, equal indices where tied.
-    retain
-        Degrees of freedom to retain, in addition to those of the last layer's far side.
-    young_kpa, poisson
-        Material of each layer, shape (layers,).
-    start
-        A neighbour already condensed, attached to the first layers.
+    ``dofs`` has the index of each displacement, shape (na, nb, 2): `FIXED` where it is zero, equal where tied. The
+    result has the indices ``retain`` and those of the last layer's far side. ``young_kpa`` and ``poisson`` have one
+    value a layer. ``start`` is a condensed neighbour, attached to the first layers.
     """
     count = (mesh.order + 1) ** 2
     elements = np.stack([mesh.layer(index, mesh.nodes) for index in range(mesh.layers)])

@@ -42,34 +42,14 @@ class ContactDiagnostics:
 def unilateral_contact(
     compliance: ArrayLike, gap_mm: ArrayLike, approach_mm: float
 ) -> tuple[Floats, ContactDiagnostics]:
-    """Nodal forces when two bodies approach each other and may touch but not pull.
+    """Nodal forces in mN, shape (n,), when two bodies approach each other and may touch but not pull.
 
-    Solves ``f >= 0`` and ``gap = C f + gap_mm - approach_mm >= 0`` with ``f * gap = 0`` node by node. Block principal
-    pivoting (Judice and Pires 1994) solves for the closed nodes and exchanges those with a negative force or gap. When
-    this makes no progress, it exchanges only the last of them, which always terminates.
-
-    Parameters
-    ----------
-    compliance
-        Displacement of the nodes by nodal forces, both bodies added, mm/mN; symmetric positive definite, shape (n, n).
-    gap_mm
-        Gap of the undeformed bodies at first touch, mm, shape (n,).
-    approach_mm
-        Travel since first touch, mm, in [-1e6, 1e6].
-
-    Returns
-    -------
-    force : ndarray
-        Nodal forces, mN, shape (n,), >= 0.
-    diagnostics : ContactDiagnostics
-        The closed nodes and the gaps.
-
-    Raises
-    ------
-    InputError
-        When the shapes do not match.
-    MechanicsError
-        When there is no solution, which a positive definite compliance excludes.
+    Solves ``f >= 0`` and ``gap = C f + gap_mm - approach_mm >= 0`` with ``f * gap = 0`` node by node. The compliance of
+    both bodies, mm/mN, (n, n), is symmetric positive definite; ``gap_mm``, (n,), is the undeformed gap at first touch,
+    ``approach_mm`` the travel since then, in [-1e6, 1e6]. Block principal pivoting (Judice and Pires 1994) solves for
+    the closed nodes and exchanges those with a negative force or gap. When this makes no progress, it exchanges only
+    the last of them, which always terminates. Raises `InputError` when the shapes do not match, `MechanicsError`
+    without solution.
 
     Examples
     --------
@@ -155,12 +135,7 @@ class FullContact:
 class FaceContact:
     """The contact face of one probe, with all values that do not depend on the tissue.
 
-    Parameters
-    ----------
-    probe, face
-        The probe and the mesh of its face.
-    radius_mm
-        Radii from 0 to the edge around which pressures are averaged, shape (k,).
+    Pressures are averaged around the radii ``radius_mm``, shape (k,), from 0 to the edge.
     """
 
     def __init__(self, probe: Probe, face: Face, radius_mm: Floats) -> None:
@@ -170,16 +145,10 @@ class FaceContact:
         self._closed_pressure = face.averages(radius_mm) @ np.linalg.inv(face.mass())
 
     def touch(self, compliance: Floats, force_mn: float, split: disc_contact.Elastic | None = None) -> PartialContact:
-        """The contact under ``force_mn``.
+        """The contact under ``force_mn`` > 0.
 
-        Parameters
-        ----------
-        compliance
-            Compliance of both bodies together on the face's nodes, mm/mN, shape (n, n).
-        force_mn
-            Total force, mN, > 0.
-        split
-            The same with the tissue's half-space split off; a domed face needs it.
+        ``compliance`` is that of both bodies on the face's nodes, mm/mN, (n, n); ``split`` is the same with the
+        tissue's half-space split off, which a domed face needs.
         """
         touch = self._closed(compliance, force_mn) if split is None else self._domed(compliance, split, force_mn)
         pull = -PULL * force_mn / (np.pi * self.probe.radius_mm**2)

@@ -49,20 +49,9 @@ FORMAT_VERSION = 5
 def solve_all(
     box: Box, slabs: Callable[[float], Slabs], degrees: Degrees, progress: Callable[[int, int], None] | None = None
 ) -> tuple[Floats, Floats]:
-    """Solve at all Chebyshev points of a box.
+    """Solve at all Chebyshev points of a box: ``baseline`` and ``change`` of a `Surrogate` of the slabs' rows.
 
-    Parameters
-    ----------
-    box, degrees
-        Ranges and numbers of points.
-    slabs
-        Function from a thickness in mm to the slabs.
-    progress
-        Called with (slabs solved, slabs in all).
-
-    Returns
-    -------
-    ``baseline`` and ``change`` of a `Surrogate` whose outputs are the rows of the slabs.
+    ``slabs`` gives the slabs of a thickness in mm. ``progress`` is called with (slabs solved, slabs in all).
     """
     thicknesses, tissues = _tissue_points(box, degrees.thickness, degrees.tissue)
     factors = _nonzero(chebyshev.points(box.contrast_factor, degrees.contrast))

@@ -61,15 +61,10 @@ def axis(low_um: float, high_um: float, *, step_um: float, absorber_um: float) -
 
 
 def permittivity(guide: ThinGuide, dent: Dent, x_um: Floats, z_um: Floats) -> Floats:
-    """Mean square of the index in each cell of the grid with these nodes; the dent's middle is at ``z_um = 0``.
+    """Mean square of the index in each cell, shape (cells along z, cells along x), around a dent at ``z_um = 0``.
 
     For a field along y the mean over the cell is effective, so results do not jump when an interface passes a node. The
     mean is exact across the layers, and over a few sections of a cell along them.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        Shape (cells along z, cells along x).
     """
     outside = guide.index_outside**2
     jumps = np.diff(np.concatenate(([outside], guide.index**2, [outside])))
@@ -98,13 +93,9 @@ ENDS = (0, 1)  # of a cell
 
 
 def tridiagonal(of_cells: Complexes, element: Floats) -> Complexes:
-    """Assemble ``element`` times a value of each cell along one axis.
+    """Assemble ``element`` times a value of each cell along one axis: a symmetric tridiagonal matrix.
 
-    Returns
-    -------
-    NDArray[np.complex128]
-        A symmetric tridiagonal matrix as two rows, diagonal and off-diagonal, shape (2, cells + 1); the last element of
-        the second row is zero.
+    Its two rows, shape (2, cells + 1), are the diagonal and the off-diagonal, which ends with a zero.
     """
     none = np.zeros_like(of_cells[:1])
     along = np.concatenate((of_cells, none))
@@ -135,12 +126,8 @@ def links(step_x_um: float, step_z_um: float, wavenumber_squared: float) -> tupl
 def helmholtz_matrix(layer: Axis, along: Axis, wavenumber_squared: Floats) -> sparse.csc_array[np.complex128]:
     """Matrix of ``-laplace - k**2`` on the whole grid, absorbers included.
 
-    Parameters
-    ----------
-    layer, along
-        The axes x and z. The node of x index i and z index j has the number ``j * len(x) + i``.
-    wavenumber_squared
-        ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x).
+    ``wavenumber_squared`` is ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x). The node of x
+    index i and z index j has the number ``j * len(x) + i``.
     """
     columns = layer.cells + 1
     corner = columns * np.arange(along.cells)[:, np.newaxis] + np.arange(layer.cells)

@@ -62,14 +62,8 @@ class SectionModes:
 def section_modes(layer: Axis, wavenumber_squared: Floats, *, faded_um: float) -> SectionModes:
     """Find all modes of a section.
 
-    Parameters
-    ----------
-    layer
-        The axis x.
-    wavenumber_squared
-        ``(k0 n)**2`` of each cell, 1/µm², shape (cells,); the first cell lies in the medium outside.
-    faded_um
-        Distance from the guide to the absorber, µm, over which a mode clear of cut-off decays.
+    ``wavenumber_squared`` is ``(k0 n)**2`` of each cell, 1/µm²; the first cell lies in the medium outside. ``faded_um``
+    is the distance from the guide to the absorber over which a mode clear of cut-off decays.
     """
     size = layer.stretch * layer.step_um
     mass = tridiagonal(size, MASS)

@@ -24,26 +24,12 @@ if TYPE_CHECKING:
 
 
 def march(layer: Axis, along: Axis, wavenumber_squared: Floats, start: Complexes, reference: float) -> Complexes:
-    """March the columns of ``start`` through all sections.
+    """March the columns of ``start``, fields on the first node of z, through all sections: shape (z, x, columns).
 
     With ``X = (k**2 + d2/dx2) / reference**2 - 1`` it uses ``sqrt(1 + X) - 1 = (X / 2) / (1 + X / 4)`` and the
     trapezoidal rule, which preserves ``u.T @ mass @ u`` exactly in a flat guide without absorber.
-
-    Parameters
-    ----------
-    layer, along
-        Axes x and z.
-    wavenumber_squared
-        ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x).
-    start
-        Fields on the first node of z, shape (nodes of x, columns).
-    reference
-        Wave number, 1/µm, near those of the waves of interest.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        Shape (nodes of z, nodes of x, columns).
+    ``wavenumber_squared`` is ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x); ``reference`` is
+    a wave number near those of the waves of interest, 1/µm.
     """
     size = layer.stretch * layer.step_um
     mass, stiffness = tridiagonal(size, MASS), tridiagonal(1 / size, STIFFNESS)
@@ -82,15 +68,10 @@ def solve(matrix: sparse.csc_array[np.complex128], source: Complexes) -> Complex
 
 
 def solve_launched(layer: Axis, along: Axis, wavenumber_squared: Floats, modes: SectionModes, count: int) -> Complexes:
-    """Field of each of the first ``count`` modes, launched at the left end with amplitude 1.
+    """Field (z, x, count) of each of the first ``count`` modes, launched at the left end with amplitude 1.
 
     The launched wave exists right of a line and is absent left of it; the source is the matrix times that jump. The
     field left of the line is the reflected light.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        Shape (nodes of z, nodes of x, count), absorbers included.
     """
     matrix = helmholtz_matrix(layer, along, wavenumber_squared)
     rows, start = layer.cells + 1, along.inner.start + LAUNCH_NODES - 1
