@@ -59,7 +59,7 @@ def _rings_of(
     edges_mm: tuple[float, ...],
 ) -> RingLight:
     frame = TactileImage(grey=np.zeros(shape), mm_per_pixel=scale, axis_px=axis, full_scale=65535.0)
-    x, y = _pixels_mm(frame)
+    x, y = pixels_mm(frame)
     relative, flux_x, flux_y, growth, bend = light.undented(x, y)
     outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
 
@@ -82,7 +82,7 @@ def depletion_per_n(calibration: Calibration, probe: Probe) -> float:
     return calibration.light.depletion * float(fraction)
 
 
-def _pixels_mm(frame: TactileImage) -> tuple[Floats, Floats]:
+def pixels_mm(frame: TactileImage) -> tuple[Floats, Floats]:
     """Coordinates of the columns and of the rows from the probe's axis, mm."""
     (rows, columns), axis, (sx, sy) = frame.grey.shape, frame.axis(), frame.scale()
     return np.asarray((np.arange(columns) - axis[0]) * sx), np.asarray((np.arange(rows) - axis[1]) * sy)
@@ -92,7 +92,7 @@ def correct_light(frame: TactileImage, calibration: Calibration) -> TactileImage
     """The frame above its background, corrected to uniform light; it no longer shows which pixels clipped."""
     if calibration.light is None:
         return frame
-    light = calibration.light.at(*_pixels_mm(frame))
+    light = calibration.light.at(*pixels_mm(frame))
     floor = DARKEST * float(light.max())
     return replace(frame, grey=(frame.grey - calibration.background_grey) / np.maximum(light, floor))
 

@@ -113,6 +113,22 @@ class Spheroid:
         return np.asarray(centre + fraction[:, None] * rays)
 
 
+def block_outline(top: Floats, side: Floats, bottom: float, order: int, *, below_cells: int) -> Floats:
+    """Outer nodes of the block around an inclusion: along the face, down the side, back along the chest wall.
+
+    ``top`` and ``side`` are the element boundaries along the face and down to the wall at ``bottom``.
+    """
+    edge, radius, depth = top[-1], refine(top, order), refine(side, order)
+    back = refine(np.linspace(edge, 0.0, below_cells + 1), order)
+    return np.concatenate(
+        [
+            np.column_stack([radius, np.zeros_like(radius)]),
+            np.column_stack([np.full_like(depth, edge), depth])[1:],
+            np.column_stack([back, np.full_like(back, bottom)])[1:],
+        ]
+    )
+
+
 def mesh_around(boundary: Floats, spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
     """Mesh between an outer ``boundary`` (b = 0) and a spheroid (last b), along rays from its centre.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.inclusion._frames import OUTER_FRACTION, covering_force_n, largest_force_n, nominal_strains
+from tsis.inclusion._frames import OUTER_FRACTION, covering_force_n, nominal_strains
 from tsis.mechanics.small_strain import STRAIN_LIMIT
 
 if TYPE_CHECKING:
@@ -100,8 +100,3 @@ def covering_n(view: PlannedView, inclusions: Floats) -> float:
 
 def _covers(view: PlannedView, inclusion: Floats | None) -> float:
     return covering_force_n(view.surrogate, view.model.prior, inclusion)
-
-
-def largest_force_of(view: PlannedView) -> float:
-    """Force at the limit of the nominal strain without inclusion."""
-    return largest_force_n(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)

@@ -13,9 +13,10 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 
 from tsis.errors import InputError
+from tsis.inclusion._frames import largest_force_n
 from tsis.inclusion.design._alternatives import CRITERIA, Design, calibration_for, design_of, score, with_moduli
 from tsis.inclusion.design._information import even_inclusions, information_of, planned_view
-from tsis.inclusion.design._limits import covering_n, largest_force_of
+from tsis.inclusion.design._limits import covering_n
 from tsis.inclusion.design._protocol import LARGEST_FORCE_N, LEAST_FORCE_N
 from tsis.model import require_integer, require_one_of
 
@@ -187,7 +188,7 @@ def _forces(view: PlannedView, inclusions: Floats) -> _Forces:
     """Range from full contact to the first limit: strain, saturation or the largest force."""
     covering = covering_n(view, inclusions)
     most = {
-        "strain": largest_force_of(view),
+        "strain": largest_force_n(view.surrogate, probe=view.protocol.probe, prior=view.model.prior),
         "saturation": _clipping_n(view, inclusions),
         "strongest force": LARGEST_FORCE_N,
     }

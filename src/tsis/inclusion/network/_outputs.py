@@ -16,6 +16,7 @@ from scipy.special import erfinv
 
 from tsis.errors import InputError
 from tsis.imaging import radial_profile
+from tsis.inclusion._frames import pixels_mm
 from tsis.inclusion._prior import PARAMETERS, Floats
 from tsis.inclusion.posterior import ring_means
 from tsis.mechanics.surrogate import PressSurrogate
@@ -338,8 +339,7 @@ def _ring_means(frame: TactileImage, edges_mm: Floats, calibration: Calibration)
     """
     light: NDArray[np.floating[Any]] = np.ones(frame.grey.shape)
     if calibration.light is not None:
-        (rows, columns), (x, y), (wide, high) = frame.grey.shape, frame.axis(), frame.scale()
-        light = calibration.light.at((np.arange(columns) - x) * wide, (np.arange(rows) - y) * high)
+        light = calibration.light.at(*pixels_mm(frame))
     clipped = frame.grey >= frame.full_scale
     lit = replace(frame, grey=np.where(clipped, frame.full_scale, light))  # excludes the same pixels
     observed, light_there = (radial_profile(item, edges_mm=edges_mm).mean_grey for item in (frame, lit))

@@ -19,7 +19,7 @@ from tsis.inclusion.network._outputs import (
     pressure_outputs,
     simulated_outputs,
 )
-from tsis.inclusion.network._training import train_network
+from tsis.inclusion.network._training import train_repeatedly
 from tsis.mechanics.surrogate import build_surrogate
 from tsis.model import require_array, require_integer, require_number, require_same_probe, require_type
 
@@ -160,21 +160,16 @@ def train_networks(
         tissue_young_kpa=prior.tissue_young_kpa,
         thickness_mm=prior.thickness_mm,
     )
-    validated, result = max(1, round(VALIDATED_FRACTION * samples)), []
-    for number in range(networks):
-        order = rng.permutation(samples)
-        stopping, training = order[:validated], order[validated:]
-        network, _ = train_network(
-            outputs[training],
-            inclusions[training],
-            rng=rng,
-            validation=(outputs[stopping], inclusions[stopping]),
-            hidden=hidden,
-            method=method,
-        )
-        result.append(network)
-        if progress is not None:
-            progress(number + 1, networks)
+    result = train_repeatedly(
+        outputs,
+        inclusions,
+        rng=rng,
+        networks=networks,
+        validated=max(1, round(VALIDATED_FRACTION * samples)),
+        hidden=hidden,
+        method=method,
+        progress=progress,
+    )
     return TrainedNetworks(
         probe=probe.name, force_n=float(force_n), reach_mm=float(extent_mm), prior=asdict(prior), networks=tuple(result)
     )

@@ -19,7 +19,7 @@ from tsis.inclusion.network._network import Layers, Network, Span, activations, 
 from tsis.model import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import ArrayLike
 
@@ -103,6 +103,7 @@ def scaled_conjugate_gradient(
 
 
 MOST_VALUES = 50_000_000  # of an array: 400 MB
+PATIENCE = 6  # steps without a smaller validation error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +169,7 @@ def train_network(
     hidden: Sequence[int] = (10,),
     method: str = "scg",
     iterations: int = 1000,
-    patience: int = 6,
+    patience: int = PATIENCE,
 ) -> tuple[Network, NetworkTraining]:
     """Train a network on samples; section 6.3.3.
 
@@ -232,6 +233,36 @@ def train_network(
         validation_error=None if watch.error is None else watch.least,
         reason="validation" if watch.tired else "iterations" if ran_out else "converged",
     )
+
+
+def train_repeatedly(
+    inputs: Floats,
+    targets: Floats,
+    *,
+    rng: np.random.Generator,
+    networks: int,
+    validated: int,
+    hidden: Sequence[int],
+    method: str,
+    patience: int = PATIENCE,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[Network]:
+    """Networks with different initial weights and ``validated`` different validation samples."""
+    for number in range(networks):
+        order = rng.permutation(len(inputs))
+        stopping, training = order[:validated], order[validated:]
+        network, _ = train_network(
+            inputs[training],
+            targets[training],
+            rng=rng,
+            validation=(inputs[stopping], targets[stopping]),
+            hidden=hidden,
+            method=method,
+            patience=patience,
+        )
+        if progress is not None:
+            progress(number + 1, networks)
+        yield network
 
 
 def _samples(first: str, given: ArrayLike, second: str, requested: ArrayLike) -> tuple[Floats, ...]:

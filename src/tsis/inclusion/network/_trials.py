@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.inclusion.network._network import check_varies
-from tsis.inclusion.network._training import MOST_VALUES, train_network
+from tsis.inclusion.network._training import MOST_VALUES, PATIENCE, train_repeatedly
 from tsis.model import require_array, require_number
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def estimate_by_networks(
     validated: int = VALIDATED,
     hidden: Sequence[int] = (10,),
     method: str = "scg",
-    patience: int = 6,
+    patience: int = PATIENCE,
     progress: Callable[[int, int], None] | None = None,
 ) -> Floats:
     """Estimates by networks with different initial weights and validation samples.
@@ -151,20 +151,15 @@ def estimate_by_networks(
             f"trials times rows of unknown times outputs must be at most {MOST_VALUES:g}; "
             f"got {trials} x {len(rows)} x {requested.shape[1]} (give fewer at a time)"
         )
-    results = []
-    for trial in range(trials):
-        order = rng.permutation(len(given))
-        stored, trained = order[:validated], order[validated:]
-        network, _ = train_network(
-            given[trained],
-            requested[trained],
-            rng=rng,
-            validation=(given[stored], requested[stored]),
-            hidden=hidden,
-            method=method,
-            patience=patience,
-        )
-        results.append(network(rows))
-        if progress is not None:
-            progress(trial + 1, trials)
-    return np.array(results)
+    networks = train_repeatedly(
+        given,
+        requested,
+        rng=rng,
+        networks=trials,
+        validated=validated,
+        hidden=hidden,
+        method=method,
+        patience=patience,
+        progress=progress,
+    )
+    return np.array([network(rows) for network in networks])

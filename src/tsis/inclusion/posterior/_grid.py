@@ -195,16 +195,7 @@ class _CoarseLook:
 
 def box_around(points: Floats, log_density: Floats, edges: Floats) -> SlantedBox:
     """A sheared box with a margin around a density at points (n, 3), the centres of cells with the given edges."""
-    log_weight = log_density - log_density.max()
-    weight = np.exp(log_weight)
-    weight /= weight.sum()
-    middle = weight @ points
-    centred = points - middle
-    shear = _shear((weight[:, None] * centred).T @ centred + edges.T @ edges / 12)
-    inverse = np.linalg.inv(shear)
-    along = centred[log_weight > NEGLIGIBLE] @ inverse.T
-    margin = np.abs(edges @ inverse.T).sum(axis=0) / 2
-    first, last = along.min(axis=0) - margin, along.max(axis=0) + margin
+    middle, shear, first, last = _sheared(points, edges, log_density - log_density.max(), 1.0)
     first, last = (first + last) / 2 - WIDER * (last - first) / 2, (first + last) / 2 + WIDER * (last - first) / 2
     return middle + shear @ first, (shear * (last - first)).T
 
@@ -244,23 +235,26 @@ def _temper(log_weight: Floats, enough: float) -> float:
     return 1.0 if excess(0.0) >= 0 else float(np.exp(brentq(excess, -30.0, 0.0, xtol=1e-2)))
 
 
-def _sheared_box(
-    cells: GridCells, log_weight: Floats, power: float, low: Floats, high: Floats
-) -> tuple[Floats, Floats]:
-    """Origin and edges (as rows) of a box around all cells of weight, sheared along the tempered points."""
-    weight = np.exp(power * log_weight)
-    weight /= weight.sum()
-    middle = weight @ cells.points
-    centred = cells.points - middle
-    covariance = (weight[:, None] * centred).T @ centred + cells.edges.T @ cells.edges / 12
-    shear = _shear(covariance)
+def _sheared_box(cells: GridCells, log_weight: Floats, power: float, low: Floats, high: Floats) -> SlantedBox:
+    """A box around all cells of weight, sheared along the tempered points, that ends at the last coordinate's ends."""
+    middle, shear, first, last = _sheared(cells.points, cells.edges, log_weight, power)
     inverse = np.linalg.inv(shear)
-    along = centred[log_weight > min(NEGLIGIBLE, FAINT / power)] @ inverse.T
-    margin = np.abs(cells.edges @ inverse.T).sum(axis=0) / 2
-    first, last = along.min(axis=0) - margin, along.max(axis=0) + margin
     first[2] = max(first[2], (low[2] - middle[2]) * inverse[2, 2])
     last[2] = min(last[2], (high[2] - middle[2]) * inverse[2, 2])
     return middle + shear @ first, (shear * (last - first)).T
+
+
+def _sheared(points: Floats, edges: Floats, log_weight: Floats, power: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Mean and triangular root of the covariance of tempered points, and the ends of all weight in its units."""
+    weight = np.exp(power * log_weight)
+    weight /= weight.sum()
+    middle = weight @ points
+    centred = points - middle
+    shear = _shear((weight[:, None] * centred).T @ centred + edges.T @ edges / 12)
+    inverse = np.linalg.inv(shear)
+    along = centred[log_weight > min(NEGLIGIBLE, FAINT / power)] @ inverse.T
+    margin = np.abs(edges @ inverse.T).sum(axis=0) / 2
+    return middle, shear, along.min(axis=0) - margin, along.max(axis=0) + margin
 
 
 def _shear(covariance: Floats) -> Floats:

@@ -137,11 +137,9 @@ def ring_means(surrogate: FaceProfiles, edges_mm: Floats, level: Floats | None =
 
     The light's ``level`` in each ring weights the means, as for grey over light.
     """
-    x, w = np.polynomial.legendre.leggauss(POINTS)
-    half = np.diff(edges_mm) / 2
-    radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
-    middle = edges_mm[:-1] + half
-    weight = radius * w * (1.0 if level is None else np.interp(radius, middle, level))
+    radius, area = _ring_points(edges_mm)
+    middle = edges_mm[:-1] + np.diff(edges_mm) / 2
+    weight = area * (1.0 if level is None else np.interp(radius, middle, level))
     weight = weight / weight.sum(axis=1, keepdims=True)
     values = surrogate.interpolation(radius.ravel()).reshape(*radius.shape, -1)
     return np.asarray(np.einsum("rq,rqn->rn", weight, values))
@@ -152,14 +150,18 @@ def ring_correlation(edges_mm: Floats, grain_mm: float) -> Floats:
 
     A pattern that interpolates independent values linearly has a cubic B-spline as its covariance.
     """
-    x, weight = np.polynomial.legendre.leggauss(POINTS)
-    half = np.diff(edges_mm)[:, None] / 2
-    radius = edges_mm[:-1, None] + half * (x + 1)
-    fraction = radius * weight
-    fraction /= fraction.sum(axis=1, keepdims=True)
+    radius, area = _ring_points(edges_mm)
+    fraction = area / area.sum(axis=1, keepdims=True)
     difference = np.abs(radius[:, :, None, None] - radius) / grain_mm
     spline = np.maximum(2 - difference, 0.0) ** 3 / 6 - 4 * np.maximum(1 - difference, 0.0) ** 3 / 6
     return np.asarray(np.einsum("ap,bq,apbq->ab", fraction, fraction, 1.5 * spline))
+
+
+def _ring_points(edges_mm: Floats) -> tuple[Floats, Floats]:
+    """Points of quadrature over each ring, and their areas up to a factor a ring; shape (rings, points)."""
+    x, weight = np.polynomial.legendre.leggauss(POINTS)
+    radius = edges_mm[:-1, None] + np.diff(edges_mm)[:, None] / 2 * (x + 1)
+    return radius, radius * weight
 
 
 TERMS = 3  # of the emphasis along the radius

@@ -39,6 +39,11 @@ EVEN_LIGHT = "The light is uniform over the face, and the compared presses had e
 LIGHT_ASSUMPTION = "The light is that of the calibration, and the compared presses had equal force."
 
 
+def comparison_assumptions(against: str, calibration: Calibration | None, *others: str) -> tuple[str, ...]:
+    """Assumptions of a comparison of presses on spheres."""
+    return (SPHERE_ASSUMPTION, COMPARED_WITH[against], equal_light_assumption(calibration), *others)
+
+
 def equal_light_assumption(calibration: Calibration | None) -> str:
     """Assumption on the light."""
     return EVEN_LIGHT if calibration is None or calibration.light is None else LIGHT_ASSUMPTION

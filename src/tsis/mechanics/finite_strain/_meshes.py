@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.mechanics._mesh import (
     LayeredMesh,
-    Spheroid,
+    block_outline,
     face_lines,
     graded,
     mesh_around,
@@ -17,6 +17,7 @@ from tsis.mechanics._mesh import (
     mesh_rectangle,
     outer_lines,
     refine,
+    shape_on_axis,
 )
 from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, weld
 
@@ -157,11 +158,9 @@ def mesh_probe(shape: RoundedProbe, face_lines: Floats, resolution: FiniteResolu
     core = _shaped(shape, np.stack(np.meshgrid(along * corner, -up, indexing="ij"), axis=-1), order)
     young = np.repeat([layer.young_kpa for layer in probe.layers], counts)
     poisson = np.repeat([layer.poisson for layer in probe.layers], counts)
-    first = probe.layers[0]
-    rows = below.layers
     solid = weld(
         [
-            MeshPatch(mesh=below, young_kpa=np.full(rows, first.young_kpa), poisson=np.full(rows, first.poisson)),
+            MeshPatch.uniform(below, probe.layers[0]),
             MeshPatch(mesh=beside, young_kpa=young, poisson=poisson),
             MeshPatch(mesh=core, young_kpa=young, poisson=poisson),
         ]
@@ -217,34 +216,21 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     lines = np.concatenate([inside, beyond[1:]])
     depth = graded(thickness, 1.5 * resolution.rim_mm, resolution.growth, thickness / 4)
     extent = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
-    tissue = {"young_kpa": phantom.young_kpa, "poisson": phantom.poisson}
-
-    def tissue_patch(body: LayeredMesh) -> MeshPatch:
-        return MeshPatch(mesh=body, **{name: np.full(body.layers, value) for name, value in tissue.items()})
-
-    inclusion = phantom.inclusion
-    if inclusion is None:
-        solid = weld([tissue_patch(mesh_rectangle(lines, depth, order, a_is_radius=True))])
+    if phantom.inclusion is None:
+        solid = weld([MeshPatch.uniform(mesh_rectangle(lines, depth, order, a_is_radius=True), phantom)])
         return MeshedSlab(
             solid=solid,
             skin=solid.patches[0][: extent * order + 1, 0],
             inclusion=np.zeros(len(solid.cells), dtype=bool),
         )
-    span, _, upright = inclusion.half_axes_mm
-    block = max(0.75 * probe.radius_mm, 1.3 * span)
-    split = int(np.searchsorted(lines, block))
+    spheroid = shape_on_axis(phantom)
+    split = int(np.searchsorted(lines, max(0.75 * probe.radius_mm, 1.3 * spheroid.half_width)))
     near, far = lines[: split + 1], lines[split:]
-    spheroid = Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=span, half_height=upright)
-    boundary = _outline(near, depth, order, cells=max(2, len(near) // 2))
+    boundary = block_outline(near, depth, depth[-1], order, below_cells=max(2, len(near) // 2))
     around = mesh_around(boundary, spheroid, order, layers=resolution.ray_layers)
     within = mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)
-    solid = weld(
-        [
-            tissue_patch(around),
-            tissue_patch(within),
-            tissue_patch(mesh_rectangle(far, depth, order, a_is_radius=True)),
-        ]
-    )
+    beyond_block = mesh_rectangle(far, depth, order, a_is_radius=True)
+    solid = weld([MeshPatch.uniform(body, phantom) for body in (around, within, beyond_block)])
     columns = (len(boundary) - 1) // order
     member = np.zeros(len(solid.cells), dtype=bool)
     member[columns * around.layers : columns * (around.layers + within.layers)] = True
@@ -252,17 +238,3 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
         [solid.patches[0][: split * order + 1, 0], solid.patches[2][1 : (extent - split) * order + 1, 0]]
     )
     return MeshedSlab(solid=solid, skin=skin, inclusion=member)
-
-
-def _outline(near: Floats, depth: Floats, order: int, *, cells: int) -> Floats:
-    """Outer nodes of the block around the inclusion: along the skin, down its side, back along the chest wall."""
-    edge, bottom = near[-1], depth[-1]
-    top, side = refine(near, order), refine(depth, order)
-    back = refine(np.linspace(edge, 0.0, cells + 1), order)
-    return np.concatenate(
-        [
-            np.column_stack([top, np.zeros_like(top)]),
-            np.column_stack([np.full_like(side, edge), side])[1:],
-            np.column_stack([back, np.full_like(back, bottom)])[1:],
-        ]
-    )

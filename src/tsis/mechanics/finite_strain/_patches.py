@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from tsis.mechanics._element import Floats, Integers
     from tsis.mechanics._mesh import LayeredMesh
+    from tsis.model import Layer, Phantom
 
 
 SAME_POINT_MM = 1e-7
@@ -29,6 +30,12 @@ class MeshPatch:
     mesh: LayeredMesh
     young_kpa: Floats
     poisson: Floats
+
+    @classmethod
+    def uniform(cls, mesh: LayeredMesh, material: Phantom | Layer) -> MeshPatch:
+        """A patch of one material."""
+        young, poisson = (np.full(mesh.layers, value) for value in (material.young_kpa, material.poisson))
+        return cls(mesh=mesh, young_kpa=young, poisson=poisson)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -11,13 +11,13 @@ import numpy as np
 from tsis.mechanics._face import Face
 from tsis.mechanics._mesh import (
     LayeredMesh,
+    block_outline,
     face_lines,
     graded,
     mesh_around,
     mesh_inside,
     mesh_rectangle,
     outer_lines,
-    refine,
     two_sided_lines,
 )
 from tsis.mechanics.small_strain._condensation import EMPTY, FIXED, Condensate, condense_layers
@@ -189,20 +189,6 @@ class Slab:
         on_face = distance.min(axis=1) < 1e-9 * self.face.lines[-1]
         normal[on_face] = nearest[on_face]
 
-    def _boundary(self) -> Floats:
-        """Outer nodes of the block: along the face, down the side, back along the chest wall."""
-        order, edge, bottom = self.resolution.order, self._block_lines[-1], self.thickness_mm
-        top = refine(self._block_lines, order)
-        side = refine(self._depth, order)
-        back = refine(np.linspace(edge, 0.0, self.resolution.below_cells + 1), order)
-        return np.concatenate(
-            [
-                np.column_stack([top, np.zeros_like(top)]),
-                np.column_stack([np.full_like(side, edge), side])[1:],
-                np.column_stack([back, np.full_like(back, bottom)])[1:],
-            ]
-        )
-
     def _ray_layers(self, boundary: Floats, size: float) -> int:
         extent = np.linalg.norm(boundary - [0.0, self.thickness_mm / 2], axis=1).max()
         return max(self.resolution.ray_layers, int(np.ceil(np.log(extent / size) / np.log(self.resolution.ray_ratio))))
@@ -210,7 +196,8 @@ class Slab:
     def with_inclusion(self, shape: Spheroid, *, poisson: float) -> SlabWithInclusion:
         """Mesh an inclusion into the block and condense everything onto the face and the inclusion's surface."""
         far, side = self._far
-        boundary, order = self._boundary(), self.resolution.order
+        order, below = self.resolution.order, self.resolution.below_cells
+        boundary = block_outline(self._block_lines, self._depth, self.thickness_mm, order, below_cells=below)
         outer = mesh_around(boundary, shape, order, layers=self._ray_layers(boundary, shape.size))
         count, layers, _ = outer.nodes.shape
         first = 1 + max(int(far.dofs.max()), int(side.max()))

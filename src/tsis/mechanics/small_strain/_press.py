@@ -65,18 +65,10 @@ class FacePress:
     approach_mm: float
 
     def __add__(self, other: FacePress) -> FacePress:
-        return FacePress(
-            pressure_kpa=self.pressure_kpa + other.pressure_kpa,
-            face_displacement_mm=self.face_displacement_mm + other.face_displacement_mm,
-            approach_mm=self.approach_mm + other.approach_mm,
-        )
+        return FacePress(**{name: getattr(self, name) + getattr(other, name) for name in FacePress.__slots__})
 
     def __sub__(self, other: FacePress) -> FacePress:
-        return FacePress(
-            pressure_kpa=self.pressure_kpa - other.pressure_kpa,
-            face_displacement_mm=self.face_displacement_mm - other.face_displacement_mm,
-            approach_mm=self.approach_mm - other.approach_mm,
-        )
+        return FacePress(**{name: getattr(self, name) - getattr(other, name) for name in FacePress.__slots__})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -125,15 +117,9 @@ class PressKernel:
         self.probe_compliance = probe_compliance(probe, self.face, resolution)
         self.contact = FaceContact(probe, self.face, self.radius_mm)
         self._at_radius = self.face.interpolation(self.radius_mm)
-        self._slab = self._slab_of(thickness_mm, block_radius_mm(probe, thickness_mm) if block_mm is None else block_mm)
-
-    def _slab_of(self, thickness_mm: float, block_mm: float) -> Slab:
-        return Slab(
-            thickness_mm=thickness_mm,
-            poisson=self.poisson,
-            face=self.face,
-            block_mm=block_mm,
-            resolution=self._resolution,
+        block = block_radius_mm(probe, thickness_mm) if block_mm is None else block_mm
+        self._slab = Slab(
+            thickness_mm=thickness_mm, poisson=poisson, face=self.face, block_mm=block, resolution=resolution
         )
 
     def slab(self, *, diameter_mm: float, depth_mm: float, poisson: float) -> SlabWithInclusion:
@@ -226,8 +212,7 @@ def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolutio
 
 
 def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Resolution) -> FacePress:
-    tissue = phantom.young_kpa
-    reference = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm), np.inf, resolution)
+    tissue, reference = phantom.young_kpa, _reference_kernel(probe, phantom, resolution)
     if phantom.inclusion is None:
         return reference.press(tissue, force_mn)
     kernel, change = _kernel_and_change(probe, phantom, phantom.inclusion, resolution)
@@ -256,11 +241,15 @@ def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Res
 def compliances(probe: Probe, phantom: Phantom, resolution: Resolution) -> tuple[PressKernel, Floats]:
     """The kernel of a press and the compliance of the phantom's tissue on its face's nodes, mm/mN."""
     if phantom.inclusion is None:
-        block = block_radius_mm(probe, phantom.thickness_mm)
-        kernel, change = _kernel(probe, phantom, block, np.inf, resolution), None
+        kernel, change = _reference_kernel(probe, phantom, resolution), None
     else:
         kernel, change = _kernel_and_change(probe, phantom, phantom.inclusion, resolution)
     return kernel, kernel.tissue_compliance(phantom.young_kpa, change)
+
+
+def _reference_kernel(probe: Probe, phantom: Phantom, resolution: Resolution) -> PressKernel:
+    block = block_radius_mm(probe, phantom.thickness_mm)
+    return _kernel(probe, phantom.thickness_mm, phantom.poisson, block, np.inf, resolution)
 
 
 def _kernel_and_change(
@@ -272,17 +261,14 @@ def _kernel_and_change(
     central = central_cell_mm(width, inclusion.depth_mm, shape.centre_depth)
     # Deep inclusions use the kernel without inclusion: their cell is wider than all cells of the face.
     central = np.inf if central >= resolution.largest * probe.radius_mm else central
-    kernel = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm, width), central, resolution)
+    block = block_radius_mm(probe, phantom.thickness_mm, width)
+    kernel = _kernel(probe, phantom.thickness_mm, phantom.poisson, block, central, resolution)
     slab = kernel.slab_around(shape, poisson=inclusion.poisson)
     return kernel, slab.change(inclusion.young_kpa / phantom.young_kpa)
 
 
-def _kernel(probe: Probe, phantom: Phantom, block_mm: float, central_mm: float, resolution: Resolution) -> PressKernel:
-    return _cached_kernel(probe, phantom.thickness_mm, phantom.poisson, block_mm, central_mm, resolution)
-
-
 @lru_cache(maxsize=8)
-def _cached_kernel(
+def _kernel(
     probe: Probe, thickness_mm: float, poisson: float, block_mm: float, central_mm: float, resolution: Resolution
 ) -> PressKernel:
     return PressKernel(

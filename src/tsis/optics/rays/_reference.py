@@ -16,9 +16,7 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import brentq
 
 from tsis.optics import _angles as snell
-from tsis.optics._asperities import real_contact
-from tsis.optics.rays._face import face_grid, on_face
-from tsis.optics.rays._scene import media
+from tsis.optics.rays._scene import media, pressed_face
 from tsis.optics.rays._trace import Tally
 
 if TYPE_CHECKING:
@@ -166,11 +164,7 @@ def reference_probe(
     absorption_per_mm: float = 0.0,
 ) -> ReferenceProbe:
     """A probe under the press ``pressed``."""
-    side, from_axis = face_grid(probe.radius_mm)
-    height, fraction = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
-    if pressed is not None:
-        displacement, pressure = on_face(pressed, side, from_axis)
-        height, fraction = height + displacement, real_contact(pressure, saturation_kpa)
+    side, height, fraction = pressed_face(probe, pressed, saturation_kpa)
     face = RectBivariateSpline(side, side, height.T)
     indices, levels = media(probe)
     pulls = np.maximum(1 - levels / probe.thickness_mm, 0.0)

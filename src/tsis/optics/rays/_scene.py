@@ -55,11 +55,7 @@ def scene(
     require_type("probe", probe, Probe)
     if pressed is not None and not isinstance(pressed, PressField | PressMap):
         raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
-    side, from_axis = face_grid(probe.radius_mm)
-    height, fraction = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
-    if pressed is not None:
-        displacement, pressure = on_face(pressed, side, from_axis)
-        height, fraction = height + displacement, real_contact(pressure, saturation_kpa)
+    side, height, fraction = pressed_face(probe, pressed, saturation_kpa)
     thickness = probe.thickness_mm
     rest = float(thickness - height.max())
     if rest < THINNEST * thickness:
@@ -80,6 +76,18 @@ def scene(
         weak=WEAK,
         most_meetings=MOST_MEETINGS,
     )
+
+
+def pressed_face(
+    probe: Probe, pressed: PressField | PressMap | None, saturation_kpa: float
+) -> tuple[Floats, Floats, Floats]:
+    """Coordinates along one side of the tracer's grid, and there the face's height and its real contact."""
+    side, from_axis = face_grid(probe.radius_mm)
+    height = probe.sag_mm(from_axis)
+    if pressed is None:
+        return side, height, np.zeros(from_axis.shape)
+    displacement, pressure = on_face(pressed, side, from_axis)
+    return side, height + displacement, real_contact(pressure, saturation_kpa)
 
 
 def media(probe: Probe) -> tuple[Floats, Floats]:

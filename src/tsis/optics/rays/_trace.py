@@ -260,16 +260,8 @@ def _light(probe: Probe, view: Scene, batches: Batches) -> TracedLight:
 
 
 def _tally(totals: Floats) -> Tally:
-    return Tally(
-        missed=float(totals[rays_kernel.MISSED]),
-        reflected=float(totals[rays_kernel.REFLECTED]),
-        side=float(totals[rays_kernel.SIDE]),
-        glass=float(totals[rays_kernel.GLASS]),
-        face=float(totals[rays_kernel.FACE]),
-        contact=float(totals[rays_kernel.CONTACT]),
-        absorbed=float(totals[rays_kernel.ABSORBED]),
-        cut_off=float(totals[rays_kernel.CUT]),
-    )
+    ends = totals[rays_kernel.MISSED : rays_kernel.CUT + 1]  # in the order of the fields
+    return Tally(**dict(zip(Tally.__slots__, ends.tolist(), strict=True)))
 
 
 def trace_paths(
