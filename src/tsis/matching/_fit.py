@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+
+from tsis.errors import InputError
+from tsis.model import require_array
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Booleans = NDArray[np.bool]
 Floats = NDArray[np.float64]
@@ -47,6 +53,15 @@ class MatchMethod(Protocol):
 
     def __call__(self, source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
         """Match the sets."""
+
+
+def require_points(name: str, value: ArrayLike, dimension: int | None = None) -> Floats:
+    """Points of shape (n, d) with d = 2 or 3, or with d = ``dimension``."""
+    points = require_array(name, value, ndim=2)
+    if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):
+        required = "2 or 3" if dimension is None else str(dimension)
+        raise InputError(f"{name} must have {required} coordinates each; got shape {points.shape}")
+    return points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

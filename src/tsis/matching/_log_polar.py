@@ -17,13 +17,11 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from tsis.compiled import compiled
-from tsis.errors import InputError
-from tsis.model import require_array, require_number
+from tsis.matching._fit import Floats, require_points
+from tsis.model import require_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-    from tsis.matching._fit import Floats
 
 
 DISTANCE_BINS = 5
@@ -45,7 +43,7 @@ def histograms(points: ArrayLike, *, turn: float = 0.0, scale: float | None = No
     >>> histograms([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]).shape
     (3, 60)
     """
-    points = _points(points)
+    points = require_points("points", points)
     axis = np.full(len(points), float(turn))
     return _normalised(_counts(points, axis, mean_distance(points) if scale is None else _scale(scale)))
 
@@ -62,7 +60,7 @@ def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> Floats:
     >>> bool(np.allclose(axis_histograms(corner), axis_histograms(rotated)))
     True
     """
-    points = _points(points)
+    points = require_points("points", points)
     scale = mean_distance(points) if scale is None else _scale(scale)
     towards = points.mean(axis=0) - points
     if points.shape[1] == 2:
@@ -184,10 +182,3 @@ def _normalised(counts: Floats) -> Floats:
 
 def _scale(value: float) -> float:
     return require_number("scale", value, SMALLEST, 1e300, hint="the points must not all coincide")
-
-
-def _points(value: ArrayLike) -> Floats:
-    points = require_array("points", value, ndim=2)
-    if points.shape[1] not in (2, 3):
-        raise InputError(f"points must have 2 or 3 coordinates each; got shape {points.shape}")
-    return points

@@ -16,7 +16,7 @@ from tsis.matching import _shape_context as shape_context
 from tsis.matching import _tprl as tprl
 from tsis.matching import _tps_rpm as tps_rpm
 from tsis.matching._evidence import log_evidence
-from tsis.matching._fit import UNMATCHED, Booleans, Floats, Integers, NormalFrame, transformed_in_blocks
+from tsis.matching._fit import UNMATCHED, Booleans, Floats, Integers, NormalFrame, require_points, transformed_in_blocks
 from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
 from tsis.matching._spline import spline_basis, spread_indices, spread_out
 from tsis.model import require_array, require_one_of, require_type
@@ -244,10 +244,8 @@ def _stay(points: Floats, /) -> Floats:
 
 
 def _points(name: str, value: ArrayLike) -> Floats:
-    points = require_array(name, value, ndim=2)
+    points = require_points(name, value)
     dimension = points.shape[1]
-    if dimension not in (2, 3):
-        raise InputError(f"{name} must have 2 or 3 coordinates a point; got shape {points.shape}")
     if len(points) > MOST_POINTS:
         raise InputError(
             f"{name} must hold at most {MOST_POINTS:,} points; got {len(points):,}, which would take about "

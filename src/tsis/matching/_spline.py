@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tsis.errors import InputError
-from tsis.matching._fit import Floats, Integers, NormalFrame, ridge_solution
+from tsis.matching._fit import Floats, Integers, NormalFrame, require_points, ridge_solution
 from tsis.model import require_array, require_number
 
 if TYPE_CHECKING:
@@ -50,12 +50,12 @@ class ThinPlateSpline:
 
     def __call__(self, points: ArrayLike) -> Floats:
         """Transform ``points``, shape (n, d)."""
-        at = _points("points", points, self.control.shape[1])
+        at = require_points("points", points, self.control.shape[1])
         return np.asarray(kernel(at, self.control) @ self.weights + self.affine[0] + at @ self.affine[1:])
 
     def gradient(self, points: ArrayLike) -> Floats:
         """Derivatives ``[n, i, j] = d f_i / d x_j`` at ``points``, shape (n, d, d)."""
-        at = _points("points", points, self.control.shape[1])
+        at = require_points("points", points, self.control.shape[1])
         away = at[:, None, :] - self.control[None, :, :]
         rate = _kernel_rate(np.linalg.norm(away, axis=2), at.shape[1])
         return np.asarray(self.affine[1:].T + np.einsum("ck,nc,ncj->nkj", self.weights, rate, away))
@@ -114,9 +114,9 @@ def spline_basis(points: ArrayLike, *, control: ArrayLike | None = None) -> Spli
     shape (k, d), are the points by default, or `CONTROL_POINTS` spread ones of them. Raises `InputError` when the
     shapes do not fit or the control points lie in a line or plane.
     """
-    points = _points("points", points)
+    points = require_points("points", points)
     dimension = points.shape[1]
-    chosen = spread_out(points, CONTROL_POINTS) if control is None else _points("control", control, dimension)
+    chosen = spread_out(points, CONTROL_POINTS) if control is None else require_points("control", control, dimension)
     affine = np.column_stack([np.ones(len(chosen)), chosen])
     span, _, _ = np.linalg.svd(affine, full_matrices=True)
     if len(chosen) <= dimension or np.linalg.cond(affine - [0.0, *chosen.mean(axis=0)]) > 1e8:
@@ -176,8 +176,8 @@ def fit_spline(
     >>> spline([[0.5, 0.5]]).round(6).tolist()
     [[1.0, 0.5]]
     """
-    at = _points("points", points)
-    to = _points("targets", targets, at.shape[1])
+    at = require_points("points", points)
+    to = require_points("targets", targets, at.shape[1])
     if len(to) != len(at):
         raise InputError(f"targets must be as many as the points, {len(at)}; got {len(to)}")
     require_number("bending", bending, 0.0, 1e12)
@@ -190,7 +190,7 @@ def fit_spline(
     if here.size == 0:
         raise InputError(f"at least {at.shape[1] + 1} points must be distinct; got {len(at)} equal ones")
     there = NormalFrame(centre=to.mean(axis=0), size=here.size)
-    chosen = None if control is None else here.inward(_points("control", control, at.shape[1]))
+    chosen = None if control is None else here.inward(require_points("control", control, at.shape[1]))
     basis = spline_basis(here.inward(at), control=chosen)
     distinct = len(np.unique(at, axis=0))
     if bending == 0 and distinct < len(basis.control):
@@ -250,11 +250,3 @@ def spread_order(points: Floats) -> Integers:
     """All indices, each point the farthest from those before it."""
     first = spread_indices(points, len(points))
     return np.concatenate([first, np.setdiff1d(np.arange(len(points)), first)])
-
-
-def _points(name: str, value: ArrayLike, dimension: int | None = None) -> Floats:
-    points = require_array(name, value, ndim=2)
-    if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):
-        required = "2 or 3" if dimension is None else str(dimension)
-        raise InputError(f"{name} must have {required} coordinates each; got shape {points.shape}")
-    return points

@@ -1,4 +1,4 @@
-"""Shapes made at random, none of them a public one: what matching is tuned on, and judged on where no data lie.
+"""Random shapes, different from the public ones, for tuning and for tests without data.
 
 Each fills the unit square or cube as the public shapes do: the longest side of its box is `LONGEST_SIDE`, its middle
 is `MIDDLE` on every axis.
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 LONGEST_SIDE = 0.75
 MIDDLE = 0.6
 FEWEST, MOST = 10, 100_000
-TRIES = 20  # candidates a point of an even texture: the more, the more even
+TRIES = 20  # candidates for each point of an even texture
 DOME_HEIGHT = 0.35  # of the width of the surface
 
 
 class Shape(Protocol):
-    """Makes ``count`` points, shape (count, 2) or (count, 3)."""
+    """Creates ``count`` points, shape (count, 2) or (count, 3)."""
 
     def __call__(self, count: int, *, rng: np.random.Generator) -> Floats:
-        """Make them."""
+        """Create them."""
 
 
 def fourier_curve(count: int, *, rng: np.random.Generator) -> Floats:
@@ -49,7 +49,7 @@ def fourier_curve(count: int, *, rng: np.random.Generator) -> Floats:
 
 
 def strokes(count: int, *, rng: np.random.Generator) -> Floats:
-    """Points along 4 to 7 strokes of 2 to 4 straight pieces each, as a written character has them."""
+    """Points along 4 to 7 strokes of 2 to 4 straight pieces each, as in a written character."""
     require_integer("count", count, FEWEST, MOST)
     lines = [_stroke(rng) for _ in range(rng.integers(4, 8))]
     length = np.array([np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines])
@@ -68,7 +68,7 @@ def _stroke(rng: np.random.Generator) -> Floats:
 
 
 def spiral(count: int, *, rng: np.random.Generator) -> Floats:
-    """Points evenly along a spiral of 1.5 to 3 turns, which looks alike after many a rotation."""
+    """Points evenly along a spiral of 1.5 to 3 turns, which is similar after many rotations."""
     require_integer("count", count, FEWEST, MOST)
     angle = np.linspace(0.5 * np.pi, 2 * np.pi * rng.uniform(1.5, 3.0), 2000)
     radius = angle ** rng.uniform(0.8, 1.3)
@@ -83,7 +83,7 @@ def scattered_texture(count: int, *, rng: np.random.Generator) -> Floats:
 
 
 def even_texture(count: int, *, rng: np.random.Generator) -> Floats:
-    """Points that keep apart in a square: of `TRIES` candidates the one farthest from all before it."""
+    """Evenly scattered points in a square: of `TRIES` candidates the one farthest from all before it."""
     require_integer("count", count, FEWEST, MOST)
     points = np.empty((count, 2))
     points[0] = rng.uniform(0.0, 1.0, 2)
@@ -97,7 +97,7 @@ def even_texture(count: int, *, rng: np.random.Generator) -> Floats:
 def tactile_surface(count: int, *, rng: np.random.Generator) -> Floats:
     """Points (x, y, z) of a pressed dome: a broad one over a disc, with one to three smaller bumps on it."""
     require_integer("count", count, FEWEST, MOST)
-    # Sunflower seeds cover a disc evenly at any count; a little chance keeps them from being a lattice.
+    # Sunflower seeds cover a disc evenly at any count; small random shifts avoid a lattice.
     radius = np.sqrt((np.arange(count) + 0.5) / count)
     angle = np.arange(count) * np.pi * (3 - np.sqrt(5)) + rng.uniform(0, 2 * np.pi)
     flat = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])

@@ -1,4 +1,4 @@
-"""What many trials say together: median, mean, failures and the ratio to the best rival, never the mean alone."""
+"""Summary of many trials: median, mean, failures and the ratio to the best rival."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from tsis.matching.trials._runs import TrialRow
 
 
-FAILURE_RMS = (
-    0.1  # root-mean-square error, in units of a shape that about fills the unit box, from which a match failed
-)
+FAILURE_RMS = 0.1  # least root-mean-square error of a failure, for a shape that about fills the unit box
 DRAWS = 2000
 LEVEL = 0.95
 
@@ -48,21 +46,21 @@ class TrialSummary:
     Attributes
     ----------
     group, level
-        What was done to which shape, and how much; the level of a pooled summary is empty.
+        Shape and distortion, and its level; the level of a pooled summary is empty.
     method
         Name of the method.
     trials
-        How many.
+        Number of trials.
     median, mean
         Of the errors, in the unit of the points.
     failures
-        Share of the trials whose error exceeds the limit, in [0, 1].
+        Fraction of the trials whose error exceeds the limit, in [0, 1].
     unannounced
-        Share of the trials that failed although the method trusted its answer; None where it never says.
+        Fraction of the trials that failed although rated as reliable; None without ratings.
     withheld
-        Share of the trials whose answer the method did not trust; None where it never says.
+        Fraction of the trials not rated as reliable; None without ratings.
     refused
-        Share of the trials that it gave no answer to.
+        Fraction of the trials without a result.
     seconds
         Median time.
     ratio
@@ -96,9 +94,9 @@ def summarise(
     rows
         As `tsis.matching.trials.run_trials` returns them.
     rivals
-        Methods among which the best is what all are compared with.
+        Methods; all methods are compared with the best of these.
     failure
-        Error from which a trial counts as failed, in the unit of the points.
+        Least error of a failed trial, in the unit of the points.
     seed
         Of the bootstrap.
 
@@ -120,12 +118,12 @@ def summarise_pooled(
 ) -> list[TrialSummary]:
     """One summary a kind of distortion and method, over all shapes and levels.
 
-    The rival is the best of each level by itself, which no single rival can beat.
+    The rival is the best at each level.
 
     Parameters
     ----------
     rows, rivals, failure, seed
-        As for `summarise`; the kind is the last part of the group's name.
+        As for `summarise`. The kind is the last part of the group's name.
 
     Raises
     ------
