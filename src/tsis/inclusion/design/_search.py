@@ -138,7 +138,7 @@ def optimise_design(
             replace(planned, probe=probe), prior=prior, calibration=given, sensor=sensor, degrees=degrees
         )
 
-    def judge(octaves: Floats) -> float:
+    def evaluate(octaves: Floats) -> float:
         view = view_at(octaves)
         forces = _forces(view, searched)
         value = HOPELESS
@@ -153,7 +153,7 @@ def optimise_design(
     # The first simplex spans an octave: a smaller one wastes evaluations on the scale.
     simplex = np.array([start, [1.0, 0.0], [0.0, 1.0]])
     minimize(
-        judge,
+        evaluate,
         start,
         method="Nelder-Mead",
         bounds=[(-OCTAVES, OCTAVES)] * 2,

@@ -16,9 +16,7 @@ from tsis.model import freeze_arrays
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.imaging import Features
     from tsis.inclusion._prior import Floats
-    from tsis.inclusion.relative import LightChange
     from tsis.model import Calibration, TactileImage
 
 
@@ -127,6 +125,11 @@ def object_shape(
     if not result.contact:
         return nothing
     scale, axis = image.scale(), image.axis()
+    wrong = {
+        "cropped": result.cropped,
+        "saturated": bool(change.clipped[result.patch.mask].any()),
+        "corners_lit": levels.corners_grey >= levels.threshold_grey,
+    }
     return ObjectShape(
         levels=levels,
         area_mm2=result.area_mm2,
@@ -138,14 +141,5 @@ def object_shape(
         contour_mm=(result.patch.contour_px - axis) * scale,
         against=against,
         assumptions=assumptions,
-        flags=_flags(change, levels, result),
+        flags=tuple(flag for flag, is_so in wrong.items() if is_so),
     )
-
-
-def _flags(change: LightChange, levels: TwoMeans, features: Features) -> tuple[str, ...]:
-    wrong = {
-        "cropped": features.cropped,
-        "saturated": bool(change.clipped[features.patch.mask].any()),
-        "corners_lit": levels.corners_grey >= levels.threshold_grey,
-    }
-    return tuple(flag for flag, is_so in wrong.items() if is_so)

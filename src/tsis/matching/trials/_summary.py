@@ -196,7 +196,7 @@ def _summary(
     errors = np.array([row.error for row in rows])
     failed = errors > failure
     entries = [bool(wrong) and row.reliable == "yes" for wrong, row in zip(failed, rows, strict=True)]
-    says = any(row.reliable for row in rows)
+    rated = any(row.reliable for row in rows)
     other = {row.trial: row.error for row in against}
     shared = [row for row in rows if row.trial in other]
     ratio = None
@@ -211,8 +211,8 @@ def _summary(
         median=float(np.median(errors)),
         mean=float(errors.mean()),
         failures=float(failed.mean()),
-        unannounced=float(np.mean(entries)) if says else None,
-        withheld=float(np.mean([row.reliable == "no" for row in rows])) if says else None,
+        unannounced=float(np.mean(entries)) if rated else None,
+        withheld=float(np.mean([row.reliable == "no" for row in rows])) if rated else None,
         refused=float(np.mean([bool(row.refused) for row in rows])),
         seconds=float(np.median([row.seconds for row in rows])),
         ratio=ratio,

@@ -82,6 +82,7 @@ class ElasticBody:
     def __init__(self, solid: Solid, numbering: Numbering) -> None:
         self.solid, self.numbering = solid, numbering
         self._operator, self.volume = _operators(solid)
+        self._flat = self._operator.reshape(len(solid.cells), -1, self._operator.shape[-1])
         mu, lam = lame_constants(solid.young_kpa, solid.poisson)
         self._mu, self._lam = mu[:, None], lam[:, None]
         self._inner, self._outer = _inner(solid.order), _outer(solid.order)
@@ -96,11 +97,8 @@ class ElasticBody:
 
     def _spread(self, displacements: Floats) -> Floats:
         """Derivatives of displacements at the integration points, shape (5, elements, points)."""
-        local = displacements[self.solid.cells]
-        elements, points, _, count = self._operator.shape
-        flat = self._operator.reshape(elements, points * 3, count)
-        derivative = (flat @ local).reshape(elements, points, 3, 2)
-        result = np.empty((5, elements, points))
+        derivative = (self._flat @ displacements[self.solid.cells]).reshape(*self._operator.shape[:3], 2)
+        result = np.empty((5, *self.volume.shape))
         result[RR], result[RZ], result[HOOP] = derivative[:, :, 0, 0], derivative[:, :, 1, 0], derivative[:, :, 2, 0]
         result[ZR], result[ZZ] = derivative[:, :, 0, 1], derivative[:, :, 1, 1]
         return result
@@ -116,12 +114,11 @@ class ElasticBody:
         return self._element_forces(neo_hookean.stress(gradient, self._mu, self._lam) * self.volume)
 
     def _element_forces(self, stress: Floats) -> Floats:
-        elements, points, _, count = self._operator.shape
-        flat = self._operator.reshape(elements, points * 3, count)
-        radial = np.stack([stress[i] for i in RADIAL], axis=-1).reshape(elements, 1, points * 3)
+        elements = len(self._flat)
+        radial = np.stack([stress[i] for i in RADIAL], axis=-1).reshape(elements, 1, -1)
         axial = np.stack([*(stress[i] for i in AXIAL), np.zeros_like(stress[0])], axis=-1)
-        both = np.concatenate([radial, axial.reshape(elements, 1, points * 3)], axis=1)
-        return np.swapaxes(both @ flat, 1, 2)
+        both = np.concatenate([radial, axial.reshape(elements, 1, -1)], axis=1)
+        return np.swapaxes(both @ self._flat, 1, 2)
 
     def matrices(self, displacements: Floats) -> Floats:
         """Tangents of all elements in mN/mm, shape (elements, n, n) with unknowns (u_r, u_z) node by node."""
@@ -141,9 +138,8 @@ class ElasticBody:
 
     def _element_matrices(self, gradient: Floats, pull: Floats | None) -> Floats:
         tangent = neo_hookean.tangent(gradient, self._mu, self._lam, pull) * self.volume
-        operator = self._operator
+        operator, flat = self._operator, self._flat.swapaxes(1, 2)
         elements, points, _, count = operator.shape
-        flat = operator.reshape(elements, points * 3, count).swapaxes(1, 2)
         result = np.empty((elements, count, 2, count, 2))
         blocks = {(0, 0): (RADIAL, RADIAL), (0, 1): (RADIAL, AXIAL), (1, 1): (AXIAL, AXIAL)}
         for (row, column), (left, right) in blocks.items():

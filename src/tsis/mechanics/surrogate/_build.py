@@ -142,6 +142,19 @@ def cached_arrays(kind: str, key: str, solve: Callable[[], dict[str, Floats]]) -
     return arrays
 
 
+def surrogate_key(
+    version: int,
+    probe: Probe,
+    box: Box,
+    degrees: Degrees,
+    resolution: Resolution | FiniteResolution,
+    others: dict[str, Any],
+) -> str:
+    """Hash of the content of a surrogate."""
+    values = {"box": asdict(box), "degrees": asdict(degrees), "resolution": asdict(resolution), **others}
+    return content_key({"format": version, "probe": mechanical_content(probe), **values})
+
+
 def mechanical_content(probe: Probe) -> dict[str, Any]:
     """All values of a probe that its presses depend on, as JSON values."""
     return asdict(replace(probe.unlit(), name="", assumed=()))
@@ -199,17 +212,8 @@ def build_surrogate(
     force_n = require_number("force_n", force_n, 1e-3, 50.0, hint="newtons")
     box, degrees = box or Box(), degrees or Degrees()
     slabs, resolution = slabs_of(probe, box, force_n, strain, resolution)
-    key = content_key(
-        {
-            "format": FORMAT_VERSION,
-            "probe": mechanical_content(probe),
-            "force_n": force_n,
-            "strain": strain,
-            "box": asdict(box),
-            "degrees": asdict(degrees),
-            "resolution": asdict(resolution),
-        }
-    )
+    press = {"force_n": force_n, "strain": strain}
+    key = surrogate_key(FORMAT_VERSION, probe, box, degrees, resolution, press)
 
     def solve() -> dict[str, Floats]:
         reference, change = solve_all(box, slabs, degrees, progress)

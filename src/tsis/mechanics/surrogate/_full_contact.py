@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.files import content_key
 from tsis.mechanics._face import hats
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import (
@@ -20,9 +19,9 @@ from tsis.mechanics.surrogate._build import (
     PRESS_OUTPUTS,
     cached_arrays,
     largest_error,
-    mechanical_content,
     profiles,
     solve_all,
+    surrogate_key,
 )
 from tsis.mechanics.surrogate._polynomial import Box, Degrees, Surrogate
 from tsis.mechanics.surrogate._presses import FACE_POINTS, SmallStrainSlabs, full_contact_rows
@@ -132,17 +131,8 @@ def build_full_contact_surrogate(
     require_type("probe", probe, Probe)
     poisson_step = require_number("poisson_step", poisson_step, 1e-4, 0.1, hint="a difference of Poisson's ratio")
     box, degrees, resolution = box or Box(), degrees or FULL_CONTACT_DEGREES, resolution or Resolution()
-    key = content_key(
-        {
-            "format": FORMAT_VERSION,
-            "probe": mechanical_content(probe),
-            "box": asdict(box),
-            "degrees": asdict(degrees),
-            "poisson_degrees": asdict(POISSON_DEGREES),
-            "poisson_step": poisson_step,
-            "resolution": asdict(resolution),
-        }
-    )
+    by_poisson = {"poisson_degrees": asdict(POISSON_DEGREES), "poisson_step": poisson_step}
+    key = surrogate_key(FORMAT_VERSION, probe, box, degrees, resolution, by_poisson)
 
     solve = partial(_solve, probe, box, degrees, poisson_step, resolution, progress)
     result = cached_arrays("covered", key, solve) if cached else solve()
