@@ -16,6 +16,7 @@ import tsis
 from tsis.errors import InputError, NotCalibratedError, UnknownNameError
 from tsis.imaging import Sensor
 from tsis.inclusion import InclusionPrior
+from tsis.inclusion._frames import largest_force_n
 from tsis.inclusion.design import (
     ASPECTS,
     PlannedPress,
@@ -34,7 +35,7 @@ from tsis.inclusion.design import (
 from tsis.inclusion.design import _information as made_ready
 from tsis.inclusion.design._alternatives import calibration_for, with_moduli
 from tsis.inclusion.design._information import PlannedView, information_of, planned_view, view_of
-from tsis.inclusion.design._limits import covering_n, largest_force_of, limits_of
+from tsis.inclusion.design._limits import covering_n, limits_of
 from tsis.inclusion.design._search import at_forces
 from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics import press
@@ -224,7 +225,8 @@ def test_limits_are_those_of_a_press(views: dict[str, PlannedView]) -> None:
     assert (found.read_mm, found.view_mm) == pytest.approx((19.2, 492 * 0.0392))
     assert not found.broken
     assert 0.5 < found.whole_fraction < 1.0
-    strongest = limits_of(at_forces(view, (0.2, 1.01 * largest_force_of(view))), even_inclusions(PRIOR))
+    most = largest_force_n(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)
+    strongest = limits_of(at_forces(view, (0.2, 1.01 * most)), even_inclusions(PRIOR))
     assert set(strongest.broken) == {"strain", "contact", "saturation"}
     assert strongest.strain == pytest.approx(STRAIN_LIMIT, rel=0.02)
     narrow = replace(view, sensor=replace(SENSOR, rows=480))

@@ -76,7 +76,7 @@ LINE = np.outer(np.arange(9.0), [1.0, -2.0])
         (np.where(POINTS > 1, np.nan, POINTS), POINTS, "source must be finite; got [1-9].* NaN or infinite values"),
         (POINTS, np.where(POINTS > 1, np.inf, POINTS), "target must be finite"),
         (POINTS, SOLID, "as many coordinates; got 2 and 3"),
-        (np.zeros((9, 4)), np.zeros((9, 4)), "source must have 2 or 3 coordinates a point; got shape"),
+        (np.zeros((9, 4)), np.zeros((9, 4)), "source must have 2 or 3 coordinates each; got shape"),
         (np.arange(9.0)[:, None], np.arange(9.0)[:, None], "source must have 2 or 3 coordinates"),
         (np.arange(9.0), POINTS, "source must have 2 axes"),
         (POINTS, POINTS[None], "target must have 2 axes"),

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.mechanics.closed_forms import bonded_layer_ratio, hertz, punch_stiffness
 
 import tsis
 from tsis.mechanics import press
-from tsis.mechanics._closed_form import bonded_layer_ratio, hertz, punch_stiffness
 from tsis.mechanics._mesh import block_radius_mm
 from tsis.mechanics.small_strain import PressKernel, Resolution
 from tsis.mechanics.small_strain import _disc_contact as disc_contact

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from tests.mechanics.closed_forms import oedometric_modulus_kpa
 
 from tsis.mechanics import graded, stiffness, two_sided_lines
-from tsis.mechanics._closed_form import oedometric_modulus_kpa
 from tsis.mechanics._element import lagrange, lame_constants, lobatto_points, reference_element
 from tsis.mechanics._mesh import Spheroid, mesh_around, mesh_inside, refine
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.mechanics.closed_forms import hertz
 
 import tsis
 from tsis.errors import InputError, MechanicsError
-from tsis.mechanics._closed_form import hertz
 from tsis.mechanics.small_strain import Indentation, Resolution, indent
 from tsis.model import Layer, Probe
 

@@ -20,9 +20,9 @@ from studies.section_5_1 import (
     traced_lines,
 )
 from studies.section_5_1_bench import PRINTED_SLOPE, PROBE, bench, full_contact, pressed, saturation_kpa
+from tests.mechanics.closed_forms import hertz
 
 from tsis.mechanics import effective_modulus_kpa
-from tsis.mechanics._closed_form import hertz
 from tsis.optics.irradiance import irradiance
 
 if TYPE_CHECKING:

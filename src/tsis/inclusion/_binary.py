@@ -41,13 +41,7 @@ def binary_image(image: TactileImage, threshold_grey: float) -> TactileImage:
 
 
 def binary_features(image: TactileImage, threshold_grey: float) -> Features:
-    """Position and shape of the largest part above a threshold, with equal weight of its pixels.
-
-    Raises
-    ------
-    InputError
-        When the whole picture is above the threshold.
-    """
+    """Position and shape of the largest part above a threshold, which the whole picture must not exceed."""
     binary = binary_image(image, threshold_grey)
     if binary.grey.min() > 0:
         raise InputError(

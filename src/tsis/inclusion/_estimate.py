@@ -64,15 +64,7 @@ ROUNDING = 1e-6  # of the radius
 
 
 def check_calibration(calibration: Calibration, probe: Probe) -> None:
-    """Refuse a missing calibration, or one of another probe.
-
-    Raises
-    ------
-    InputError
-        When ``probe`` is no `Probe`.
-    NotCalibratedError
-        When the calibration is missing or of another probe, or its map of the light ends inside the probe's face.
-    """
+    """Refuse a missing calibration, one of another probe, or one whose map of the light ends inside the face."""
     require_same_probe(probe, calibration)
     light = calibration.light
     if light is None or _is_uniform(light):

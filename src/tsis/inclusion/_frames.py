@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion._prior import InclusionPrior
+    from tsis.inclusion._prior import Floats, InclusionPrior
     from tsis.mechanics.surrogate import FullContactSurrogate, Surrogate
     from tsis.model import Calibration, LightMap, Probe
 
@@ -29,7 +29,7 @@ DARKEST = 1e-3  # of the brightest light; darker pixels are not corrected
 OUTER_FRACTION = 0.8  # of the face's radius; beyond it the singular pressure at the rim dominates
 
 
-def ring_edges(probe: Probe) -> NDArray[np.float64]:
+def ring_edges(probe: Probe) -> Floats:
     """Boundaries of the profile's rings, mm."""
     return np.linspace(0.0, OUTER_FRACTION * probe.radius_mm, RINGS + 1)
 
@@ -38,11 +38,11 @@ def ring_edges(probe: Probe) -> NDArray[np.float64]:
 class RingLight:
     """Light of each ring, shape (rings,), and its shading by a dent."""
 
-    level: NDArray[np.float64]
+    level: Floats
     shading: RingShading
 
 
-def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[np.float64]) -> RingLight:
+def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: Floats) -> RingLight:
     """Means over the pixels of each ring; uniform light without shading if the calibration has no light map."""
     if calibration.light is None:
         none = np.zeros(len(edges_mm) - 1)
@@ -59,11 +59,11 @@ def _rings_of(
     edges_mm: tuple[float, ...],
 ) -> RingLight:
     frame = TactileImage(grey=np.zeros(shape), mm_per_pixel=scale, axis_px=axis, full_scale=65535.0)
-    x, y = _pixels_mm(frame)
+    x, y = pixels_mm(frame)
     relative, flux_x, flux_y, growth, bend = light.undented(x, y)
     outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
 
-    def mean(values: NDArray[np.floating[Any]], empty: float) -> NDArray[np.float64]:
+    def mean(values: NDArray[np.floating[Any]], empty: float) -> Floats:
         result = radial_profile(replace(frame, grey=np.asarray(values, dtype=float)), edges_mm=edges_mm).mean_grey
         return np.asarray(np.nan_to_num(result, nan=empty))
 
@@ -82,7 +82,7 @@ def depletion_per_n(calibration: Calibration, probe: Probe) -> float:
     return calibration.light.depletion * float(fraction)
 
 
-def _pixels_mm(frame: TactileImage) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def pixels_mm(frame: TactileImage) -> tuple[Floats, Floats]:
     """Coordinates of the columns and of the rows from the probe's axis, mm."""
     (rows, columns), axis, (sx, sy) = frame.grey.shape, frame.axis(), frame.scale()
     return np.asarray((np.arange(columns) - axis[0]) * sx), np.asarray((np.arange(rows) - axis[1]) * sy)
@@ -92,18 +92,13 @@ def correct_light(frame: TactileImage, calibration: Calibration) -> TactileImage
     """The frame above its background, corrected to uniform light; it no longer shows which pixels clipped."""
     if calibration.light is None:
         return frame
-    light = calibration.light.at(*_pixels_mm(frame))
+    light = calibration.light.at(*pixels_mm(frame))
     floor = DARKEST * float(light.max())
     return replace(frame, grey=(frame.grey - calibration.background_grey) / np.maximum(light, floor))
 
 
 def ring_profiles(
-    frames: list[TactileImage],
-    calibration: Calibration,
-    edges_mm: NDArray[np.float64],
-    *,
-    light: NDArray[np.float64],
-    model_error: float,
+    frames: list[TactileImage], calibration: Calibration, edges_mm: Floats, *, light: Floats, model_error: float
 ) -> Profiles:
     """Mean grey above background at uniform light of each ring and frame, its variance, and the usable rings.
 
@@ -129,13 +124,7 @@ def ring_profiles(
 def require_valid_forces(
     frames: Sequence[TactileImage], surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior
 ) -> None:
-    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond small strain.
-
-    Raises
-    ------
-    InputError
-        Naming the frame and the range of forces.
-    """
+    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond small strain."""
     least, most = covering_force_n(surrogate, prior, None), largest_force_n(surrogate, probe=probe, prior=prior)
     if least > most:
         raise InputError(
@@ -165,11 +154,7 @@ def _down(force_n: float) -> float:
 
 
 def covering_force_n(
-    surrogate: FullContactSurrogate,
-    prior: InclusionPrior,
-    inclusion: NDArray[np.float64] | None,
-    *,
-    stiffening: float = 1.0,
+    surrogate: FullContactSurrogate, prior: InclusionPrior, inclusion: Floats | None, *, stiffening: float = 1.0
 ) -> float:
     """Least force in newtons at which the contact covers the face; 0 for a flat face.
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsis.errors import InputError
 from tsis.mechanics.surrogate import Box
 from tsis.model import require_number, require_pair
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+Booleans = NDArray[np.bool]
+Complexes = NDArray[np.complex128]
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 LIMITS = {"diameter_mm": (0.1, 100.0), "depth_mm": (0.2, 200.0), "young_kpa": (0.1, 1e5)}
 PARAMETERS = tuple(LIMITS)
@@ -84,12 +85,12 @@ class InclusionPrior:
             )
 
     @property
-    def low(self) -> NDArray[np.float64]:
+    def low(self) -> Floats:
         """Lower ends of the ranges, in the order of `PARAMETERS`."""
         return np.array([getattr(self, name)[0] for name in PARAMETERS])
 
     @property
-    def high(self) -> NDArray[np.float64]:
+    def high(self) -> Floats:
         """Upper ends of the ranges, in the order of `PARAMETERS`."""
         return np.array([getattr(self, name)[1] for name in PARAMETERS])
 

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.inclusion._prior import PARAMETERS
+from tsis.inclusion._prior import PARAMETERS, Floats
 from tsis.inclusion.posterior import least_sd
 from tsis.model import NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tsis.inclusion._prior import InclusionPrior
     from tsis.inclusion.checks import InclusionPosition
     from tsis.inclusion.posterior import InclusionPosterior, Profiles
@@ -115,7 +113,7 @@ def cramer_rao_sd(posterior: InclusionPosterior) -> dict[str, float]:
     return dict(zip(PARAMETERS, least_sd(posterior.information).tolist(), strict=True))
 
 
-def _is_loose(column: NDArray[np.float64], name: str, prior: InclusionPrior) -> bool:
+def _is_loose(column: Floats, name: str, prior: InclusionPrior) -> bool:
     sd = float(column.std())
     return sd > NOT_IDENTIFIED * prior.sd[name] or (name == "young_kpa" and sd > MODULUS_SD_KPA)
 
@@ -139,7 +137,7 @@ def _presence_findings(presence: float) -> list[Finding]:
     ]
 
 
-def _cut_off(column: NDArray[np.float64], name: str, interval: tuple[float, float]) -> list[Finding]:
+def _cut_off(column: Floats, name: str, interval: tuple[float, float]) -> list[Finding]:
     """Flag samples that pile up at an end of the prior: the true value may lie beyond."""
     low, high = interval
     margin = EDGE * (high - low)

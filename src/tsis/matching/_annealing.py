@@ -19,12 +19,10 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
-from tsis.matching._fit import ridge_solution
+from tsis.matching._fit import Floats, Integers, ridge_solution
 from tsis.matching._spline import spread_order
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tsis.matching._spline import SplineBasis
 
 
@@ -49,21 +47,10 @@ class Cooling:
     rounds: int
 
 
-def anneal(
-    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], cooling: Cooling
-) -> NDArray[np.float64]:
-    """Coordinates of the spline after cooling, shape (k, d).
+def anneal(basis: SplineBasis, coordinates: Floats, target: Floats, cooling: Cooling) -> Floats:
+    """Coordinates, shape (k, d), of the spline at the source's points after cooling towards ``target``, shape (m, d).
 
-    Parameters
-    ----------
-    basis
-        Of the source's points, normalised.
-    coordinates
-        The initial spline; the ridge draws the affine part to its matrix.
-    target
-        Normalised points, shape (m, d).
-    cooling
-        The temperatures.
+    Points are normalised. ``coordinates`` is the initial spline; the ridge draws the affine part to its matrix.
     """
     rows, columns = spread_order(basis.points), spread_order(target)
     small = len(rows) <= COARSE[0] and len(columns) <= COARSE[1]
@@ -81,7 +68,7 @@ def anneal(
     return coordinates
 
 
-def _spacing(target: NDArray[np.float64], order: NDArray[np.int64]) -> float:
+def _spacing(target: Floats, order: Integers) -> float:
     """Median distance between neighbours in the coarsest sample of the target."""
     sample = target[order[: COARSE[1]]]
     return float(np.median(np.sort(cdist(sample, sample))[:, 1]))
@@ -89,13 +76,13 @@ def _spacing(target: NDArray[np.float64], order: NDArray[np.int64]) -> float:
 
 def _settle(
     basis: SplineBasis,
-    coordinates: NDArray[np.float64],
-    target: NDArray[np.float64],
+    coordinates: Floats,
+    target: Floats,
     temperature: float,
-    balance: NDArray[np.float64],
-    initial: NDArray[np.float64],
+    balance: Floats,
+    initial: Floats,
     rounds: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Alternate pairs and spline at one temperature."""
     transformed = basis.design @ coordinates
     for _ in range(rounds):
@@ -108,27 +95,13 @@ def _settle(
 
 
 def soft_pairs(
-    transformed: NDArray[np.float64], target: NDArray[np.float64], temperature: float, balance: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Sums over the soft pairs of the transformed source, shape (n, d), and the target, shape (m, d).
+    transformed: Floats, target: Floats, temperature: float, balance: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Sums over the soft pairs of the transformed source (n, d) and the target (m, d) at a temperature.
 
-    Parameters
-    ----------
-    transformed, target
-        The points.
-    temperature
-        T, positive.
-    balance
-        Initial factors of the target's points, shape (m,): those of a similar temperature save most of the work.
-
-    Returns
-    -------
-    paired
-        Sum of each source point's weights, in [0, 1], shape (n,).
-    drawn
-        Weighted sum of the targets, shape (n, d).
-    balance
-        Factors of the target's points, shape (m,).
+    Returns the sum of each source point's weights, in [0, 1], shape (n,), its weighted sum of the targets, shape (n,
+    d), and the factors of the target's points, shape (m,). The initial factors ``balance`` of a similar temperature
+    save most of the work.
     """
     order = np.argsort(target[:, 0], kind="stable")
     source_outliers, target_outliers = outlier_weights(transformed), outlier_weights(target)[order]
@@ -150,16 +123,16 @@ def soft_pairs(
 
 @fused
 def _balanced(
-    transformed: NDArray[np.float64],
-    target: NDArray[np.float64],
+    transformed: Floats,
+    target: Floats,
     temperature: float,
-    balance: NDArray[np.float64],
-    source_outliers: NDArray[np.float64],
-    target_outliers: NDArray[np.float64],
+    balance: Floats,
+    source_outliers: Floats,
+    target_outliers: Floats,
     rounds: int,
     tolerance: float,
     cut_off: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats, Floats]:
     """Kernel of `soft_pairs`; the target ascends along the first axis, so that near points are contiguous."""
     n, dimension = transformed.shape
     first_axis = np.ascontiguousarray(target[:, 0])
@@ -208,9 +181,7 @@ def _balanced(
     return paired, drawn, balance
 
 
-def reference_soft_pairs(
-    transformed: NDArray[np.float64], target: NDArray[np.float64], temperature: float, *, balancings: int = 2000
-) -> NDArray[np.float64]:
+def reference_soft_pairs(transformed: Floats, target: Floats, temperature: float, *, balancings: int = 2000) -> Floats:
     """Weights of `soft_pairs`, shape (n, m), from the full matrix with the outliers' row and column."""
     weights = np.zeros((len(transformed) + 1, len(target) + 1))
     weights[:-1, :-1] = np.exp(-cdist(transformed, target, "sqeuclidean") / (2 * temperature)) / temperature
@@ -221,19 +192,13 @@ def reference_soft_pairs(
     return weights[:-1, :-1]
 
 
-def outlier_weights(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def outlier_weights(points: Floats) -> Floats:
     """Weight of being unmatched, shape (n,): a Gaussian about the mass centre at the starting temperature."""
     away = np.sum((points - points.mean(axis=0)) ** 2, axis=1)
     return np.asarray(np.exp(-away / (2 * START)) / START)
 
 
-def _fit_spline(
-    basis: SplineBasis,
-    paired: NDArray[np.float64],
-    drawn: NDArray[np.float64],
-    temperature: float,
-    initial: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _fit_spline(basis: SplineBasis, paired: Floats, drawn: Floats, temperature: float, initial: Floats) -> Floats:
     """Coordinates of the spline fitted to the weighted targets with the ridges of the temperature."""
     normal = basis.design.T @ (paired[:, None] * basis.design)
     right = basis.design.T @ drawn

@@ -7,7 +7,6 @@ Expectation and maximisation alternate. The displacement field is smooth over a 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -15,12 +14,8 @@ from scipy.linalg.lapack import dpstrf
 from scipy.spatial.distance import cdist
 
 from tsis.compiled import compiled
-from tsis.matching._fit import MatchFit, ridge_solution
+from tsis.matching._fit import Floats, MatchFit, ridge_solution
 from tsis.matching._pairing import TOLERANCE_SD, nearest_pairs, spacing
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 WIDTH = 2.0  # beta of the paper, in root-mean-square radii of the points
 STIFFNESS = 2.0  # lambda of the paper
@@ -34,44 +29,26 @@ KERNEL_ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DisplacementField:
-    """Sum of Gaussians of the width `WIDTH` about control points.
+    """Sum of Gaussians of the width `WIDTH` about control points."""
 
-    Attributes
-    ----------
-    control
-        Control points, shape (k, d).
-    weights
-        Their displacements, shape (k, d).
-    """
+    control: Floats  # control points, shape (k, d)
+    weights: Floats  # their displacements, shape (k, d)
 
-    control: NDArray[np.float64]
-    weights: NDArray[np.float64]
-
-    def __call__(self, points: NDArray[np.float64], /) -> NDArray[np.float64]:
+    def __call__(self, points: Floats, /) -> Floats:
         """Transform ``points``, shape (n, d)."""
         return np.asarray(points + gaussian(points, self.control) @ self.weights)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExpectedPairs:
-    """Expectation: sums over the matrix of probabilities that target j belongs to source i.
+    """Expectation: sums over the matrix of probabilities that target j belongs to source i."""
 
-    Attributes
-    ----------
-    source
-        Sum of the probabilities over the target, shape (n,).
-    target
-        Sum over the source, shape (m,).
-    drawn
-        Sum of target points weighted by the probabilities, shape (n, d).
-    """
-
-    source: NDArray[np.float64]
-    target: NDArray[np.float64]
-    drawn: NDArray[np.float64]
+    source: Floats  # sum of the probabilities over the target, shape (n,)
+    target: Floats  # sum over the source, shape (m,)
+    drawn: Floats  # sum of target points weighted by the probabilities, shape (n, d)
 
 
-def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
+def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by coherent point drift, which is deterministic."""
     del rng
     move, variance = fit_displacement(source, target)
@@ -81,25 +58,12 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
 
 
 def fit_displacement(
-    source: NDArray[np.float64],
-    target: NDArray[np.float64],
-    *,
-    outliers: float = OUTLIERS,
-    rounds: int = ROUNDS,
-    settled: float = SETTLED,
+    source: Floats, target: Floats, *, outliers: float = OUTLIERS, rounds: int = ROUNDS, settled: float = SETTLED
 ) -> tuple[DisplacementField, float]:
-    """The displacement field from source to target, and the residual variance of positions.
+    """The displacement field between normalised sets (n, d) and (m, d), and the residual variance of positions.
 
-    Parameters
-    ----------
-    source, target
-        Shapes (n, d) and (m, d), normalised.
-    outliers
-        Assumed fraction of unmatched target points, in [0, 1).
-    rounds
-        Most rounds of expectation and maximisation.
-    settled
-        Relative change of the variance in a round that ends the iteration.
+    ``outliers`` is the assumed fraction of unmatched target points, in [0, 1). At most ``rounds`` rounds of expectation
+    and maximisation end when the variance changes by less than the fraction ``settled``.
     """
     factor, control, triangle = _kernel_factor(source)
     dimension, transformed = source.shape[1], source
@@ -118,14 +82,12 @@ def fit_displacement(
     ), variance
 
 
-def gaussian(points: NDArray[np.float64], control: NDArray[np.float64]) -> NDArray[np.float64]:
+def gaussian(points: Floats, control: Floats) -> Floats:
     """``exp(-|x - c|**2 / (2 WIDTH**2))`` between two sets of points, shape (n, k)."""
     return np.asarray(np.exp(-cdist(points, control, "sqeuclidean") / (2 * WIDTH**2)))
 
 
-def _kernel_factor(
-    points: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _kernel_factor(points: Floats) -> tuple[Floats, Floats, Floats]:
     """Factor L of the kernel matrix L L', shape (n, k); its k pivot points; and its rows there, shape (k, k)."""
     factor, pivots, rank, _ = dpstrf(gaussian(points, points), tol=KERNEL_ROUNDING, lower=1)
     lower = np.tril(factor)[:, :rank]
@@ -134,16 +96,14 @@ def _kernel_factor(
     return unpivoted, points[pivots[:rank] - 1], lower[:rank]
 
 
-def _maximise(
-    factor: NDArray[np.float64], source: NDArray[np.float64], expected: ExpectedPairs, ridge: float
-) -> NDArray[np.float64]:
+def _maximise(factor: Floats, source: Floats, expected: ExpectedPairs, ridge: float) -> Floats:
     """Coordinates c of the displacement L c, by ridge regression on the weighted targets."""
     normal = factor.T @ (expected.source[:, None] * factor)
     right = factor.T @ (expected.drawn - expected.source[:, None] * source)
     return ridge_solution(normal, right, ridge)
 
 
-def _variance(transformed: NDArray[np.float64], target: NDArray[np.float64], expected: ExpectedPairs) -> float:
+def _variance(transformed: Floats, target: Floats, expected: ExpectedPairs) -> float:
     """Mean square distance per coordinate of target points from their source points."""
     total = expected.target @ np.sum(target**2, axis=1) + expected.source @ np.sum(transformed**2, axis=1)
     total -= 2 * np.sum(transformed * expected.drawn)
@@ -151,9 +111,7 @@ def _variance(transformed: NDArray[np.float64], target: NDArray[np.float64], exp
 
 
 @compiled
-def expect(
-    transformed: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def expect(transformed: Floats, target: Floats, variance: float, outliers: float) -> tuple[Floats, Floats, Floats]:
     """The sums of `ExpectedPairs` without the matrix or its entries below rounding."""
     n, dimension = transformed.shape
     m = len(target)

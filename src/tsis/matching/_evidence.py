@@ -9,11 +9,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from tsis.compiled import fused
-from tsis.matching._fit import ridge_solution
+from tsis.matching._fit import Floats, ridge_solution
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tsis.matching._spline import SplineBasis
 
 
@@ -29,44 +27,25 @@ SLACK = 1e-6  # ridge on the affine part, which regularises zero responsibility
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExplainedTarget:
-    """Likelihood of the target under the transformed source points, and sums over the responsibilities.
+    """Likelihood of the target under the transformed source points, and sums over the responsibilities."""
 
-    Attributes
-    ----------
-    likelihood
-        Log of the target's probability.
-    paired
-        Sum of each source point's responsibilities, shape (n,).
-    drawn
-        Weighted sum of the targets, shape (n, d).
-    squared
-        Weighted sum of the squared distances.
-    """
-
-    likelihood: float
-    paired: NDArray[np.float64]
-    drawn: NDArray[np.float64]
-    squared: float
+    likelihood: float  # log of the target's probability
+    paired: Floats  # sum of each source point's responsibilities, shape (n,)
+    drawn: Floats  # weighted sum of the targets, shape (n, d)
+    squared: float  # weighted sum of the squared distances
 
 
-def log_evidence(basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64]) -> float:
-    """Log probability of the target given the transformed source, over that of uniformly distributed points.
+def log_evidence(basis: SplineBasis, coordinates: Floats, target: Floats) -> float:
+    """Log probability of the target (m, d) given the transformed source, over that of uniformly distributed points.
 
     Each target point is an outlier, uniform in the target's box, or is normal about a transformed source point. Spline,
     outlier fraction and common standard deviation maximise the likelihood near the given spline. The bending
     coordinates have a normal prior and are integrated out by Laplace's method.
-
-    Parameters
-    ----------
-    basis, coordinates
-        The spline, at the source's points.
-    target
-        Shape (m, d).
     """
     return max(_evidence(basis, coordinates, target, bending_variance) for bending_variance in BENDING_VARIANCES)
 
 
-def upright_prior(matrix: NDArray[np.float64], points: int) -> float:
+def upright_prior(matrix: Floats, points: int) -> float:
     """Log prior of a pose's matrix, shape (d, d), for a target of ``points`` points; 0 without rotation.
 
     Upright sets are likelier than rotated ones. That decides between poses of nearly equal evidence.
@@ -74,9 +53,7 @@ def upright_prior(matrix: NDArray[np.float64], points: int) -> float:
     return UPRIGHT * points * (_cosine_of_rotation(matrix) - 1) / 2
 
 
-def _evidence(
-    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], bending_variance: float
-) -> float:
+def _evidence(basis: SplineBasis, coordinates: Floats, target: Floats, bending_variance: float) -> float:
     count, dimension = target.shape
     box = float(np.prod(np.ptp(target, axis=0)))
     nearest, _ = KDTree(target).query(basis.design @ coordinates)
@@ -96,7 +73,7 @@ def _evidence(
     return float(now.likelihood + count * np.log(box) - 0.5 * bending - 0.5 * dimension * volume)
 
 
-def _fit_spline(basis: SplineBasis, now: ExplainedTarget, bending: float) -> NDArray[np.float64]:
+def _fit_spline(basis: SplineBasis, now: ExplainedTarget, bending: float) -> Floats:
     normal = basis.design.T @ (now.paired[:, None] * basis.design)
     right = basis.design.T @ now.drawn
     ridge = np.full(len(normal), bending)
@@ -105,16 +82,14 @@ def _fit_spline(basis: SplineBasis, now: ExplainedTarget, bending: float) -> NDA
     return ridge_solution(normal, right, ridge)
 
 
-def _cosine_of_rotation(matrix: NDArray[np.float64]) -> float:
+def _cosine_of_rotation(matrix: Floats) -> float:
     """Cosine of the angle of the nearest rotation to a matrix, shape (d, d)."""
     left, _, right = np.linalg.svd(matrix)
     trace = float(np.trace(left @ right))
     return float(np.clip(trace / 2 if len(matrix) == 2 else (trace - 1) / 2, -1.0, 1.0))
 
 
-def explained(
-    transformed: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
-) -> ExplainedTarget:
+def explained(transformed: Floats, target: Floats, variance: float, outliers: float, even: float) -> ExplainedTarget:
     """Likelihood of the target, shape (m, d), under the transformed source points, shape (n, d).
 
     The fraction ``outliers`` of the targets has the uniform density ``even``; the others are normal with ``variance``
@@ -129,8 +104,8 @@ def explained(
 
 @fused
 def _explained(
-    transformed: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
-) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
+    transformed: Floats, target: Floats, variance: float, outliers: float, even: float
+) -> tuple[float, Floats, Floats, float]:
     """Kernel of `explained`; transformed points ascend along the first axis, so that near ones are contiguous."""
     n, dimension = transformed.shape
     near = (1 - outliers) / n * (2 * np.pi * variance) ** (-dimension / 2)

@@ -6,11 +6,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from tsis.errors import InputError
+from tsis.model import require_array
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+Booleans = NDArray[np.bool]
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 UNMATCHED = -1
 BLOCK = 20_000  # points transformed at once
@@ -18,31 +25,21 @@ BLOCK = 20_000  # points transformed at once
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MatchFit:
-    """Result of a method, in its normalised coordinates.
+    """Result of a method, in its normalised coordinates."""
 
-    Attributes
-    ----------
-    move
-        Map from the source's coordinates, shape (k, d), to the target's.
-    matches
-        Index of each source point's target point, or `UNMATCHED`, shape (n,); no target point twice.
-    trust
-        Confidence of each match, in [0, 1], shape (n,); 0 where there is none.
-    """
-
-    move: Move
-    matches: NDArray[np.int64]
-    trust: NDArray[np.float64]
+    move: Move  # map from the source's coordinates, shape (k, d), to the target's
+    matches: Integers  # index of each source point's target point, or `UNMATCHED`, shape (n,); no target point twice
+    trust: Floats  # confidence of each match, in [0, 1], shape (n,); 0 where there is none
 
 
 class Move(Protocol):
     """A map of points, shape (k, d), to points."""
 
-    def __call__(self, points: NDArray[np.float64], /) -> NDArray[np.float64]:
+    def __call__(self, points: Floats, /) -> Floats:
         """Transform the points."""
 
 
-def transformed_in_blocks(move: Move, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def transformed_in_blocks(move: Move, points: Floats) -> Floats:
     """Transform many points, shape (k, d), in blocks of limited memory."""
     return np.concatenate([move(points[start : start + BLOCK]) for start in range(0, len(points), BLOCK)])
 
@@ -54,37 +51,42 @@ class MatchMethod(Protocol):
     ``rng``.
     """
 
-    def __call__(
-        self, source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator
-    ) -> MatchFit:
+    def __call__(self, source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
         """Match the sets."""
+
+
+def require_points(name: str, value: ArrayLike, dimension: int | None = None) -> Floats:
+    """Points of shape (n, d) with d = 2 or 3, or with d = ``dimension``."""
+    points = require_array(name, value, ndim=2)
+    if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):
+        required = "2 or 3" if dimension is None else str(dimension)
+        raise InputError(f"{name} must have {required} coordinates each; got shape {points.shape}")
+    return points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NormalFrame:
     """Centre, shape (d,), and size of a point set in its own unit."""
 
-    centre: NDArray[np.float64]
+    centre: Floats
     size: float
 
     @classmethod
-    def of(cls, points: NDArray[np.float64]) -> NormalFrame:
+    def of(cls, points: Floats) -> NormalFrame:
         """The frame of points, shape (n, d), that do not all coincide."""
         centre = points.mean(axis=0)
         return cls(centre=centre, size=float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean())))
 
-    def inward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inward(self, points: Floats) -> Floats:
         """From the set's own unit to its frame."""
         return np.asarray((points - self.centre) / self.size)
 
-    def outward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def outward(self, points: Floats) -> Floats:
         """From the frame to the set's own unit."""
         return np.asarray(points * self.size + self.centre)
 
 
-def ridge_solution(
-    normal: NDArray[np.float64], right: NDArray[np.float64], ridge: NDArray[np.float64] | float
-) -> NDArray[np.float64]:
+def ridge_solution(normal: Floats, right: Floats, ridge: Floats | float) -> Floats:
     """Solution x of ``(normal + diag(ridge)) x = right``, shape (k, d), for inner loops: inputs are not checked.
 
     ``normal``, shape (k, k), is symmetric and is overwritten.

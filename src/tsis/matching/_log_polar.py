@@ -17,11 +17,11 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from tsis.compiled import compiled
-from tsis.errors import InputError
-from tsis.model import require_array, require_number
+from tsis.matching._fit import Floats, require_points
+from tsis.model import require_number
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
 
 DISTANCE_BINS = 5
@@ -31,59 +31,27 @@ INNER, OUTER = 1 / 8, 2.0  # of the scale; four doublings between them give five
 SMALLEST = 1e-300
 
 
-def histograms(points: ArrayLike, *, turn: float = 0.0, scale: float | None = None) -> NDArray[np.float64]:
-    """Shape context of each point, with directions from the x axis.
+def histograms(points: ArrayLike, *, turn: float = 0.0, scale: float | None = None) -> Floats:
+    """Shape context of each point (n, d), d = 2 or 3, with directions from the x axis, rotated by ``turn`` towards y.
 
-    Parameters
-    ----------
-    points
-        Shape (n, d) with d = 2 or 3, in any unit.
-    turn
-        Rotation of the axis of angle 0 from x towards y, in radians.
-    scale
-        Unit of distance of the bins, in the unit of the points; by default the mean distance of two points.
-
-    Returns
-    -------
-    NDArray
-        Shape (n, 60) in the plane, (n, 360) in space; a row sums to 1, or to 0 where no point lies within the bins.
-
-    Raises
-    ------
-    InputError
-        When the points are not in the plane or in space, or all coincide.
+    The unit ``scale`` of the bins' distances is the mean distance of two points by default. The shape is (n, 60) in the
+    plane and (n, 360) in space; a row sums to 1, or to 0 where no point lies within the bins. Raises `InputError` for
+    other shapes, or when all points coincide.
 
     Examples
     --------
     >>> histograms([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]).shape
     (3, 60)
     """
-    points = _points(points)
+    points = require_points("points", points)
     axis = np.full(len(points), float(turn))
     return _normalised(_counts(points, axis, mean_distance(points) if scale is None else _scale(scale)))
 
 
-def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> NDArray[np.float64]:
-    """Shape context of each point, with directions from the mass centre: invariant to rotation.
+def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> Floats:
+    """`histograms` with directions from the mass centre, which are invariant to rotation.
 
-    In space only the polar angle to that direction is defined, in `POLAR_BINS` bins.
-
-    Parameters
-    ----------
-    points
-        Shape (n, d) with d = 2 or 3, in any unit.
-    scale
-        Unit of distance of the bins, in the unit of the points; by default the mean distance of two points.
-
-    Returns
-    -------
-    NDArray
-        Shape (n, 60) in the plane, (n, 30) in space; a row sums to 1, or to 0 where no point lies within the bins.
-
-    Raises
-    ------
-    InputError
-        When the points are not in the plane or in space, or all coincide.
+    In space only the polar angle to that direction is defined, in `POLAR_BINS` bins: shape (n, 30).
 
     Examples
     --------
@@ -92,7 +60,7 @@ def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> NDArray
     >>> bool(np.allclose(axis_histograms(corner), axis_histograms(rotated)))
     True
     """
-    points = _points(points)
+    points = require_points("points", points)
     scale = mean_distance(points) if scale is None else _scale(scale)
     towards = points.mean(axis=0) - points
     if points.shape[1] == 2:
@@ -107,13 +75,10 @@ def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> NDArray
     )
 
 
-def chi_squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Chi-squared distances ``sum_k (a_k - b_k)**2 / (a_k + b_k) / 2`` of histograms, shapes (n, k), (m, k).
+def chi_squared(a: Floats, b: Floats) -> Floats:
+    """Chi-squared distances ``sum_k (a_k - b_k)**2 / (a_k + b_k) / 2`` of histograms (n, k) and (m, k), shape (n, m).
 
-    Returns
-    -------
-    NDArray
-        Shape (n, m); in [0, 1] for histograms that sum to 1.
+    They lie in [0, 1] for histograms that sum to 1.
 
     Examples
     --------
@@ -124,13 +89,13 @@ def chi_squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.fl
     return np.asarray(np.maximum(0.5 * (a.sum(axis=1)[:, None] + b.sum(axis=1)) - 2 * common, 0.0))
 
 
-def mean_distance(points: NDArray[np.float64]) -> float:
+def mean_distance(points: Floats) -> float:
     """Mean distance of two of the points, shape (n, d)."""
     return _scale(float(pdist(points).mean()) if len(points) > 1 else 0.0)
 
 
 @compiled
-def _common(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _common(a: Floats, b: Floats) -> Floats:
     """``sum_k a_k b_k / (a_k + b_k)`` of each pair; b is transposed, shape (k, m)."""
     total = np.zeros((len(a), b.shape[1]))
     for i in range(len(a)):
@@ -143,7 +108,7 @@ def _common(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 
 @compiled
-def _counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+def _counts(points: Floats, axis: Floats, scale: float) -> Floats:
     """Neighbours in each bin, shape (n, distance, polar, angle); ``axis`` is each point's direction of angle 0."""
     number, dimension = points.shape
     polar = 1 if dimension == 2 else POLAR_BINS
@@ -171,7 +136,7 @@ def _counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float
     return counts
 
 
-def reference_counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+def reference_counts(points: Floats, axis: Floats, scale: float) -> Floats:
     """Readable reference of `_counts`, shape (n, distance, polar, angle)."""
     away = points[None, :, :] - points[:, None, :]
     length = np.linalg.norm(away, axis=2)
@@ -183,19 +148,17 @@ def reference_counts(points: NDArray[np.float64], axis: NDArray[np.float64], sca
     return _radial_weight(ring, _within(latitude, polar), angle, (DISTANCE_BINS, polar, ANGLE_BINS))
 
 
-def _rings(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rings(distance: Floats) -> Floats:
     """Coordinate of scaled distances in distance bins, from the centre of the first."""
     return np.maximum(np.log2(np.maximum(distance, SMALLEST) / INNER) + 0.5, 0.0)
 
 
-def _within(position: NDArray[np.float64], bins: int) -> NDArray[np.float64]:
+def _within(position: Floats, bins: int) -> Floats:
     """Coordinate from the centre of the first of ``bins``, clipped to the centres of the outermost."""
     return np.clip(position - 0.5, 0.0, bins - 1.0)
 
 
-def _radial_weight(
-    ring: NDArray[np.float64], latitude: NDArray[np.float64], angle: NDArray[np.float64], bins: tuple[int, int, int]
-) -> NDArray[np.float64]:
+def _radial_weight(ring: Floats, latitude: Floats, angle: Floats, bins: tuple[int, int, int]) -> Floats:
     """Distribute each neighbour, shape (n, n), linearly among the nearest bins; a point is not its own neighbour."""
     counts = np.zeros((len(ring), *bins))
     row = np.broadcast_to(np.arange(len(ring))[:, None], ring.shape)
@@ -212,17 +175,10 @@ def _radial_weight(
     return counts
 
 
-def _normalised(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normalised(counts: Floats) -> Floats:
     flat = counts.reshape(len(counts), -1)
     return np.asarray(flat / np.maximum(flat.sum(axis=1, keepdims=True), SMALLEST))
 
 
 def _scale(value: float) -> float:
     return require_number("scale", value, SMALLEST, 1e300, hint="the points must not all coincide")
-
-
-def _points(value: ArrayLike) -> NDArray[np.float64]:
-    points = require_array("points", value, ndim=2)
-    if points.shape[1] not in (2, 3):
-        raise InputError(f"points must have 2 or 3 coordinates each; got shape {points.shape}")
-    return points

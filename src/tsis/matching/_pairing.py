@@ -2,41 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
-from tsis.matching._fit import UNMATCHED, MatchFit, transformed_in_blocks
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit, transformed_in_blocks
 
 TOLERANCE_SD = 3.0  # tolerance in standard deviations of a point's position
 
 
-def nearest_pairs(
-    transformed: NDArray[np.float64], target: NDArray[np.float64], *, tolerance: float
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Match transformed points with target points at the least sum of squared distances.
+def nearest_pairs(transformed: Floats, target: Floats, *, tolerance: float) -> tuple[Integers, Floats]:
+    """Match transformed points (n, d) with target points (m, d) at the least sum of squared distances.
 
-    Parameters
-    ----------
-    transformed, target
-        Shapes (n, d) and (m, d), in the same unit.
-    tolerance
-        Distance beyond which points are unmatched, positive, in that unit.
-
-    Returns
-    -------
-    matches
-        Index of the target point, or `UNMATCHED`, shape (n,); no target point twice.
-    trust
-        Probability of the match, for normal positions with a standard deviation of a third of the tolerance, where no
-        partner is as likely as a partner at the tolerance; 0 where there is no match; shape (n,).
+    Points farther apart than ``tolerance`` are unmatched. Returns the index of each point's target, or `UNMATCHED`, no
+    target twice, and the trust in it, both of shape (n,). The trust is the probability of the match for normal
+    positions with a standard deviation of a third of the tolerance, where no partner is as likely as a partner at the
+    tolerance; 0 where there is no match.
 
     Examples
     --------
@@ -51,10 +33,8 @@ def nearest_pairs(
     return matches, np.where(matches == UNMATCHED, 0.0, chance[np.arange(len(matches)), matches])
 
 
-def assign(cost: NDArray[np.float64], *, dummy: float) -> NDArray[np.int64]:
-    """Cheapest pairing of rows with columns, shape (n, m), where points may be unmatched.
-
-    An unmatched row costs ``dummy``. Returns the column of each row, or `UNMATCHED`, shape (n,).
+def assign(cost: Floats, *, dummy: float) -> Integers:
+    """Column of each row, or `UNMATCHED`, in the cheapest pairing with columns; an unmatched row costs ``dummy``.
 
     Examples
     --------
@@ -69,7 +49,7 @@ def assign(cost: NDArray[np.float64], *, dummy: float) -> NDArray[np.int64]:
     return matches
 
 
-def spacing(points: NDArray[np.float64]) -> float:
+def spacing(points: Floats) -> float:
     """Median distance of distinct points, shape (n, d), to their nearest neighbour; 0 for a single point."""
     positions = np.unique(points, axis=0)
     distance, _ = KDTree(positions).query(positions, k=[2])
@@ -82,9 +62,7 @@ MOST_POINTS = 2_000_000
 MUTUAL_RANGE = 0.5  # largest distance of a match, of the target's spacing
 
 
-def drawn(
-    source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def drawn(source: Floats, target: Floats, *, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Samples of two normalised sets, shapes (n, d) and (m, d), with at most `MOST_PAIRS` pairs; small sets unchanged.
 
     The target's sample is larger, so that it contains the partners of most sampled source points, for up to some 8000
@@ -93,22 +71,20 @@ def drawn(
     if len(source) * len(target) <= MOST_PAIRS:
         return source, target
 
-    def some(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    def some(points: Floats, count: int) -> Floats:
         return points[np.sort(rng.permutation(len(points))[:count])]
 
     return some(source, SAMPLE), some(target, MOST_PAIRS // SAMPLE)
 
 
-def matched_all(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.float64]) -> MatchFit:
+def matched_all(fit: MatchFit, source: Floats, target: Floats) -> MatchFit:
     """The fit of samples, with mutual nearest neighbours of all normalised points, shapes (n, d) and (m, d)."""
     transformed = transformed_in_blocks(fit.move, source)
     matches, trust = mutual_nearest(transformed, target)
     return MatchFit(move=fit.move, matches=matches, trust=trust)
 
 
-def mutual_nearest(
-    transformed: NDArray[np.float64], target: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def mutual_nearest(transformed: Floats, target: Floats) -> tuple[Integers, Floats]:
     """Mutual nearest neighbours within `MUTUAL_RANGE` of the target's spacing, and their weights, shapes (n,)."""
     away, nearest = KDTree(target).query(transformed)
     _, back = KDTree(transformed).query(target)

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tsis.matching._fit import Floats
 
 
 LONGEST_HEADER = 65_536
@@ -39,37 +41,17 @@ TYPES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vertices:
-    """Vertices as declared in a PLY header.
+    """Vertices as declared in a PLY header."""
 
-    Attributes
-    ----------
-    order
-        NumPy's code of the byte order; empty for text.
-    count
-        Number of vertices.
-    types
-        NumPy's type of each property, by name, in order.
-    """
-
-    order: str
-    count: int
-    types: dict[str, str]
+    order: str  # NumPy's code of the byte order; empty for text
+    count: int  # number of vertices
+    types: dict[str, str]  # NumPy's type of each property, by name, in order
 
 
-def parse_ply(content: bytes, *, most: int) -> NDArray[np.float64]:
-    r"""Coordinates of the vertices, shape (n, 2) or (n, 3).
+def parse_ply(content: bytes, *, most: int) -> Floats:
+    r"""Coordinates of the vertices of a file's content, shape (n, 2) or (n, 3); at most ``most`` of them.
 
-    Parameters
-    ----------
-    content
-        The whole file.
-    most
-        Largest number of vertices.
-
-    Raises
-    ------
-    FileInputError
-        When the header or the data are invalid, or the vertices are not the first element or are too many.
+    Raises `FileInputError` when the header or the data are invalid, or the vertices are not the first element.
 
     Examples
     --------
@@ -115,7 +97,7 @@ def _vertices(lines: list[str]) -> Vertices:
     return Vertices(order=order, count=count, types=types)
 
 
-def _text(body: bytes, vertices: Vertices, axes: Sequence[str]) -> NDArray[np.float64]:
+def _text(body: bytes, vertices: Vertices, axes: Sequence[str]) -> Floats:
     positions = [list(vertices.types).index(axis) for axis in axes]
     points = array("d")
     for number, row in enumerate(itertools.islice(io.BytesIO(body), vertices.count)):
@@ -131,7 +113,7 @@ def _text(body: bytes, vertices: Vertices, axes: Sequence[str]) -> NDArray[np.fl
     return np.array(points).reshape(-1, len(axes))
 
 
-def _binary(body: bytes, vertices: Vertices, axes: Sequence[str]) -> NDArray[np.float64]:
+def _binary(body: bytes, vertices: Vertices, axes: Sequence[str]) -> Floats:
     layout = np.dtype([(name, vertices.order + kind) for name, kind in vertices.types.items()])
     needed = vertices.count * layout.itemsize
     if len(body) < needed:
@@ -145,7 +127,7 @@ AXES = ("x", "y", "z")
 NPY_MAGIC = b"\x93NUMPY"
 
 
-def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
+def read_points(path: str | os.PathLike[str]) -> Floats:
     """Read the points of a file; the format is detected by content, not by name.
 
     Parameters
@@ -205,7 +187,7 @@ def csv_text(points: ArrayLike, **columns: ArrayLike) -> str:
     return "\n".join([",".join(heads), *rows]) + "\n"
 
 
-def _parsed(content: bytes) -> NDArray[np.float64]:
+def _parsed(content: bytes) -> Floats:
     if content.startswith(NPY_MAGIC):
         return _finite(_npy(content), "row", 0)
     if content[:3] == b"ply" and content[3:4] in (b"\r", b"\n"):
@@ -215,7 +197,7 @@ def _parsed(content: bytes) -> NDArray[np.float64]:
     return _csv(content)
 
 
-def _npy(content: bytes) -> NDArray[np.float64]:
+def _npy(content: bytes) -> Floats:
     layout = npy_layout(content)
     shape, itemsize = layout.shape, layout.dtype.itemsize
     if layout.dtype.kind not in "fiu":
@@ -229,7 +211,7 @@ def _npy(content: bytes) -> NDArray[np.float64]:
     return np.array(layout.values(content), dtype=float)
 
 
-def _csv(content: bytes) -> NDArray[np.float64]:
+def _csv(content: bytes) -> Floats:
     _require_text(content[:4096])
     lines = (
         (number, line)
@@ -293,7 +275,7 @@ def _number(cell: str) -> float | None:
         return None
 
 
-def _finite(points: NDArray[np.float64], what: str, first: int) -> NDArray[np.float64]:
+def _finite(points: Floats, what: str, first: int) -> Floats:
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise FileInputError(f"{what} {bad[0] + first} must be finite; got {points[bad[0]].tolist()}")

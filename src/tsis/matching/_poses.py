@@ -19,7 +19,7 @@ from tsis.matching._relaxation import TARGET_NEIGHBOURS, Neighbourhood, label
 from tsis.matching._spline import spread_indices
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.matching._fit import Floats
 
 
 NO_PARTNER_SUPPORT = 0.07  # support for having no partner
@@ -39,11 +39,11 @@ LEAST_SPREAD = 0.1  # area or volume of the drawn points
 class Pose:
     """An affine map, shape (d + 1, d) with the translation in row 0, and the weight of the pairs that agree on it."""
 
-    affine: NDArray[np.float64]
+    affine: Floats
     agreement: float
 
 
-def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
+def poses(source: Floats, target: Floats, *, rng: np.random.Generator) -> list[Pose]:
     """Poses of the source on the target by falling agreement; normalised points, shapes (n, d) and (m, d)."""
     scale = mean_distance(target)
     contexts = histograms(target, scale=scale)
@@ -62,9 +62,7 @@ def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.r
     return sorted(poses, key=lambda pose: -pose.agreement)
 
 
-def _likely_rotations(
-    source: NDArray[np.float64], contexts: NDArray[np.float64], scale: float
-) -> list[NDArray[np.float64]]:
+def _likely_rotations(source: Floats, contexts: Floats, scale: float) -> list[Floats]:
     """All rotations, by rising distance between shape contexts of sampled source points and the nearest target's."""
     sample = spread_indices(source, COMPARED)
     ranked = []
@@ -78,7 +76,7 @@ def _likely_rotations(
     return [rotation for _, _, rotation in sorted(ranked, key=lambda item: item[:2])]
 
 
-def whitened_poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
+def whitened_poses(source: Floats, target: Floats, *, rng: np.random.Generator) -> list[Pose]:
     """Poses of the whitened sets.
 
     Whitening removes the affine part between complete shapes; with missing or added points it may introduce one.
@@ -89,13 +87,13 @@ def whitened_poses(source: NDArray[np.float64], target: NDArray[np.float64], *, 
     return [replace(pose, affine=np.vstack([pose.affine[0] @ back, here @ pose.affine[1:] @ back])) for pose in result]
 
 
-def _whitening(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _whitening(points: Floats) -> Floats:
     """Symmetric matrix that gives points, shape (n, d), the same variance in all directions."""
     value, axis = np.linalg.eigh(np.cov(points, rowvar=False))
     return np.asarray((axis / np.sqrt(value * len(value))) @ axis.T)
 
 
-def rotations(dimension: int) -> NDArray[np.float64]:
+def rotations(dimension: int) -> Floats:
     """Rotation matrices, shape (k, d, d): by whole angle bins in the plane, those of the icosahedron in space."""
     if dimension == 3:
         return np.asarray(Rotation.create_group("I").as_matrix())
@@ -103,25 +101,10 @@ def rotations(dimension: int) -> NDArray[np.float64]:
     return np.moveaxis(np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]]), 2, 0)
 
 
-def agreed(
-    source: NDArray[np.float64],
-    partners: NDArray[np.float64],
-    trust: NDArray[np.float64],
-    *,
-    rng: np.random.Generator,
-) -> Pose:
-    """Consensus of the pairs: the best of the affine maps through d + 1 pairs drawn by trust (RANSAC).
+def agreed(source: Floats, partners: Floats, trust: Floats, *, rng: np.random.Generator) -> Pose:
+    """Consensus of pairs (n, d): the best of the affine maps through d + 1 pairs drawn by ``trust`` (RANSAC).
 
     Where no sample gives a plausible map, the result is a translation.
-
-    Parameters
-    ----------
-    source, partners
-        Pairs of points, shape (n, d) each.
-    trust
-        Trust in each pair, not negative, shape (n,).
-    rng
-        Random generator of the samples.
     """
     count, dimension = source.shape
     chance = trust + 1e-9

@@ -17,7 +17,7 @@ from tsis.matching import _shape_context as shape_context
 from tsis.matching import _tprl as tprl
 from tsis.matching import _tps_rpm as tps_rpm
 from tsis.matching._evidence import log_evidence
-from tsis.matching._fit import UNMATCHED, NormalFrame, transformed_in_blocks
+from tsis.matching._fit import UNMATCHED, Booleans, Floats, Integers, NormalFrame, require_points, transformed_in_blocks
 from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
 from tsis.matching._spline import spline_basis, spread_indices, spread_out
 from tsis.model import require_array, require_one_of, require_type
@@ -25,7 +25,7 @@ from tsis.model import require_array, require_one_of, require_type
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from tsis.matching._fit import MatchFit, MatchMethod, Move
 
@@ -36,18 +36,11 @@ MOST = 600  # points of each set that enter the confidence
 PASSING = 1e-6  # bending ridge of the spline through the transformed points
 
 
-def confidence_of(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.float64]) -> float:
-    """Confidence in [0, 1] of a fit: from its evidence over that of unrelated sets.
+def confidence_of(fit: MatchFit, source: Floats, target: Floats) -> float:
+    """Confidence in [0, 1] of a fit of normalised points: from its evidence over that of unrelated sets.
 
     Unrelated points are uniform or one normal cloud, whichever is likelier; Schwarz's criterion penalises the affine
     part of the map. A wrong fit of high evidence, as of a shape on half of another, is not detected.
-
-    Parameters
-    ----------
-    fit
-        Result of a method.
-    source, target
-        Its normalised points.
     """
     dimension = source.shape[1]
     if np.count_nonzero(fit.matches != UNMATCHED) < dimension + 2:
@@ -60,13 +53,13 @@ def confidence_of(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np
     return float(1 / (1 + np.exp(np.clip(-evidence / SCALE, -50, 50))))
 
 
-def _affine_penalty(target: NDArray[np.float64]) -> float:
+def _affine_penalty(target: Floats) -> float:
     """Expected gain of an affine map fitted to unrelated points (Schwarz's criterion)."""
     dimension = target.shape[1]
     return float(0.5 * dimension * (dimension + 1) * np.log(target.size))
 
 
-def _normal_over_uniform(target: NDArray[np.float64]) -> float:
+def _normal_over_uniform(target: Floats) -> float:
     """Log probability of the points as one normal cloud over that of uniform points in their box; at least 0."""
     count, dimension = target.shape
     _, volume = np.linalg.slogdet(np.cov(target, rowvar=False, bias=True))
@@ -115,15 +108,15 @@ class Registration:
     """
 
     method: str
-    moved: NDArray[np.float64]
-    matches: NDArray[np.int64]
-    trust: NDArray[np.float64]
+    moved: Floats
+    matches: Integers
+    trust: Floats
     confidence: float
     reliable: bool
     notes: tuple[str, ...]
     move: Move
 
-    def transform(self, points: ArrayLike) -> NDArray[np.float64]:
+    def transform(self, points: ArrayLike) -> Floats:
         """Transform points of the source's space, shape (k, d).
 
         Raises
@@ -138,7 +131,7 @@ class Registration:
         return transformed_in_blocks(self.move, checked)
 
     @property
-    def outliers(self) -> NDArray[np.bool_]:
+    def outliers(self) -> Booleans:
         """Mask of source points without a match, shape (n,)."""
         return np.asarray(self.matches == UNMATCHED)
 
@@ -200,9 +193,7 @@ def match_points(
         return _match(method, source, target, rng)
 
 
-def _match(
-    method: str, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
-) -> Registration:
+def _match(method: str, source: Floats, target: Floats, rng: np.random.Generator) -> Registration:
     start, end = NormalFrame.of(source), NormalFrame.of(target)
     here, there = start.inward(source), end.inward(target)
     source_sample, target_sample = drawn(here, there, rng=rng)
@@ -218,7 +209,7 @@ def _match(
             f"{len(source_sample):,} and {len(target_sample):,} drawn from them were matched"
         )
 
-    def move(points: NDArray[np.float64], /) -> NDArray[np.float64]:
+    def move(points: Floats, /) -> Floats:
         return end.outward(fit.move(start.inward(points)))
 
     registration = Registration(
@@ -234,7 +225,7 @@ def _match(
     return replace(registration, moved=registration.transform(source))
 
 
-def _withheld(registration: Registration, source: NDArray[np.float64]) -> Registration:
+def _withheld(registration: Registration, source: Floats) -> Registration:
     """The registration with the identity as its transform and no matches."""
     note = (
         f"no reliable match: confidence {registration.confidence:.2f} lies below {RELIABLE:g}; no point was transformed"
@@ -249,15 +240,13 @@ def _withheld(registration: Registration, source: NDArray[np.float64]) -> Regist
     )
 
 
-def _stay(points: NDArray[np.float64], /) -> NDArray[np.float64]:
+def _stay(points: Floats, /) -> Floats:
     return points.copy()
 
 
-def _points(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    points = require_array(name, value, ndim=2)
+def _points(name: str, value: ArrayLike) -> Floats:
+    points = require_points(name, value)
     dimension = points.shape[1]
-    if dimension not in (2, 3):
-        raise InputError(f"{name} must have 2 or 3 coordinates a point; got shape {points.shape}")
     if len(points) > MOST_POINTS:
         raise InputError(
             f"{name} must hold at most {MOST_POINTS:,} points; got {len(points):,}, which would take about "

@@ -23,6 +23,8 @@ from tsis.compiled import fused
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.matching._fit import Floats, Integers
+
 
 NEIGHBOURS = 10  # of a source point
 TARGET_NEIGHBOURS = 14  # more than of a source point, to allow for outliers
@@ -38,37 +40,27 @@ SAME_DISTANCE = 1.0  # difference of the logarithms of two distances at which al
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Neighbourhood:
-    """The nearest neighbours of each point: index, distance and direction.
+    """The nearest neighbours of each point: index, distance and direction."""
 
-    Attributes
-    ----------
-    index
-        Shape (n, k), nearest first.
-    log_distance
-        Logarithm of their distance, shape (n, k).
-    direction
-        Unit vector towards them, shape (n, k, d).
-    """
-
-    index: NDArray[np.int64]
-    log_distance: NDArray[np.float64]
-    direction: NDArray[np.float64]
+    index: Integers  # shape (n, k), nearest first
+    log_distance: Floats  # logarithm of their distance, shape (n, k)
+    direction: Floats  # unit vector towards them, shape (n, k, d)
 
     @classmethod
-    def of(cls, points: NDArray[np.float64], count: int) -> Neighbourhood:
+    def of(cls, points: Floats, count: int) -> Neighbourhood:
         """Neighbours of points, shape (n, d)."""
         _, index = KDTree(points).query(points, k=min(count + 1, len(points)))
         return cls.among(points, np.asarray(index)[:, 1:])
 
     @classmethod
-    def among(cls, points: NDArray[np.float64], index: NDArray[np.int64]) -> Neighbourhood:
+    def among(cls, points: Floats, index: Integers) -> Neighbourhood:
         """Neighbourhood of points, shape (n, d), with the neighbours ``index``."""
         away = points[index] - points[:, None, :]
         distance = np.maximum(np.linalg.norm(away, axis=2), 1e-12)
         return cls(index=index, log_distance=np.log(distance), direction=away / distance[..., None])
 
     @property
-    def nearness(self) -> NDArray[np.float64]:
+    def nearness(self) -> Floats:
         """Gamma of each neighbour (5.10), summing to one over those of a point, shape (n, k)."""
         distance = np.exp(self.log_distance)
         gamma = 1 - distance / (FARTHEST * distance.max(axis=1, keepdims=True))
@@ -77,46 +69,30 @@ class Neighbourhood:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Labels:
-    """Probabilities of partners.
+    """Probabilities of partners."""
 
-    Attributes
-    ----------
-    candidates
-        Candidate target points, shape (n, c).
-    probability
-        Their probabilities, shape (n, c); a row sums to one together with the probability of no partner.
-    """
-
-    candidates: NDArray[np.int64]
-    probability: NDArray[np.float64]
+    candidates: Integers  # candidate target points, shape (n, c)
+    # Their probabilities, shape (n, c); a row sums to one together with the probability of no partner
+    probability: Floats
 
     @property
-    def best(self) -> NDArray[np.int64]:
+    def best(self) -> Integers:
         """The likeliest target point, shape (n,)."""
         rows = np.arange(len(self.candidates))
         return np.asarray(self.candidates[rows, self.probability.argmax(axis=1)])
 
     @property
-    def trust(self) -> NDArray[np.float64]:
+    def trust(self) -> Floats:
         """Probability of the likeliest, shape (n,)."""
         return np.asarray(self.probability.max(axis=1))
 
 
 def label(
-    source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, single: float, updates: int = UPDATES
+    source: Neighbourhood, target: Neighbourhood, cost: Floats, *, single: float, updates: int = UPDATES
 ) -> Labels:
-    """Probabilities of partners after relaxation.
+    """Probabilities of partners after relaxation, from the initial ``cost`` of each pair, shape (n, m).
 
-    Parameters
-    ----------
-    source, target
-        Neighbours of the n and m points.
-    cost
-        Initial cost of each pair, shape (n, m).
-    single
-        Support for having no partner, in (0, 1], where full agreement of all neighbours is 1.
-    updates
-        Most updates.
+    ``single`` is the support for having no partner, in (0, 1], where full agreement of all neighbours is 1.
     """
     candidates = cheapest(cost, CANDIDATES)
     costs = np.take_along_axis(cost, candidates, axis=1)
@@ -141,7 +117,7 @@ def label(
     return Labels(candidates=candidates, probability=probability)
 
 
-def cheapest(cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+def cheapest(cost: Floats, count: int) -> Integers:
     """The ``count`` cheapest columns of each row at most, in no order."""
     if count >= cost.shape[1]:
         return np.tile(np.arange(cost.shape[1]), (len(cost), 1))
@@ -150,17 +126,17 @@ def cheapest(cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
 
 @fused
 def _supports(
-    candidates: NDArray[np.int64],
+    candidates: Integers,
     slot: NDArray[np.int16],
-    source_index: NDArray[np.int64],
-    target_index: NDArray[np.int64],
-    source_log: NDArray[np.float64],
-    target_log: NDArray[np.float64],
-    source_direction: NDArray[np.float64],
-    target_direction: NDArray[np.float64],
-    nearness: NDArray[np.float64],
+    source_index: Integers,
+    target_index: Integers,
+    source_log: Floats,
+    target_log: Floats,
+    source_direction: Floats,
+    target_direction: Floats,
+    nearness: Floats,
     same: float,
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
+) -> tuple[Integers, NDArray[np.int32], NDArray[np.float32]]:
     """Sparse matrix of the support between entries of the flattened probabilities.
 
     The weight is the compatibility (5.11): alpha (5.8) times beta (5.9) times gamma (5.10).
@@ -196,10 +172,10 @@ def _supports(
 
 @fused
 def _relax(
-    probability: NDArray[np.float64],
-    none: NDArray[np.float64],
-    candidates: NDArray[np.int64],
-    start: NDArray[np.int64],
+    probability: Floats,
+    none: Floats,
+    candidates: Integers,
+    start: Integers,
     entry: NDArray[np.int32],
     weight: NDArray[np.float32],
     single: float,
@@ -241,14 +217,14 @@ def _relax(
 
 
 @fused
-def _normalise_rows(probability: NDArray[np.float64], none: NDArray[np.float64]) -> None:
+def _normalise_rows(probability: Floats, none: Floats) -> None:
     for i in range(len(none)):
         total = none[i] + probability[i].sum()
         none[i] /= total
         probability[i] /= total
 
 
-def reference_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[np.float64]:
+def reference_supports(source: Neighbourhood, target: Neighbourhood) -> Floats:
     """Support ``[i, j, a, b]`` of pair (i, j) by pair (a, b), shape (n, m, n, m): the terms of (5.12) in full."""
     difference = np.abs(source.log_distance[:, None, :, None] - target.log_distance[None, :, None, :])
     alpha = np.maximum(1 - difference / SAME_DISTANCE, 0)
@@ -263,8 +239,8 @@ def reference_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[
 
 
 def reference_label(
-    source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, single: float, updates: int = UPDATES
-) -> NDArray[np.float64]:
+    source: Neighbourhood, target: Neighbourhood, cost: Floats, *, single: float, updates: int = UPDATES
+) -> Floats:
     """The probabilities of `label` as a full matrix, shape (n, m), from products of full matrices."""
     supports, candidates = reference_supports(source, target), cheapest(cost, CANDIDATES)
     allowed = np.zeros(cost.shape)

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import KDTree
 
 from tsis.compiled import compiled
-from tsis.matching._fit import UNMATCHED, MatchFit
+from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit
 from tsis.matching._log_polar import chi_squared, histograms
 from tsis.matching._pairing import assign
 from tsis.matching._spline import spline_basis
@@ -39,39 +39,23 @@ BENDING, SOFTENING = 30.0, 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pairs:
-    """Candidate pairs, as the entries of a sparse matrix in row order.
+    """Candidate pairs, as the entries of a sparse matrix in row order."""
 
-    Attributes
-    ----------
-    row, column
-        Source and target point of each pair, shape (p,).
-    shape
-        Numbers of source and target points.
-    """
-
-    row: NDArray[np.int64]
-    column: NDArray[np.int64]
-    shape: tuple[int, int]
+    row: Integers  # source point of each pair, shape (p,)
+    column: Integers  # target point of each pair, shape (p,)
+    shape: tuple[int, int]  # numbers of source and target points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chances:
-    """Probabilities of the pairs, and of points without partner.
+    """Probabilities of the pairs, and of points without partner."""
 
-    Attributes
-    ----------
-    pair
-        In the order of `Pairs`, shape (p,).
-    source, target
-        Probabilities of no partner, shapes (n,) and (m,).
-    """
-
-    pair: NDArray[np.float64]
-    source: NDArray[np.float64]
-    target: NDArray[np.float64]
+    pair: Floats  # in the order of `Pairs`, shape (p,)
+    source: Floats  # of no partner, shape (n,)
+    target: Floats  # of no partner, shape (m,)
 
 
-def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
+def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by their neighbourhoods; the method is deterministic."""
     del rng
     basis, target_contexts = spline_basis(source), histograms(target)
@@ -94,7 +78,7 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
     return MatchFit(move=basis.spline(coordinates), matches=matches, trust=trust)
 
 
-def neighbours(points: NDArray[np.float64]) -> csr_array:
+def neighbours(points: Floats) -> csr_array:
     """Symmetric graph of the `NEIGHBOURS` nearest neighbours: 1 where points are neighbours, shape (n, n)."""
     number = len(points)
     count = min(NEIGHBOURS, number - 1)
@@ -108,7 +92,7 @@ def neighbours(points: NDArray[np.float64]) -> csr_array:
     return graph
 
 
-def candidates(cost: NDArray[np.float64]) -> Pairs:
+def candidates(cost: Floats) -> Pairs:
     """The `CANDIDATES` cheapest pairs of each row."""
     n, m = cost.shape
     count = min(CANDIDATES, m)
@@ -130,7 +114,7 @@ def support(pairs: Pairs, source: csr_array, target: csr_array) -> csr_array:
     return csr_array((weight, end, start), shape=(len(pairs.row), len(pairs.row)))
 
 
-def relax(likely: NDArray[np.float64], supported: csr_array, pairs: Pairs) -> Chances:
+def relax(likely: Floats, supported: csr_array, pairs: Pairs) -> Chances:
     """Relaxed probabilities, from the initial likelihood of each pair, shape (p,)."""
     n, m = pairs.shape
     chances = Chances(
@@ -151,9 +135,7 @@ def relax(likely: NDArray[np.float64], supported: csr_array, pairs: Pairs) -> Ch
     return chances
 
 
-def reference_relax(
-    likely: NDArray[np.float64], source: NDArray[np.float64], target: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def reference_relax(likely: Floats, source: Floats, target: Floats) -> Floats:
     """`relax` with all pairs as candidates, by full matrices of shapes (n, m), (n, n) and (m, m)."""
     chance = np.zeros((len(source) + 1, len(target) + 1))
     chance[:-1, :-1] = likely * len(source) / likely.sum()
@@ -183,7 +165,7 @@ def _balanced(chances: Chances, pairs: Pairs) -> Chances:
     return Chances(pair=pair, source=source, target=target)
 
 
-def _best(chances: Chances, pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _best(chances: Chances, pairs: Pairs) -> tuple[Integers, Floats]:
     """Matches of the largest total probability, and their probabilities."""
     chance = np.zeros(pairs.shape)
     chance[pairs.row, pairs.column] = np.minimum(chances.pair, 1.0)
@@ -193,14 +175,14 @@ def _best(chances: Chances, pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np
 
 @compiled
 def _supporters(
-    row: NDArray[np.int64],
-    column: NDArray[np.int64],
-    position: NDArray[np.int64],
+    row: Integers,
+    column: Integers,
+    position: Integers,
     source_start: NDArray[np.int32],
     source_end: NDArray[np.int32],
     target_start: NDArray[np.int32],
     target_end: NDArray[np.int32],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[Integers, Integers, Floats]:
     """Rows of the support matrix; ``position`` is a pair's index among the candidates, else -1."""
     start = np.zeros(len(row) + 1, np.int64)
     most = 0

@@ -6,18 +6,12 @@ thin-plate spline with less bending ridge than the round before.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from tsis.matching._fit import UNMATCHED, MatchFit
+from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit
 from tsis.matching._log_polar import axis_histograms, chi_squared, histograms
 from tsis.matching._pairing import assign
 from tsis.matching._spline import spline_basis
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 ROUNDS = 6
 NO_PARTNER_DISTANCE = 0.25  # chi-squared distance beyond which a pair is rejected,
@@ -26,9 +20,7 @@ BENDING = 3.0  # of the first round
 SOFTENING = 0.5  # of the bending, from round to round
 
 
-def fit(
-    source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator, rotated: bool = False
-) -> MatchFit:
+def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator, rotated: bool = False) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by their shape contexts; the method is deterministic.
 
     With ``rotated``, directions are measured from the mass centre. The sets may then be rotated by any angle, but the
@@ -52,7 +44,7 @@ def fit(
     return MatchFit(move=basis.spline(coordinates), matches=matches, trust=np.where(paired, correlation, 0.0))
 
 
-def _matches(cost: NDArray[np.float64]) -> NDArray[np.int64]:
+def _matches(cost: Floats) -> Integers:
     """Cheapest pairs of all points of the smaller set, less those beyond the limit of the distance."""
     matches = assign(cost, dummy=np.inf)
     paid = np.where(matches == UNMATCHED, np.inf, cost[np.arange(len(cost)), matches])

@@ -17,11 +17,11 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tsis.errors import InputError
-from tsis.matching._fit import NormalFrame, ridge_solution
+from tsis.matching._fit import Floats, Integers, NormalFrame, require_points, ridge_solution
 from tsis.model import require_array, require_number
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
 
 CONTROL_POINTS = 300  # more only cost time for a smooth deformation
@@ -44,18 +44,18 @@ class ThinPlateSpline:
         Shape (d + 1, d): row 0 is the translation, the others the matrix that multiplies points as rows.
     """
 
-    control: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    affine: NDArray[np.float64]
+    control: Floats
+    weights: Floats
+    affine: Floats
 
-    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, points: ArrayLike) -> Floats:
         """Transform ``points``, shape (n, d)."""
-        at = _points("points", points, self.control.shape[1])
+        at = require_points("points", points, self.control.shape[1])
         return np.asarray(kernel(at, self.control) @ self.weights + self.affine[0] + at @ self.affine[1:])
 
-    def gradient(self, points: ArrayLike) -> NDArray[np.float64]:
+    def gradient(self, points: ArrayLike) -> Floats:
         """Derivatives ``[n, i, j] = d f_i / d x_j`` at ``points``, shape (n, d, d)."""
-        at = _points("points", points, self.control.shape[1])
+        at = require_points("points", points, self.control.shape[1])
         away = at[:, None, :] - self.control[None, :, :]
         rate = _kernel_rate(np.linalg.norm(away, axis=2), at.shape[1])
         return np.asarray(self.affine[1:].T + np.einsum("ck,nc,ncj->nkj", self.weights, rate, away))
@@ -68,24 +68,13 @@ class ThinPlateSpline:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SplineBasis:
-    """Basis of the splines over given control points, whose bending energy is a sum of squares of coordinates.
+    """Basis of the splines over given control points, whose bending energy is a sum of squares of coordinates."""
 
-    Attributes
-    ----------
-    points
-        The points of the fits, shape (n, d).
-    control
-        Control points, shape (k, d).
-    design
-        Values at the points of the basis functions, shape (n, k): the first k - d - 1 bend, the last d + 1 are affine.
-    weights_of
-        Kernel weights of the bending coordinates, shape (k, k - d - 1).
-    """
-
-    points: NDArray[np.float64]
-    control: NDArray[np.float64]
-    design: NDArray[np.float64]
-    weights_of: NDArray[np.float64]
+    points: Floats  # the points of the fits, shape (n, d)
+    control: Floats  # control points, shape (k, d)
+    # Values at the points of the basis functions, shape (n, k): the first k - d - 1 bend, the last d + 1 are affine
+    design: Floats
+    weights_of: Floats  # kernel weights of the bending coordinates, shape (k, k - d - 1)
 
     @property
     def bent(self) -> int:
@@ -93,17 +82,15 @@ class SplineBasis:
         return int(self.weights_of.shape[1])
 
     @property
-    def rest(self) -> NDArray[np.float64]:
+    def rest(self) -> Floats:
         """Coordinates of the identity, shape (k, d)."""
         return np.eye(self.design.shape[1], self.points.shape[1], -(self.bent + 1))
 
-    def at(self, rows: NDArray[np.int64]) -> SplineBasis:
+    def at(self, rows: Integers) -> SplineBasis:
         """The basis for fits at some of the points."""
         return replace(self, points=self.points[rows], design=self.design[rows])
 
-    def coordinates(
-        self, targets: NDArray[np.float64], *, bending: float, weights: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
+    def coordinates(self, targets: Floats, *, bending: float, weights: Floats | None = None) -> Floats:
         """Coordinates of the spline from the points to ``targets``, shape (k, d); inputs are not checked."""
         weighted = self.design if weights is None else self.design * weights[:, None]
         normal = weighted.T @ self.design
@@ -111,7 +98,7 @@ class SplineBasis:
         ridge[self.bent :] = ANCHOR * max(float(np.trace(normal)), 1e-300)
         return ridge_solution(normal, weighted.T @ targets + ridge[:, None] * self.rest, ridge)
 
-    def spline(self, coordinates: NDArray[np.float64]) -> ThinPlateSpline:
+    def spline(self, coordinates: Floats) -> ThinPlateSpline:
         """The spline of ``coordinates``, shape (k, d)."""
         return ThinPlateSpline(
             control=self.control,
@@ -121,24 +108,15 @@ class SplineBasis:
 
 
 def spline_basis(points: ArrayLike, *, control: ArrayLike | None = None) -> SplineBasis:
-    """Basis of the splines that are fitted at ``points``.
+    """Basis of the splines that are fitted at ``points``, shape (n, d), n > d, not all in a line or plane.
 
-    Parameters
-    ----------
-    points
-        Shape (n, d) with d = 2 or 3, n at least d + 1, not all in a line or plane; normalised as by `NormalFrame`: the
-        bounds on rounding assume numbers near 1.
-    control
-        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` spread ones of them.
-
-    Raises
-    ------
-    InputError
-        When the shapes do not fit or the control points lie in a line or plane.
+    The points are normalised as by `NormalFrame`: the bounds on rounding assume numbers near 1. The ``control`` points,
+    shape (k, d), are the points by default, or `CONTROL_POINTS` spread ones of them. Raises `InputError` when the
+    shapes do not fit or the control points lie in a line or plane.
     """
-    points = _points("points", points)
+    points = require_points("points", points)
     dimension = points.shape[1]
-    chosen = spread_out(points, CONTROL_POINTS) if control is None else _points("control", control, dimension)
+    chosen = spread_out(points, CONTROL_POINTS) if control is None else require_points("control", control, dimension)
     affine = np.column_stack([np.ones(len(chosen)), chosen])
     span, _, _ = np.linalg.svd(affine, full_matrices=True)
     if len(chosen) <= dimension or np.linalg.cond(affine - [0.0, *chosen.mean(axis=0)]) > 1e8:
@@ -198,8 +176,8 @@ def fit_spline(
     >>> spline([[0.5, 0.5]]).round(6).tolist()
     [[1.0, 0.5]]
     """
-    at = _points("points", points)
-    to = _points("targets", targets, at.shape[1])
+    at = require_points("points", points)
+    to = require_points("targets", targets, at.shape[1])
     if len(to) != len(at):
         raise InputError(f"targets must be as many as the points, {len(at)}; got {len(to)}")
     require_number("bending", bending, 0.0, 1e12)
@@ -212,7 +190,7 @@ def fit_spline(
     if here.size == 0:
         raise InputError(f"at least {at.shape[1] + 1} points must be distinct; got {len(at)} equal ones")
     there = NormalFrame(centre=to.mean(axis=0), size=here.size)
-    chosen = None if control is None else here.inward(_points("control", control, at.shape[1]))
+    chosen = None if control is None else here.inward(require_points("control", control, at.shape[1]))
     basis = spline_basis(here.inward(at), control=chosen)
     distinct = len(np.unique(at, axis=0))
     if bending == 0 and distinct < len(basis.control):
@@ -235,7 +213,7 @@ def _outward(spline: ThinPlateSpline, here: NormalFrame, there: NormalFrame) -> 
     return ThinPlateSpline(control=here.outward(spline.control), weights=weights, affine=affine)
 
 
-def kernel(points: NDArray[np.float64], control: NDArray[np.float64]) -> NDArray[np.float64]:
+def kernel(points: Floats, control: Floats) -> Floats:
     """``r**2 log r`` in the plane, ``-r`` in space, between two sets of points, shape (n, k)."""
     if points.shape[1] == 3:
         return np.asarray(-cdist(points, control))
@@ -243,19 +221,19 @@ def kernel(points: NDArray[np.float64], control: NDArray[np.float64]) -> NDArray
     return np.asarray(0.5 * squared * np.log(np.maximum(squared, 1e-300)))
 
 
-def _kernel_rate(distance: NDArray[np.float64], dimension: int) -> NDArray[np.float64]:
+def _kernel_rate(distance: Floats, dimension: int) -> Floats:
     """``U'(r) / r``; times the vector from the control point, it is the kernel's gradient."""
     if dimension == 3:
         return np.asarray(np.where(distance > 0, -1 / np.maximum(distance, 1e-300), 0.0))
     return np.asarray(2 * np.log(np.maximum(distance, 1e-300)) + 1)
 
 
-def spread_out(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def spread_out(points: Floats, count: int) -> Floats:
     """At most ``count`` distinct points, each the farthest from those before it."""
     return points[spread_indices(points, count)]
 
 
-def spread_indices(points: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+def spread_indices(points: Floats, count: int) -> Integers:
     """Indices of at most ``count`` distinct points, each the farthest from those before it."""
     first = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
     chosen, nearest = [first], np.linalg.norm(points - points[first], axis=1)
@@ -268,15 +246,7 @@ def spread_indices(points: NDArray[np.float64], count: int) -> NDArray[np.int64]
     return np.array(chosen)
 
 
-def spread_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
+def spread_order(points: Floats) -> Integers:
     """All indices, each point the farthest from those before it."""
     first = spread_indices(points, len(points))
     return np.concatenate([first, np.setdiff1d(np.arange(len(points)), first)])
-
-
-def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArray[np.float64]:
-    points = require_array(name, value, ndim=2)
-    if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):
-        required = "2 or 3" if dimension is None else str(dimension)
-        raise InputError(f"{name} must have {required} coordinates each; got shape {points.shape}")
-    return points

@@ -10,15 +10,13 @@ from scipy.spatial.distance import cdist
 
 from tsis.matching._annealing import START, Cooling, anneal
 from tsis.matching._evidence import log_evidence, upright_prior
-from tsis.matching._fit import UNMATCHED, MatchFit
+from tsis.matching._fit import UNMATCHED, Floats, MatchFit
 from tsis.matching._pairing import assign, nearest_pairs, spacing
 from tsis.matching._poses import MANY, poses, whitened_poses
 from tsis.matching._spline import spline_basis
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from numpy.typing import NDArray
 
     from tsis.matching._poses import Pose
     from tsis.matching._spline import SplineBasis
@@ -31,9 +29,7 @@ CERTAIN_DISTANCE = 0.2  # root-mean-square distance of partners, of the spacing,
 BENDINGS = np.logspace(-7, 2, 28)
 
 
-def assigned(
-    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], spacing: float
-) -> NDArray[np.float64]:
+def assigned(basis: SplineBasis, coordinates: Floats, target: Floats, spacing: float) -> Floats:
     """Coordinates of the spline through one-to-one pairs, from those of an approximate spline.
 
     One-to-one pairs of the least sum of squares correct points that slid along a line under soft pairs.
@@ -56,9 +52,7 @@ def assigned(
     return coordinates
 
 
-def interpolated(
-    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], spacing: float
-) -> NDArray[np.float64]:
+def interpolated(basis: SplineBasis, coordinates: Floats, target: Floats, spacing: float) -> Floats:
     """Coordinates of the interpolating spline where the pairs are unambiguous; else the given coordinates.
 
     A residual is noise or fine deformation, which the points do not distinguish. Where it is small against the spacing,
@@ -73,7 +67,7 @@ def interpolated(
     return basis.at(rows).coordinates(target[pairs[rows]], bending=BENDINGS[0])
 
 
-def likeliest_bending(design: NDArray[np.float64], bent: int, values: NDArray[np.float64]) -> float:
+def likeliest_bending(design: Floats, bent: int, values: Floats) -> float:
     """Restricted-maximum-likelihood ridge on the bending coordinates for values of shape (n, d).
 
     Bending coordinates and errors are normal, each with one variance, and the affine part is free; the ridge is the
@@ -107,20 +101,20 @@ ENOUGH = {2: 2.0, 3: 5.0}  # log evidence per target point that ends the search,
 class PoseFit:
     """A spline's coordinates, and its evidence with the prior of its pose."""
 
-    coordinates: NDArray[np.float64]
+    coordinates: Floats
     evidence: float
 
 
-def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
+def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d); ``rng`` draws the samples of the pose consensus."""
     basis = spline_basis(source)
     step = max(spacing(source), spacing(target))
 
-    def rated(coordinates: NDArray[np.float64]) -> PoseFit:
+    def rated(coordinates: Floats) -> PoseFit:
         prior = upright_prior(coordinates[basis.bent + 1 :], len(target))
         return PoseFit(coordinates=coordinates, evidence=prior + log_evidence(basis, coordinates, target))
 
-    def refined(coordinates: NDArray[np.float64], start: float) -> PoseFit:
+    def refined(coordinates: Floats, start: float) -> PoseFit:
         cooling = Cooling(factor=FACTOR, start=start, end=(COLDEST * step) ** 2, rounds=ROUNDS)
         cooled = rated(anneal(basis, coordinates, target, cooling))
         paired = rated(assigned(basis, cooled.coordinates, target, step))
@@ -138,8 +132,8 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
 
 
 def _starts(
-    basis: SplineBasis, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
-) -> Iterator[tuple[NDArray[np.float64], float]]:
+    basis: SplineBasis, source: Floats, target: Floats, rng: np.random.Generator
+) -> Iterator[tuple[Floats, float]]:
     """Initial coordinates and temperatures: the best poses and the identity, then the best poses of whitened sets."""
     result = poses(source, target, rng=rng)
     many = len(source) * len(target) >= MANY
@@ -153,9 +147,9 @@ def _starts(
         yield from ((start, WARM) for start in _distinct(basis, whitened[: POSES[source.shape[1]]]))
 
 
-def _distinct(basis: SplineBasis, poses: list[Pose]) -> Iterator[NDArray[np.float64]]:
+def _distinct(basis: SplineBasis, poses: list[Pose]) -> Iterator[Floats]:
     """Coordinates of the poses that differ from those before them."""
-    earlier: list[NDArray[np.float64]] = []
+    earlier: list[Floats] = []
     for pose in poses:
         start = np.zeros_like(basis.rest)
         start[basis.bent :] = pose.affine

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tsis.matching._annealing import START, Cooling, anneal
-from tsis.matching._fit import MatchFit
+from tsis.matching._fit import Floats, MatchFit
 from tsis.matching._pairing import nearest_pairs, spacing
 from tsis.matching._spline import spline_basis, spread_out
 
 if TYPE_CHECKING:
     import numpy as np
-    from numpy.typing import NDArray
 
 
 FACTOR = 0.9
@@ -20,7 +19,7 @@ COLDEST = 0.35  # last standard deviation, of the distance between neighbours
 CONTROL_POINTS = 150
 
 
-def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
+def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by annealing, which is deterministic."""
     del rng
     basis = spline_basis(source, control=spread_out(source, CONTROL_POINTS))

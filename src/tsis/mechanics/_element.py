@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+Booleans = NDArray[np.bool]
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 @cache
-def lobatto_points(order: int) -> NDArray[np.float64]:
+def lobatto_points(order: int) -> Floats:
     """The ``order + 1`` Gauss-Lobatto-Legendre points on [-1, 1]."""
     inner = legendre.Legendre.basis(order).deriv().roots()
     points = np.concatenate([[-1.0], np.sort(np.real(inner)), [1.0]])
@@ -27,7 +28,7 @@ def lobatto_points(order: int) -> NDArray[np.float64]:
 
 
 @cache
-def gauss_points(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def gauss_points(count: int) -> tuple[Floats, Floats]:
     """Gauss-Legendre points and weights on [-1, 1]."""
     points, weights = (np.asarray(part, dtype=float) for part in legendre.leggauss(count))
     points.flags.writeable = weights.flags.writeable = False
@@ -35,17 +36,17 @@ def gauss_points(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 @cache
-def _modes(order: int) -> NDArray[np.float64]:
+def _modes(order: int) -> Floats:
     """Legendre coefficients of the polynomials that are 1 at one of the `lobatto_points`, as columns."""
     return np.asarray(np.linalg.inv(legendre.legvander(lobatto_points(order), order)), dtype=float)
 
 
-def lobatto_values(order: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+def lobatto_values(order: int, x: Floats) -> Floats:
     """Lagrange polynomials on the `lobatto_points` at ``x``, shape (len(x), order + 1)."""
     return np.asarray(legendre.legvander(x, order) @ _modes(order), dtype=float)
 
 
-def lagrange(nodes: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def lagrange(nodes: Floats, x: Floats) -> tuple[Floats, Floats]:
     """Lagrange polynomials on ``nodes`` and their derivatives at ``x``; both of shape (len(x), len(nodes))."""
     vandermonde = legendre.legvander(nodes, len(nodes) - 1)
     modes = np.linalg.inv(vandermonde)
@@ -58,10 +59,10 @@ def lagrange(nodes: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArra
 class ReferenceElement:
     """Shape functions of the reference square at its integration points: arrays of shape (points, nodes)."""
 
-    value: NDArray[np.float64]
-    slope_a: NDArray[np.float64]
-    slope_b: NDArray[np.float64]
-    weight: NDArray[np.float64]
+    value: Floats
+    slope_a: Floats
+    slope_b: Floats
+    weight: Floats
 
 
 @cache
@@ -77,9 +78,7 @@ def reference_element(order: int) -> ReferenceElement:
     )
 
 
-def stiffness(
-    nodes: NDArray[np.float64], order: int, young_kpa: NDArray[np.float64], poisson: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def stiffness(nodes: Floats, order: int, young_kpa: Floats, poisson: Floats) -> Floats:
     """Stiffness matrices in mN/mm of a batch of elements.
 
     Parameters
@@ -119,14 +118,12 @@ def stiffness(
     return matrix.reshape(len(nodes), 2 * count, 2 * count)
 
 
-def _product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def _product(left: Floats, right: Floats) -> Floats:
     """Sums over the integration points of each element."""
     return np.asarray(np.swapaxes(left, 1, 2) @ right)
 
 
-def lame_constants(
-    young_kpa: NDArray[np.float64], poisson: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def lame_constants(young_kpa: Floats, poisson: Floats) -> tuple[Floats, Floats]:
     """Shear modulus and Lame's first constant, kPa."""
     shear = young_kpa / (2 * (1 + poisson))
     return shear, 2 * shear * poisson / (1 - 2 * poisson)

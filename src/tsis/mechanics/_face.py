@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics._element import gauss_points, lobatto_values
+from tsis.mechanics._element import Floats, gauss_points, lobatto_values
 from tsis.mechanics._mesh import refine
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 FACE_POINTS = 241  # evenly spaced radii of a press field
 EDGE_FRACTION = 0.95  # of the radius; outside it the pressure may be singular and its sign is meaningless
@@ -22,15 +17,15 @@ EDGE_FRACTION = 0.95  # of the radius; outside it the pressure may be singular a
 class Face:
     """Element boundaries on the face, from the axis to the edge, and the order of the elements at the face."""
 
-    lines: NDArray[np.float64]
+    lines: Floats
     order: int
 
     @property
-    def radius_mm(self) -> NDArray[np.float64]:
+    def radius_mm(self) -> Floats:
         """Radii of the nodes, ascending, shape (n,)."""
         return refine(self.lines, self.order)
 
-    def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def interpolation(self, radius_mm: Floats) -> Floats:
         """Matrix from nodal values to values at ``radius_mm``, shape (len(radius_mm), n)."""
         cell = np.clip(np.searchsorted(self.lines, radius_mm, side="right") - 1, 0, len(self.lines) - 2)
         left, size = self.lines[cell], np.diff(self.lines)[cell]
@@ -40,7 +35,7 @@ class Face:
         np.put_along_axis(matrix, columns, values, axis=1)
         return matrix
 
-    def mass(self) -> NDArray[np.float64]:
+    def mass(self) -> Floats:
         """Consistent mass of the face in mm^2: nodal forces (mN) = mass @ nodal pressures (kPa)."""
         x, w = gauss_points(self.order + 2)
         half = np.diff(self.lines) / 2
@@ -49,7 +44,7 @@ class Face:
         shape = self.interpolation(radius)
         return shape.T @ (weight[:, None] * shape)
 
-    def averages(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def averages(self, radius_mm: Floats) -> Floats:
         """Matrix from nodal values to means around ``radius_mm``, weighted by area and by distance to the neighbours.
 
         Means preserve the integral over the face: pressures sum up to the force, although they are singular at the
@@ -59,7 +54,7 @@ class Face:
         return means(radius_mm, inside, area, self.interpolation(inside))
 
 
-def ring_points(ends: NDArray[np.float64], *, points: int = 6) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def ring_points(ends: Floats, *, points: int = 6) -> tuple[Floats, Floats]:
     """Gauss points between the radii ``ends`` and the area of each in mm^2."""
     x, w = gauss_points(points)
     half = np.diff(ends)[:, None] / 2
@@ -67,7 +62,7 @@ def ring_points(ends: NDArray[np.float64], *, points: int = 6) -> tuple[NDArray[
     return inside, 2 * np.pi * inside * (half * w).ravel()
 
 
-def hats(radius_mm: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def hats(radius_mm: Floats, at: Floats) -> Floats:
     """Hat functions at ``at``: 1 at one of ``radius_mm``, 0 at the others, linear between, shape (len(at), n)."""
     right = np.clip(np.searchsorted(radius_mm, at), 1, len(radius_mm) - 1)
     fraction = (at - radius_mm[right - 1]) / (radius_mm[right] - radius_mm[right - 1])
@@ -77,12 +72,7 @@ def hats(radius_mm: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.
     return values
 
 
-def means(
-    radius_mm: NDArray[np.float64],
-    inside: NDArray[np.float64],
-    area: NDArray[np.float64],
-    values: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def means(radius_mm: Floats, inside: Floats, area: Floats, values: Floats) -> Floats:
     """Means around ``radius_mm`` of ``values`` (points, k) at the integration points ``inside``.
 
     The means cover the whole face; the values are zero where no integration point lies.
@@ -91,7 +81,7 @@ def means(
     return np.asarray(weighted.T @ values / hat_areas(radius_mm)[:, None])
 
 
-def hat_areas(radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+def hat_areas(radius_mm: Floats) -> Floats:
     """Integrals over the face of the functions of `hats`, mm^2, shape (n,)."""
     inside, area = ring_points(radius_mm, points=2)
     return np.asarray(area @ hats(radius_mm, inside))

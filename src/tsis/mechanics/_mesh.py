@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.mechanics._element import lobatto_points
+from tsis.mechanics._element import Floats, lobatto_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,18 +24,10 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LayeredMesh:
-    """Nodes (r, z) of a logical rectangle, z downwards from the contact face.
+    """Nodes (r, z) of a logical rectangle, z downwards from the contact face."""
 
-    Attributes
-    ----------
-    nodes
-        Positions in mm, shape (na, nb, 2), with na = columns * order + 1 and nb = layers * order + 1.
-    order
-        Polynomial order of the elements.
-    """
-
-    nodes: NDArray[np.float64]
-    order: int
+    nodes: Floats  # positions in mm, shape (na, nb, 2), with na = columns * order + 1 and nb = layers * order + 1
+    order: int  # polynomial order of the elements
 
     @property
     def layers(self) -> int:
@@ -55,14 +47,14 @@ def layer_of(values: NDArray[Scalar], order: int, index: int) -> NDArray[Scalar]
     return gathered.reshape(columns, (order + 1) ** 2, *values.shape[2:])
 
 
-def refine(lines: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+def refine(lines: Floats, order: int) -> Floats:
     """Node coordinates of the intervals between ``lines``: Gauss-Lobatto points with common end points."""
     unit = (lobatto_points(order)[:-1] + 1) / 2
     inner = lines[:-1, None] + np.diff(lines)[:, None] * unit
     return np.append(inner.ravel(), lines[-1])
 
 
-def graded(length: float, first: float, ratio: float, largest: float) -> NDArray[np.float64]:
+def graded(length: float, first: float, ratio: float, largest: float) -> Floats:
     """Lines from 0 to ``length`` whose spacing starts near ``first`` and grows by ``ratio`` up to ``largest``."""
     steps = [first]
     while sum(steps) < length:
@@ -71,9 +63,7 @@ def graded(length: float, first: float, ratio: float, largest: float) -> NDArray
     return np.asarray(lines * (length / lines[-1]))
 
 
-def face_lines(
-    edge: float, *, finest: float, growth: float, largest: float, central: float = np.inf
-) -> NDArray[np.float64]:
+def face_lines(edge: float, *, finest: float, growth: float, largest: float, central: float = np.inf) -> Floats:
     """Radial element boundaries from the axis to the edge of the face, finer towards the singular edge.
 
     ``central`` is the size of the cell at the axis where a shallow inclusion needs a finer cell than ``largest``.
@@ -85,18 +75,18 @@ def face_lines(
     return np.concatenate([graded(float(lines[1]), central, growth, largest)[:-1], lines[1:]])
 
 
-def outer_lines(edge: float, outer: float, *, finest: float, growth: float) -> NDArray[np.float64]:
+def outer_lines(edge: float, outer: float, *, finest: float, growth: float) -> Floats:
     """Radial element boundaries from the edge of the face to the slab's outer radius."""
     return edge + graded(outer - edge, finest, growth, outer / 4)
 
 
-def two_sided_lines(thickness: float, *, finest: float, growth: float, largest: float) -> NDArray[np.float64]:
+def two_sided_lines(thickness: float, *, finest: float, growth: float, largest: float) -> Floats:
     """Element boundaries of a layer, refined towards both of its faces."""
     half = graded(thickness / 2, finest, growth, largest)
     return np.concatenate([half, thickness - half[-2::-1]])
 
 
-def mesh_rectangle(a: NDArray[np.float64], b: NDArray[np.float64], order: int, *, a_is_radius: bool) -> LayeredMesh:
+def mesh_rectangle(a: Floats, b: Floats, order: int, *, a_is_radius: bool) -> LayeredMesh:
     """A straight mesh from its element boundaries in the two directions."""
     grid = np.stack(np.meshgrid(refine(a, order), refine(b, order), indexing="ij"), axis=-1)
     return LayeredMesh(nodes=grid if a_is_radius else grid[..., ::-1], order=order)
@@ -115,7 +105,7 @@ class Spheroid:
         """Radius of the sphere of the same volume."""
         return float(np.cbrt(self.half_width**2 * self.half_height))
 
-    def surface(self, boundary: NDArray[np.float64]) -> NDArray[np.float64]:
+    def surface(self, boundary: Floats) -> Floats:
         """Points where rays from the centre to the points (r, z) of ``boundary`` cross the surface."""
         centre = np.array([0.0, self.centre_depth])
         rays = boundary - centre
@@ -123,7 +113,23 @@ class Spheroid:
         return np.asarray(centre + fraction[:, None] * rays)
 
 
-def mesh_around(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
+def block_outline(top: Floats, side: Floats, bottom: float, order: int, *, below_cells: int) -> Floats:
+    """Outer nodes of the block around an inclusion: along the face, down the side, back along the chest wall.
+
+    ``top`` and ``side`` are the element boundaries along the face and down to the wall at ``bottom``.
+    """
+    edge, radius, depth = top[-1], refine(top, order), refine(side, order)
+    back = refine(np.linspace(edge, 0.0, below_cells + 1), order)
+    return np.concatenate(
+        [
+            np.column_stack([radius, np.zeros_like(radius)]),
+            np.column_stack([np.full_like(depth, edge), depth])[1:],
+            np.column_stack([back, np.full_like(back, bottom)])[1:],
+        ]
+    )
+
+
+def mesh_around(boundary: Floats, spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
     """Mesh between an outer ``boundary`` (b = 0) and a spheroid (last b), along rays from its centre.
 
     ``boundary`` has the outer nodes (r, z) from the axis on the face to the axis below, shape (na, 2). The element
@@ -138,7 +144,7 @@ def mesh_around(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *
     return LayeredMesh(nodes=nodes, order=order)
 
 
-def mesh_inside(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
+def mesh_inside(boundary: Floats, spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
     """Mesh of the spheroid itself, from its centre (b = 0) to its surface, on the same rays as `mesh_around`."""
     centre = np.array([0.0, spheroid.centre_depth])
     fraction = refine(np.linspace(0.0, 1.0, layers + 1), order)
@@ -166,13 +172,7 @@ def central_cell_mm(width_mm: float, depth_mm: float, centre_mm: float) -> float
 
 
 def shape_on_axis(phantom: Phantom) -> Spheroid:
-    """The phantom's only inclusion as a body of revolution.
-
-    Raises
-    ------
-    InputError
-        When there are several inclusions or it is no body of revolution around the probe's axis.
-    """
+    """The phantom's only inclusion as a body of revolution; others raise `InputError`."""
     inclusion: Inclusion | None = phantom.inclusion
     if inclusion is None or not phantom.is_axisymmetric:
         raise InputError(

@@ -58,7 +58,9 @@ def press(
     require_type("phantom", phantom, Phantom)
     require_number("force_n", force_n, 0.0, 50.0, hint="newtons")
     if force_n == 0 and strain in ("small", "finite"):
-        return _zero_field(probe)
+        none = np.zeros(FACE_POINTS)
+        radius = np.linspace(0.0, probe.radius_mm, FACE_POINTS)
+        return PressField(radius_mm=radius, face_displacement_mm=none, pressure_kpa=none, approach_mm=0.0, force_n=0.0)
     if strain == "small" and isinstance(resolution, Resolution | None):
         return small_strain_press(probe, phantom, force_n, resolution)
     if strain == "finite" and isinstance(resolution, FiniteResolution | None):
@@ -66,9 +68,3 @@ def press(
     if strain in ("small", "finite"):
         raise InputError(f"resolution must suit strain {strain!r}; got a {type(resolution).__name__}")
     raise InputError(f"strain must be 'small' or 'finite'; got {strain!r}")
-
-
-def _zero_field(probe: Probe) -> PressField:
-    radius = np.linspace(0.0, probe.radius_mm, FACE_POINTS)
-    zeros = np.zeros(FACE_POINTS)
-    return PressField(radius_mm=radius, face_displacement_mm=zeros, pressure_kpa=zeros, approach_mm=0.0, force_n=0.0)

@@ -16,9 +16,10 @@ from tsis.model import require_array
 from tsis.optics import _inputs as inputs
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from tsis.model import Led, Probe
+    from tsis.optics._inputs import Booleans, Complexes, Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,17 +39,17 @@ class Fresnel:
         Transmitted fraction of the power: 0 beyond the critical angle.
     """
 
-    r_s: NDArray[np.complex128]
-    r_p: NDArray[np.complex128]
-    t_s: NDArray[np.complex128]
-    t_p: NDArray[np.complex128]
-    reflected_s: NDArray[np.float64]
-    reflected_p: NDArray[np.float64]
-    transmitted_s: NDArray[np.float64]
-    transmitted_p: NDArray[np.float64]
+    r_s: Complexes
+    r_p: Complexes
+    t_s: Complexes
+    t_p: Complexes
+    reflected_s: Floats
+    reflected_p: Floats
+    transmitted_s: Floats
+    transmitted_p: Floats
 
 
-def refraction_deg(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> NDArray[np.float64]:
+def refraction_deg(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> Floats:
     """Angle behind an interface by Snell's law, ``n_1 sin(a_1) = n_2 sin(a_2)``; NaN under total reflection.
 
     The dissertation's (3.60), (3.61), (3.62), (3.63) and (3.64) are this law at the five interfaces.
@@ -139,7 +140,7 @@ def fresnel(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> Fres
     )
 
 
-def _incidence(angle_deg: Any) -> NDArray[np.float64]:
+def _incidence(angle_deg: Any) -> Floats:
     """Angles of incidence in radians."""
     angle = np.asarray(angle_deg)
     flat = require_array("angle_deg", angle.ravel(), ndim=1)
@@ -177,12 +178,12 @@ class Acceptance:
         The same as a fraction of the angles, within the layer, at which a ray stays in the stack.
     """
 
-    index: NDArray[np.float64]
-    critical_deg: NDArray[np.float64]
-    acceptance_deg: NDArray[np.float64]
-    unlimited: NDArray[np.bool]
-    blind_deg: NDArray[np.float64]
-    blind_fraction: NDArray[np.float64]
+    index: Floats
+    critical_deg: Floats
+    acceptance_deg: Floats
+    unlimited: Booleans
+    blind_deg: Floats
+    blind_fraction: Floats
 
 
 def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
@@ -233,11 +234,11 @@ def layer_facing_lamp(probe: Probe, led: Led) -> int:
     return int(np.searchsorted(tops, probe.led_height_mm(led), side="right"))
 
 
-def _aperture(index: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
+def _aperture(index: Floats, least: Floats) -> Floats:
     """Sine of the angle in air, before the side wall, of a ray whose effective index is ``least``."""
     return np.sqrt(np.maximum((index - least) * (index + least), 0))
 
 
-def _grazing_deg(index: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
+def _grazing_deg(index: Floats, least: Floats) -> Floats:
     """Angle of that ray to the plane of the layers within its layer."""
     return np.degrees(np.arccos(np.minimum(1, least / index)))

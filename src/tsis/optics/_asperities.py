@@ -8,13 +8,13 @@ import numpy as np
 from scipy.special import erf
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.optics._inputs import Floats
 
 
 ERF_SLOPE = np.sqrt(np.pi) / 2  # erf(0.886 x) has the slope 1 at zero
 
 
-def real_contact(pressure_kpa: NDArray[np.float64], saturation_kpa: float) -> NDArray[np.float64]:
+def real_contact(pressure_kpa: Floats, saturation_kpa: float) -> Floats:
     """Fraction ``erf(0.886 p / saturation)`` of the face in real contact with asperities, zero under tension.
 
     Examples

@@ -15,7 +15,9 @@ from tsis.optics.slab import SlabField, SlabLayers, mode_field, mode_roots, near
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tsis.optics._inputs import Floats
 
 
 MOST_MODES = 5_000_000  # three numbers a mode: 120 MB
@@ -43,9 +45,9 @@ class GuidedModes:
     """
 
     layers: SlabLayers
-    n_eff: NDArray[np.float64]
-    anchor: NDArray[np.float64]
-    offset: NDArray[np.float64]
+    n_eff: Floats
+    anchor: Floats
+    offset: Floats
 
     def __post_init__(self) -> None:
         for name in ("n_eff", "anchor", "offset"):
@@ -54,7 +56,7 @@ class GuidedModes:
     def __len__(self) -> int:
         return len(self.n_eff)
 
-    def profile(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
+    def profile(self, mode: SupportsIndex, x_um: ArrayLike) -> Floats:
         """Electric field e across the direction of travel: E_y of TE; E_x of TM, which jumps between layers.
 
         Parameters
@@ -74,13 +76,13 @@ class GuidedModes:
         wave = field.wave(x)
         return wave if self.layers.polarization == "TE" else wave * n_eff / self.layers.weight_at(x)
 
-    def magnetic(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
+    def magnetic(self, mode: SupportsIndex, x_um: ArrayLike) -> Floats:
         """Magnetic field h across the direction of travel: -H_x of TE, H_y of TM; parameters as of `profile`."""
         field, n_eff = self._field(mode), self.n_eff[mode]
         wave = field.wave(self._heights(x_um))
         return wave * n_eff if self.layers.polarization == "TE" else wave
 
-    def longitudinal(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
+    def longitudinal(self, mode: SupportsIndex, x_um: ArrayLike) -> Floats:
         """Field along the direction of travel, H_z of TE and E_z of TM, a quarter of a period behind the others.
 
         This is the dissertation's h(x), (3.29), (3.30), (3.31), (3.32), (3.33) and (3.34), printed there with wrong
@@ -101,10 +103,10 @@ class GuidedModes:
         q = np.array([self._q(index) for index in range(group.start, group.stop)])
         return mode_field(self.layers, self.n_eff[group], q, number - group.start)
 
-    def _q(self, mode: int) -> NDArray[np.float64]:
+    def _q(self, mode: int) -> Floats:
         return np.asarray(self.layers.at(self.anchor[mode])[0] - self.offset[mode])
 
-    def _heights(self, x_um: Any) -> NDArray[np.float64]:
+    def _heights(self, x_um: Any) -> Floats:
         heights = np.asarray(x_um, dtype=float)
         require_array("x_um", heights.ravel(), ndim=1)
         return heights
@@ -169,7 +171,7 @@ def guided_modes(
     return GuidedModes(layers=layers, n_eff=n_eff, anchor=anchor, offset=offset)
 
 
-def _intervals_of_modes(layers: SlabLayers) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def _intervals_of_modes(layers: SlabLayers) -> Iterator[tuple[Floats, Floats]]:
     """Anchors and offsets of the modes, descending; each half between two indices has the nearer index as anchor."""
     levels = np.unique(layers.index[layers.index >= layers.surroundings])[::-1].tolist()
     if (count := layers.modes_above(levels[-1], 0.0)) > MOST_MODES:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tsis.errors import InputError
 from tsis.model import require_array, require_number
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+Booleans = NDArray[np.bool]
+Complexes = NDArray[np.complex128]
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 SHORTEST_UM, LONGEST_UM = 0.1, 20.0
 THINNEST_UM, THICKEST_UM = 1e-4, 1e6
@@ -41,7 +43,7 @@ def require_refractive_index(name: str, value: object) -> float:
     return require_number(name, value, 1.0, LARGEST_INDEX, hint="1 is vacuum")
 
 
-def require_stack(index: Any, thickness_um: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def require_stack(index: Any, thickness_um: Any) -> tuple[Floats, Floats]:
     """Check the refractive index and the thickness in micrometres of each layer."""
     if np.iscomplexobj(index):
         raise InputError("index must be real, so without absorption or gain; got complex values")

@@ -176,15 +176,7 @@ class GigEServer:
 
 
 def require_free_address(interface: str) -> None:
-    """Refuse an address of another machine or with another camera server, because Aravis does not check it.
-
-    Raises
-    ------
-    InputError
-        When it is no IPv4 address.
-    CameraError
-        When the address belongs to another machine or is in use.
-    """
+    """Refuse what is no IPv4 address of this machine, or is in use: Aravis does not check it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
         try:
             trial.bind((str(ipaddress.IPv4Address(interface)), CONTROL_PORT))
@@ -199,14 +191,8 @@ def require_free_address(interface: str) -> None:
 def region_bytes(pixels: NDArray[Any], region: tuple[slice, slice], pixel_format: int) -> bytes:
     r"""Bytes of a region of a grey frame of 8 bits, dark outside the frame.
 
-    Parameters
-    ----------
-    pixels
-        The frame, shape (rows, columns).
-    region
-        Requested rows and columns.
-    pixel_format
-        Pixel format of GigE Vision, with the bits a pixel: 8, 16 over the whole range, or 24 with grey in each colour.
+    The pixel format of GigE Vision contains the bits a pixel: 8, 16 over the whole range, or 24 with grey in each
+    colour.
 
     Examples
     --------

@@ -26,23 +26,9 @@ DARKEST = 0.3  # lower limit of uneven light, over the light in the middle
 class LoadingCamera:
     """A camera that takes frames in sequence, each at the lamps' brightness of its time.
 
-    Parameters
-    ----------
-    sensor
-        Pixels and noise.
-    rng
-        Random generator of all errors.
-    drift
-        Drift of the lamps; the default `LedDrift` when None.
-    patch
-        Whether the frame has a reference patch, a corner that sees the lamps directly.
-    warm_s, frame_s
-        Seconds from switching the lamps on to the first frame, in [0, 1e6], and from frame to frame, in [1e-3, 1e4].
-
-    Raises
-    ------
-    InputError
-        When an argument is of the wrong kind or outside its range.
+    ``rng`` draws all errors. With ``patch`` a corner of the frame shows the lamps directly. The first frame is
+    ``warm_s`` seconds after switching the lamps on, in [0, 1e6]; the others follow every ``frame_s`` seconds, in [1e-3,
+    1e4].
 
     Examples
     --------
@@ -114,48 +100,23 @@ class LoadingCamera:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineErrors:
-    """Errors of a loading machine: standard deviations from which it draws its own.
+    """Errors of a loading machine: standard deviations from which it draws its own."""
 
-    Parameters
-    ----------
-    probe_young_sd
-        Of the probe's moduli, relative.
-    gain_sd
-        Of the response to pressure, relative.
-    shading_sd
-        Of the unevenness of the light from the middle of the frame to its edge, relative.
-    tip_sd
-        Of the light from tip to tip, relative.
-    repeatability_sd
-        Of the light from press to press, relative.
-    pattern_sd
-        Of each press's pattern in rings, relative.
-    hysteresis_sd
-        Of the difference of light between unloading and loading at half of the largest force, relative.
-    force_sd
-        Of the force from the commanded force, relative; the gauge shows it.
-    position_sd_mm
-        Of a tip's mounting position.
-    stray_grey
-        Light of the untouched probe, grey levels; no standard deviation.
-    gauge_gain_sd, gauge_zero_sd_n, gauge_noise_n, gauge_resolution_n
-        Of the gauge's gain, its zero and its readings; the last is the step of its display.
-    """
-
-    probe_young_sd: float = 0.03
-    gain_sd: float = 0.05
-    shading_sd: float = 0.04
-    tip_sd: float = 0.01
-    repeatability_sd: float = 0.002
-    pattern_sd: float = 0.0005
+    probe_young_sd: float = 0.03  # of the probe's moduli, relative
+    gain_sd: float = 0.05  # of the response to pressure, relative
+    shading_sd: float = 0.04  # of the unevenness of the light from the middle of the frame to its edge, relative
+    tip_sd: float = 0.01  # of the light from tip to tip, relative
+    repeatability_sd: float = 0.002  # of the light from press to press, relative
+    pattern_sd: float = 0.0005  # of each press's pattern in rings, relative
+    # Of the difference of light between unloading and loading at half of the largest force, relative
     hysteresis_sd: float = 0.003
-    force_sd: float = 0.003
-    position_sd_mm: float = 0.2
-    stray_grey: float = 3.0
-    gauge_gain_sd: float = 0.001
-    gauge_zero_sd_n: float = 0.003
-    gauge_noise_n: float = 0.001
-    gauge_resolution_n: float = 0.001
+    force_sd: float = 0.003  # of the force from the commanded force, relative; the gauge shows it
+    position_sd_mm: float = 0.2  # of a tip's mounting position
+    stray_grey: float = 3.0  # light of the untouched probe, grey levels; no standard deviation
+    gauge_gain_sd: float = 0.001  # of the gauge's gain
+    gauge_zero_sd_n: float = 0.003  # of its zero
+    gauge_noise_n: float = 0.001  # of its readings
+    gauge_resolution_n: float = 0.001  # step of its display; no standard deviation
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -164,27 +125,15 @@ class MachineErrors:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MachineTruth:
-    """True values of one machine, unknown to calibrations.
+    """True values of one machine, unknown to calibrations."""
 
-    Attributes
-    ----------
-    response
-        Response of grey level to pressure at the mean light of the face and lamps of 1.
-    stiffness
-        Moduli of the probe over the nominal ones.
-    hysteresis_fraction
-        Light of unloading over that of loading, less one, at half of the largest force.
-    gauge_gain, gauge_zero_n
-        The gauge shows ``gain * F + zero``.
-    relative_light
-        Light over the face, shape (rows, columns), of mean 1 outside the reference patch.
-    """
-
-    response: Calibration
-    stiffness: float
-    hysteresis_fraction: float
+    response: Calibration  # response of grey level to pressure at the mean light of the face and lamps of 1
+    stiffness: float  # moduli of the probe over the nominal ones
+    hysteresis_fraction: float  # light of unloading over that of loading, less one, at half of the largest force
+    # The gauge shows ``gain * F + zero``
     gauge_gain: float
     gauge_zero_n: float
+    # Light over the face, shape (rows, columns), of mean 1 outside the reference patch
     relative_light: NDArray[np.float64]
 
 

@@ -76,8 +76,9 @@ def two_cylinders(upper_columns: int) -> tuple[Solid, SlidingContact, np.ndarray
     return solid, contact, solid.patches[0][:, 0]
 
 
-def test_an_even_pressure_passes_between_meshes_that_do_not_match() -> None:
-    solid, contact, top = two_cylinders(4)
+def touching_cylinders(upper_columns: int) -> tuple[Solid, Potential, load_path.State]:
+    """Two cylinders between plates at their first touch; the travel of the upper plate is the first unknown."""
+    solid, contact, top = two_cylinders(upper_columns)
     shared = np.full((len(solid.nodes), 2), OWN)
     shared[solid.nodes[:, 0] < 1e-9, 0] = FIXED
     shared[top, 1] = 0
@@ -91,7 +92,11 @@ def test_an_even_pressure_passes_between_meshes_that_do_not_match() -> None:
         unknowns[axial[axial >= 0]] = travel
         return unknowns
 
-    first = load_path.find_first_contact(potential, moved, 0.02, 1e6, below_mn=10.0)
+    return solid, potential, load_path.find_first_contact(potential, moved, 0.02, 1e6, below_mn=10.0)
+
+
+def test_an_even_pressure_passes_between_meshes_that_do_not_match() -> None:
+    solid, potential, first = touching_cylinders(4)
     force = 40.0
     (state,) = load_path.follow_load_path(potential, first, [force], refuse=lambda _: None)
     mu, lam = (float(value) for value in lame_constants(np.array(YOUNG), np.array(POISSON)))
@@ -110,21 +115,7 @@ def test_an_even_pressure_passes_between_meshes_that_do_not_match() -> None:
 
 
 def test_a_refused_state_names_its_load_and_the_last_that_was_not_refused() -> None:
-    solid, contact, top = two_cylinders(3)
-    shared = np.full((len(solid.nodes), 2), OWN)
-    shared[solid.nodes[:, 0] < 1e-9, 0] = FIXED
-    shared[top, 1] = 0
-    shared[solid.nodes[:, 1] > 2 - 1e-9, 1] = FIXED
-    body = ElasticBody(solid, number_unknowns(solid, shared, 1))
-    potential = Potential(body, [contact], 0)
-
-    def moved(travel: float) -> np.ndarray:
-        unknowns = np.zeros(potential.size)
-        axial = body.numbering.of_node[: solid.patches[1].min(), 1]
-        unknowns[axial[axial >= 0]] = travel
-        return unknowns
-
-    first = load_path.find_first_contact(potential, moved, 0.02, 1e6, below_mn=10.0)
+    _, potential, first = touching_cylinders(3)
     path = load_path.follow_load_path(
         potential, first, [20.0, 40.0], refuse=lambda state: "too much" if state.load.force_mn > 20.0 else None
     )

@@ -67,7 +67,7 @@ def test_the_work_of_the_force_is_the_energy_that_is_stored() -> None:
     points, weights = np.polynomial.legendre.leggauss(5)
     low, high = 0.1, 0.3
     forces = low + (high - low) * (points + 1) / 2
-    steps = press_steps(PROBE, lump(10.0, 5.0, 100.0), forces_n=(low, *forces, high))
+    steps = press_steps(PROBE, lump(10.0, 5.0, 100.0), (low, *forces, high))
     travel = np.array([step.field.approach_mm for step in steps])
     # The integral of F d(travel) by parts: Gauss points lie in the force, where the travel is smooth.
     inside = 1e3 * (high - low) / 2 * float(weights @ travel[1:-1])

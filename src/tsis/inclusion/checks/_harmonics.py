@@ -16,7 +16,7 @@ from scipy.special import chdtrc
 from tsis.inclusion.checks._sectors import SECTORS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.inclusion._prior import Complexes, Floats
 
 
 DENT_MM, SLOPE = 0.5, 0.15  # standard deviations of the unknown displacement of the face and of its slope
@@ -24,27 +24,15 @@ DENT_MM, SLOPE = 0.5, 0.15  # standard deviations of the unknown displacement of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unevenness:
-    """Test of harmonics against noise.
+    """Test of harmonics against noise."""
 
-    Attributes
-    ----------
-    chance
-        Probability of harmonics this large by noise alone.
-    size_grey
-        The harmonic in the ring of the largest signal-to-noise ratio, grey levels at uniform light.
-    radius_mm
-        Radius of that ring.
-    over_noise
-        Its size there over the standard deviation of one of its two parts.
-    """
-
-    chance: float
-    size_grey: float
-    radius_mm: float
-    over_noise: float
+    chance: float  # probability of harmonics this large by noise alone
+    size_grey: float  # the harmonic in the ring of the largest signal-to-noise ratio, grey levels at uniform light
+    radius_mm: float  # radius of that ring
+    over_noise: float  # its size there over the standard deviation of one of its two parts
 
 
-def harmonic(sectors: NDArray[np.float64], order: int) -> NDArray[np.complex128]:
+def harmonic(sectors: Floats, order: int) -> Complexes:
     """Harmonic of each ring, shape (rings,), of means over sectors, shape (rings, SECTORS).
 
     The attenuation by averaging over a sector is corrected.
@@ -52,35 +40,24 @@ def harmonic(sectors: NDArray[np.float64], order: int) -> NDArray[np.complex128]
     return np.asarray(sectors @ _wave(order))
 
 
-def harmonic_noise(sectors: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+def harmonic_noise(sectors: Floats, order: int) -> Floats:
     """Variances of the real and imaginary part of `harmonic`, shape (2, rings), from those of the sectors."""
     wave = _wave(order)
     return np.stack([sectors @ wave.real**2, sectors @ wave.imag**2])
 
 
 @lru_cache
-def _wave(order: int) -> NDArray[np.complex128]:
+def _wave(order: int) -> Complexes:
     """Weights of the sectors in a harmonic."""
     angle = (np.arange(SECTORS) + 0.5) * (2 * np.pi / SECTORS)
     return np.asarray(np.exp(1j * order * angle) * (2 / SECTORS) / np.sinc(order / SECTORS))
 
 
-def shading_harmonics(
-    grey: NDArray[np.float64],
-    growth: NDArray[np.complex128],
-    flux: NDArray[np.complex128],
-    radius_mm: NDArray[np.float64],
-) -> list[NDArray[np.complex128]]:
+def shading_harmonics(grey: Floats, growth: Complexes, flux: Complexes, radius_mm: Floats) -> list[Complexes]:
     """Harmonics that lamps of unequal power give a round dent, for displacements of one standard deviation.
 
-    Parameters
-    ----------
-    grey
-        Mean grey level at uniform light of each ring, shape (rings,).
-    growth, flux
-        Harmonics of the light's growth per mm and of its flux away from the axis, shape (rings,).
-    radius_mm
-        Radius of each ring.
+    All arguments have one value a ring: mean grey level at uniform light, and harmonics of the light's growth per mm
+    and of its flux away from the axis.
     """
     fraction = radius_mm / radius_mm[-1]
     raised = [DENT_MM * fraction**power * growth * grey for power in (0, 2, 4)]
@@ -88,25 +65,11 @@ def shading_harmonics(
     return raised + tilted
 
 
-def unevenness(
-    values: NDArray[np.complex128],
-    variance: NDArray[np.float64],
-    radius_mm: NDArray[np.float64],
-    *,
-    given: list[NDArray[np.complex128]],
-) -> Unevenness:
+def unevenness(values: Complexes, variance: Floats, radius_mm: Floats, *, given: list[Complexes]) -> Unevenness:
     """Compare the harmonics of rings with their noise.
 
-    Parameters
-    ----------
-    values
-        Harmonics, shape (rings,).
-    variance
-        Variances of their real and imaginary parts, shape (2, rings), positive.
-    radius_mm
-        Radius of each ring.
-    given
-        Harmonics of allowed causes, each with a standard normal factor.
+    ``variance`` are the variances of their real and imaginary parts, shape (2, rings), positive. ``given`` are
+    harmonics of allowed causes, each with a standard normal factor.
     """
     covariance = np.diag(variance.ravel())
     if given:

@@ -29,11 +29,7 @@ MISSING = 1e-3  # fraction of that disc that may be outside the picture without 
 
 
 def image_findings(
-    targets: Sequence[TactileImage],
-    references: Sequence[TactileImage],
-    *,
-    probe: Probe,
-    calibration: Calibration,
+    targets: Sequence[TactileImage], references: Sequence[TactileImage], *, probe: Probe, calibration: Calibration
 ) -> list[tuple[str, str]]:
     """Check the frames of a target: refuse frames without a press, and flag other defects.
 
@@ -80,13 +76,9 @@ def _nearest(target: TactileImage, references: Sequence[TactileImage], means: Se
 
 
 def check_contact(frame: TactileImage, sectors: Sectors, *, probe: Probe, calibration: Calibration) -> None:
-    """Refuse a frame without a press, or with too little light for its force.
+    """Refuse a frame that lights fewer than four rings, is uniform within the noise, or is too dark for its force.
 
-    Raises
-    ------
-    InputError
-        When fewer than four rings exceed the background, the grey level is uniform within the noise, or it is less than
-        a fifth of the level expected for the mean pressure of ``force_n``.
+    Too dark is less than a fifth of the level expected for the mean pressure of ``force_n``.
     """
     label, count = frame.name or "an image", sectors.grid.count
     level = (sectors.raw * count).sum(axis=1) / np.maximum(count.sum(axis=1), 1) - calibration.background_grey
@@ -132,13 +124,7 @@ def saturated_findings(frames: Sequence[TactileImage], means: Sequence[Sectors])
 
 
 def cropped_findings(frame: TactileImage, probe: Probe) -> list[tuple[str, str]]:
-    """Flag ``cropped`` with the fraction of the disc outside the picture.
-
-    Raises
-    ------
-    InputError
-        When more than half of a ring in the inner half of the disc lies outside.
-    """
+    """Flag ``cropped`` with the fraction of the disc outside the picture; refuse less than half of an inner ring."""
     edges = ring_edges(probe)
     visible = ring_visibility(frame, edges)
     inner = visible[: len(visible) // 2]

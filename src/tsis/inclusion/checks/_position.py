@@ -17,6 +17,7 @@ from tsis.model import Calibration, require_number, require_type
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.inclusion._prior import Floats
     from tsis.model import TactileImage
 
 
@@ -116,11 +117,11 @@ def inclusion_position(
 class _Cells:
     """Means over cells of the picture, shape (n,): position, change, reference press and variance of the change."""
 
-    x_mm: NDArray[np.float64]
-    y_mm: NDArray[np.float64]
-    change: NDArray[np.float64]
-    reference: NDArray[np.float64]
-    variance: NDArray[np.float64]
+    x_mm: Floats
+    y_mm: Floats
+    change: Floats
+    reference: Floats
+    variance: Floats
 
 
 def _cells(target: TactileImage, reference: TactileImage, calibration: Calibration, radius_mm: float) -> _Cells:
@@ -168,7 +169,7 @@ def _too_little(cells: int) -> InputError:
     )
 
 
-def _brightest(target: TactileImage, reference: TactileImage, size: tuple[int, int]) -> NDArray[np.float64]:
+def _brightest(target: TactileImage, reference: TactileImage, size: tuple[int, int]) -> Floats:
     """Largest grey level of either frame in each cell; computed per cell only if a pixel clips."""
     most = max(float(target.grey.max()), float(reference.grey.max()))
     if most < target.full_scale:
@@ -176,12 +177,12 @@ def _brightest(target: TactileImage, reference: TactileImage, size: tuple[int, i
     return _means(np.maximum(target.grey, reference.grey), size, np.maximum)
 
 
-def _unit(squared: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(squared: Floats) -> Floats:
     """Squared distances, [0, largest] mapped to [-1, 1]."""
     return np.asarray(2 * squared / squared.max() - 1)
 
 
-def _means(values: NDArray[Any], size: tuple[int, int], over: np.ufunc = np.add) -> NDArray[np.float64]:
+def _means(values: NDArray[Any], size: tuple[int, int], over: np.ufunc = np.add) -> Floats:
     """Means, or another reduction, over whole cells of ``size`` (rows, columns)."""
     rows, columns = (length // of * of for length, of in zip(values.shape, size, strict=True))
     for axis, (length, of) in enumerate(zip((rows, columns), size, strict=True)):
@@ -190,7 +191,7 @@ def _means(values: NDArray[Any], size: tuple[int, int], over: np.ufunc = np.add)
     return np.asarray(values / (size[0] * size[1]) if over is np.add else values, dtype=float)
 
 
-def _step(cells: _Cells, centre: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _step(cells: _Cells, centre: Floats) -> tuple[Floats, float]:
     """Gauss-Newton shift of the centre (2,), and the standard deviation of either coordinate."""
     x, y = cells.x_mm - centre[0], cells.y_mm - centre[1]
     squared = x * x + y * y

@@ -12,8 +12,7 @@ from tsis.model import IMPROBABLE, probability_bound
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.inclusion._prior import Booleans, Floats
     from tsis.inclusion.checks._harmonics import Unevenness
     from tsis.inclusion.checks._sectors import Sectors
     from tsis.model import Calibration
@@ -42,9 +41,8 @@ def roundness(target: Sectors, reference: Sectors | None, calibration: Calibrati
     The result, or None when too few rings are complete.
     """
     frames = [target] if reference is None else [target, reference]
-    use = np.logical_and.reduce([frame.usable for frame in frames])
-    use[:FIRST_RING] = False
-    if use.sum() < FEWEST:
+    use = _tested_rings(frames)
+    if use is None:
         return None
     change = target.grey if reference is None else target.grey - reference.grey
     radius, first = target.grid.ring_radius_mm[use], harmonic(change, 1)[use]
@@ -60,9 +58,7 @@ def roundness(target: Sectors, reference: Sectors | None, calibration: Calibrati
     return unevenness(harmonic(change, 2)[use], variance, radius, given=existing)
 
 
-def harmonic_variance(
-    grey: NDArray[np.float64], frames: Sequence[Sectors], calibration: Calibration, *, order: int
-) -> NDArray[np.float64]:
+def harmonic_variance(grey: Floats, frames: Sequence[Sectors], calibration: Calibration, *, order: int) -> Floats:
     """Variances of both parts of a harmonic of ``grey``, a frame or the difference of two, shape (2, rings).
 
     A pattern of uniform variance around a ring gives a harmonic's parts twice the variance of the ring's mean. The
@@ -76,23 +72,30 @@ def harmonic_variance(
     return np.asarray(2 * pattern + harmonic_noise(pixels, order))
 
 
+def _tested_rings(frames: Sequence[Sectors]) -> Booleans | None:
+    """Mask of the rings of a test, or None when too few are complete."""
+    use = np.logical_and.reduce([frame.usable for frame in frames])
+    use[:FIRST_RING] = False
+    return use if use.sum() >= FEWEST else None
+
+
+def _least_likely(tests: Sequence[Unevenness | None]) -> tuple[int, Unevenness | None]:
+    """Number of results, and the least likely one where it is improbable among so many."""
+    results = [result for result in tests if result is not None]
+    worst = min(results, key=lambda result: (result.chance, -result.over_noise), default=None)
+    return len(results), None if worst is None or worst.chance >= IMPROBABLE / len(results) else worst
+
+
 def roundness_findings(
-    targets: Sequence[Sectors],
-    references: Sequence[Sectors | None],
-    calibration: Calibration,
+    targets: Sequence[Sectors], references: Sequence[Sectors | None], calibration: Calibration
 ) -> list[tuple[str, str]]:
     """Flag ``not_one_round_inclusion`` for the least round target, or ``roundness_not_checked``.
 
-    Parameters
-    ----------
-    targets, references
-        The targets, and the reference that is subtracted from each, or None.
-    calibration
-        The errors.
+    A target is compared with its reference, or tested alone where that is None.
     """
     tests = [roundness(*pair, calibration) for pair in zip(targets, references, strict=True)]
-    results = [result for result in tests if result is not None]
-    if not results:
+    count, worst = _least_likely(tests)
+    if count == 0:
         return [
             (
                 "roundness_not_checked",
@@ -100,8 +103,7 @@ def roundness_findings(
                 "without clipping.",
             )
         ]
-    worst = min(results, key=lambda result: (result.chance, -result.over_noise))
-    if worst.chance >= IMPROBABLE / len(results):
+    if worst is None:
         return []
     return [
         (
@@ -122,9 +124,8 @@ def tilt_evidence(sectors: Sectors, calibration: Calibration) -> Unevenness | No
 
     A small error of the axis, which shifts the picture over the light, does not count as tilt.
     """
-    use = sectors.usable
-    use[:FIRST_RING] = False
-    if use.sum() < FEWEST:
+    use = _tested_rings([sectors])
+    if use is None:
         return None
     grid, grey = sectors.grid, sectors.grey.mean(axis=1)
     radius = grid.ring_radius_mm
@@ -138,12 +139,8 @@ def tilt_evidence(sectors: Sectors, calibration: Calibration) -> Unevenness | No
 
 def tilt_findings(references: Sequence[Sectors], calibration: Calibration) -> list[tuple[str, str]]:
     """Flag ``tilted`` for the reference press of the largest tilt."""
-    tests = [tilt_evidence(reference, calibration) for reference in references]
-    results = [result for result in tests if result is not None]
-    if not results:
-        return []
-    worst = min(results, key=lambda result: (result.chance, -result.over_noise))
-    if worst.chance >= IMPROBABLE / len(results):
+    _, worst = _least_likely([tilt_evidence(reference, calibration) for reference in references])
+    if worst is None:
         return []
     return [
         (

@@ -14,6 +14,7 @@ from tsis.inclusion._frames import DARKEST, OUTER_FRACTION
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.inclusion._prior import Booleans, Floats, Integers
     from tsis.model import Calibration, LightMap, Probe, TactileImage
 
 
@@ -26,41 +27,21 @@ _Geometry = tuple[tuple[int, int], tuple[float, float], tuple[float, float], flo
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SectorGrid:
-    """Rings and sectors in the pictures of one camera, and their light.
+    """Rings and sectors in the pictures of one camera, and their light."""
 
-    Attributes
-    ----------
-    sector
-        Index of each pixel's sector, ring by ring, flat; one beyond the last for pixels outside all rings.
-    count
-        Pixels in each sector, shape (rings, sectors).
-    whole
-        Rings whose sectors are all lit and in the picture, shape (rings,).
-    light
-        Sum of the light over the pixels of each sector, shape (rings, sectors).
-    radius_mm
-        Mean distance from the axis of the light in each sector, shape (rings, sectors).
-    growth_per_mm, flux
-        Growth of the light with displacement and its flux away from the axis, weighted by the light, shape
-        (rings, sectors).
-    light_sd
-        Relative standard error of the mean light in each ring, by the number of rays, shape (rings,).
-    extent_mm
-        Outer radius of the last ring.
-    """
-
+    # Index of each pixel's sector, ring by ring, flat; one beyond the last for pixels outside all rings
     sector: NDArray[np.uint8]
-    count: NDArray[np.float64]
-    whole: NDArray[np.bool]
-    light: NDArray[np.float64]
-    radius_mm: NDArray[np.float64]
-    growth_per_mm: NDArray[np.float64]
-    flux: NDArray[np.float64]
-    light_sd: NDArray[np.float64]
-    extent_mm: float
+    count: Floats  # pixels in each sector, shape (rings, sectors)
+    whole: Booleans  # rings whose sectors are all lit and in the picture, shape (rings,)
+    light: Floats  # sum of the light over the pixels of each sector, shape (rings, sectors)
+    radius_mm: Floats  # mean distance from the axis of the light in each sector, shape (rings, sectors)
+    growth_per_mm: Floats  # growth of the light with displacement, weighted by the light, shape (rings, sectors)
+    flux: Floats  # flux of the light away from the axis, weighted by the light, shape (rings, sectors)
+    light_sd: Floats  # relative standard error of the mean light in each ring, by the number of rays, shape (rings,)
+    extent_mm: float  # outer radius of the last ring
 
     @property
-    def ring_radius_mm(self) -> NDArray[np.float64]:
+    def ring_radius_mm(self) -> Floats:
         """Mean distance of each ring's light from the axis, mm."""
         total = self.light.sum(axis=1)
         return np.asarray((self.light * self.radius_mm).sum(axis=1) / np.where(total > 0, total, 1.0))
@@ -68,33 +49,17 @@ class SectorGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sectors:
-    """Means of one frame over rings and sectors.
+    """Means of one frame over rings and sectors."""
 
-    Attributes
-    ----------
-    grid
-        The rings and sectors.
-    raw
-        Mean raw grey level, shape (rings, sectors).
-    clipped
-        Clipped pixels, shape (rings, sectors).
-    grey
-        Mean grey level above background at uniform light, at the ring's mean radius, shape (rings, sectors).
-    variance
-        Variance of ``grey`` by pixel noise, shape (rings, sectors).
-    pixel_variance
-        Variance of one pixel in each sector, grey levels squared, shape (rings, sectors).
-    """
-
-    grid: SectorGrid
-    raw: NDArray[np.float64]
-    clipped: NDArray[np.int64]
-    grey: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    pixel_variance: NDArray[np.float64]
+    grid: SectorGrid  # the rings and sectors
+    raw: Floats  # mean raw grey level, shape (rings, sectors)
+    clipped: Integers  # clipped pixels, shape (rings, sectors)
+    grey: Floats  # mean grey level above background at uniform light, at the ring's mean radius, shape (rings, sectors)
+    variance: Floats  # variance of ``grey`` by pixel noise, shape (rings, sectors)
+    pixel_variance: Floats  # variance of one pixel in each sector, grey levels squared, shape (rings, sectors)
 
     @property
-    def usable(self) -> NDArray[np.bool]:
+    def usable(self) -> Booleans:
         """Complete rings without clipped pixels, shape (rings,)."""
         return np.asarray(self.grid.whole & (self.clipped.sum(axis=1) == 0))
 
@@ -120,7 +85,7 @@ def sector_means(frame: TactileImage, *, probe: Probe, calibration: Calibration)
     )
 
 
-def _slope(above: NDArray[np.float64], grid: SectorGrid) -> NDArray[np.float64]:
+def _slope(above: Floats, grid: SectorGrid) -> Floats:
     """Radial slope of the grey at uniform light, from its sums over rings; rings without light repeat the last."""
     light, ring = grid.light.sum(axis=1), np.arange(RINGS)
     lit = light > 0
@@ -131,9 +96,7 @@ def _slope(above: NDArray[np.float64], grid: SectorGrid) -> NDArray[np.float64]:
 
 
 @compiled
-def _gather(
-    grey: NDArray[np.float64], position: NDArray[np.uint8], full_scale: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _gather(grey: Floats, position: NDArray[np.uint8], full_scale: float) -> tuple[Floats, Integers]:
     """Sum of the grey levels and number of clipped pixels in each sector, in one pass."""
     total = np.zeros(RINGS * SECTORS + 1)
     clipped = np.zeros(RINGS * SECTORS + 1, dtype=np.int64)
@@ -151,16 +114,8 @@ def _gather(
     return total[:-1], clipped[:-1]
 
 
-def ring_visibility(frame: TactileImage, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Fraction of each ring's area in the picture, shape (rings,), in [0, 1].
-
-    Parameters
-    ----------
-    frame
-        A frame with a scale.
-    edges_mm
-        Boundaries of the rings in mm, ascending, shape (rings + 1,).
-    """
+def ring_visibility(frame: TactileImage, edges_mm: Floats) -> Floats:
+    """Fraction in [0, 1] of each ring's area in the picture; ``edges_mm`` ascend, shape (rings + 1,)."""
     return np.asarray(_visible(_geometry(frame, float(edges_mm[-1])), edges_mm.tobytes()).mean(axis=1))
 
 
@@ -169,7 +124,7 @@ def _geometry(frame: TactileImage, extent: float) -> _Geometry:
     return (rows, columns), frame.scale(), frame.axis(), extent
 
 
-def _sums(position: NDArray[np.uint8], values: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def _sums(position: NDArray[np.uint8], values: Floats | None) -> Floats:
     """Sums of ``values``, or numbers of pixels, over rings and sectors."""
     result = np.bincount(position, weights=values, minlength=RINGS * SECTORS + 1)[: RINGS * SECTORS]
     return np.asarray(result.reshape(RINGS, SECTORS), dtype=float)
@@ -200,7 +155,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
     total = _sums(position, lit.ravel())
     divisor = np.where(total > 0, total, 1.0)
 
-    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mean(values: Floats) -> Floats:
         return _sums(position, (lit * values).ravel()) / divisor
 
     level = total / np.maximum(count, 1)
@@ -220,7 +175,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
 
 
 @lru_cache(maxsize=8)
-def _visible(geometry: _Geometry, edges: bytes) -> NDArray[np.float64]:
+def _visible(geometry: _Geometry, edges: bytes) -> Floats:
     """Fraction of each ring in the picture along many directions, shape (rings, directions)."""
     (rows, columns), scale, axis, _ = geometry
     angle = (np.arange(FINE_ANGLES) + 0.5) * (2 * np.pi / FINE_ANGLES)

@@ -149,19 +149,11 @@ def with_moduli(probe: Probe, young_kpa: Sequence[float]) -> Probe:
 
 
 def calibration_for(probe: Probe, *, of: Probe, calibration: Calibration, traced: bool = False) -> Calibration:
-    """Predict the calibration of another probe.
+    """Predict the calibration of another probe from that ``of`` a probe.
 
     The pressure of saturation scales with the skin's modulus, because its asperities flatten in proportion; the
-    exposure gives the same grey levels at small pressures.
-
-    Parameters
-    ----------
-    probe, of
-        The other probe, and that of the calibration.
-    calibration
-        Response of grey level to pressure.
-    traced
-        Whether to trace the lamps' light on the face, in seconds per probe; else the calibration's light is used.
+    exposure gives the same grey levels at small pressures. With ``traced`` the lamps' light on the face is traced, in
+    seconds a probe; else the calibration's light is used.
     """
     stiffer = probe.layers[0].young_kpa / of.layers[0].young_kpa
     result = replace(calibration, saturation_kpa=calibration.saturation_kpa * stiffer, probe="")

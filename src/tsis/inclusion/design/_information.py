@@ -19,7 +19,7 @@ from tsis.errors import InputError
 from tsis.imaging import Sensor, radial_profile
 from tsis.inclusion._estimate import check_calibration
 from tsis.inclusion._frames import depletion_per_n, ring_edges, ring_light
-from tsis.inclusion._prior import PARAMETERS, InclusionPrior
+from tsis.inclusion._prior import PARAMETERS, Floats, InclusionPrior
 from tsis.inclusion._verdict import MODULUS_SD_KPA
 from tsis.inclusion.posterior import (
     ForwardModel,
@@ -63,22 +63,22 @@ class ProtocolInformation:
         Prior of inclusion and tissue.
     """
 
-    inclusions: NDArray[np.float64]
-    matrix: NDArray[np.float64]
+    inclusions: Floats
+    matrix: Floats
     prior: InclusionPrior
 
     @property
-    def prior_sd(self) -> NDArray[np.float64]:
+    def prior_sd(self) -> Floats:
         """Prior standard deviations of the three, shape (3,)."""
         return np.array(list(self.prior.sd.values()))
 
     @property
-    def cramer_rao_sd(self) -> NDArray[np.float64]:
+    def cramer_rao_sd(self) -> Floats:
         """Cramér–Rao bound of the sd, shape (n, 3); infinite without information."""
         return least_sd(self.matrix)
 
     @property
-    def expected_sd(self) -> NDArray[np.float64]:
+    def expected_sd(self) -> Floats:
         """Expected standard deviations, shape (n, 3).
 
         Signals are nearly linear in diameter, depth and the saturation of the signal with the modulus,
@@ -116,47 +116,37 @@ class ProtocolInformation:
         return float(np.log(self.expected_sd / self.prior_sd).sum(axis=1).mean())
 
 
-def _factor_slope(young_kpa: NDArray[np.float64], tissue_young_kpa: float) -> NDArray[np.float64]:
+def _factor_slope(young_kpa: Floats, tissue_young_kpa: float) -> Floats:
     """Derivative of the contrast factor with respect to the inclusion's modulus, per kPa."""
     return np.asarray(2.5 * tissue_young_kpa / (young_kpa + 1.5 * tissue_young_kpa) ** 2)
 
 
-def _variance(weight: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _variance(weight: Floats, values: Floats) -> Floats:
     """Variances of values (m,) under each row of weights (n, m)."""
     return np.asarray(weight @ values**2 - (weight @ values) ** 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlannedView:
-    """Model of a protocol's presses, and the sensor's pixels in each ring.
+    """Model of a protocol's presses, and the sensor's pixels in each ring."""
 
-    Attributes
-    ----------
-    model
-        Model of one frame of each press, with the errors of the mean of its repeats.
-    count
-        Pixels of the sensor in each ring, shape (rings,).
-    protocol, surrogate, sensor
-        The inputs.
-    """
-
-    model: ForwardModel
-    count: NDArray[np.int_]
+    model: ForwardModel  # model of one frame of each press, with the errors of the mean of its repeats
+    count: NDArray[np.int_]  # pixels of the sensor in each ring, shape (rings,)
     protocol: Protocol
     surrogate: FullContactSurrogate
     sensor: Sensor
 
-    def grey(self, inclusions: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    def grey(self, inclusions: Floats | None) -> Floats:
         """Expected grey levels, shape (n, frames, rings); None is tissue without inclusion, n = 1."""
         observed = self.model.grey(inclusions, self.start) * self.model.level
         return np.asarray(observed + self.model.calibration.background_grey)
 
     @property
-    def start(self) -> NDArray[np.float64]:
+    def start(self) -> Floats:
         """No nuisance at all."""
         return np.zeros(len(self.model.nuisance_sd(np.zeros(len(self.model.force_n)))))
 
-    def likelihood(self, inclusion: NDArray[np.float64]) -> InclusionLikelihood:
+    def likelihood(self, inclusion: Floats) -> InclusionLikelihood:
         """Likelihood of the model's frames of an inclusion (3,), without errors."""
         given, level = self.model.calibration, self.model.level
         grey = self.model.grey(inclusion[None], self.start)[0]
@@ -168,7 +158,7 @@ class PlannedView:
         usable = (self.count > 0) & (observed + given.background_grey < self.sensor.full_scale)
         return InclusionLikelihood(self.model, Profiles(grey=grey, variance=variance, usable=usable))
 
-    def information(self, inclusion: NDArray[np.float64]) -> NDArray[np.float64]:
+    def information(self, inclusion: Floats) -> Floats:
         """Fisher information at an inclusion (3,), shape (3, 3)."""
         return self.likelihood(inclusion).with_information(inclusion, self.start)[1]
 
@@ -179,7 +169,7 @@ def protocol_information(
     prior: InclusionPrior,
     calibration: Calibration,
     sensor: Sensor | None = None,
-    inclusions: NDArray[np.float64] | None = None,
+    inclusions: Floats | None = None,
     degrees: Degrees | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ProtocolInformation:
@@ -215,7 +205,7 @@ def protocol_information(
     return information_of(view, even_inclusions(prior) if inclusions is None else inclusions)
 
 
-def information_of(view: PlannedView, inclusions: NDArray[np.float64]) -> ProtocolInformation:
+def information_of(view: PlannedView, inclusions: Floats) -> ProtocolInformation:
     """Information at each of the inclusions (n, 3)."""
     prior = view.model.prior
     inclusions = require_array("inclusions", inclusions, ndim=2)
@@ -290,7 +280,7 @@ def _averaged(calibration: Calibration, frames: int) -> Calibration:
     )
 
 
-def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> NDArray[np.float64]:
+def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> Floats:
     """Diameters, depths and moduli spread evenly over the prior's box by a Sobol sequence, shape (count, 3).
 
     Diameters and depths are in mm, moduli in kPa; ``count`` lies in [1, 65536], else `InputError` is raised.
@@ -305,7 +295,7 @@ def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> NDArray[np.fl
     return np.asarray(prior.low + (unit + 0.5 / count) % 1.0 * (prior.high - prior.low))
 
 
-def dissertation_inclusions() -> NDArray[np.float64]:
+def dissertation_inclusions() -> Floats:
     """The nine inclusions of table 6.2, shape (9, 3)."""
     lumps = (load_phantom(f"calibration-{number}").inclusion for number in range(1, SOURCE_INCLUSIONS + 1))
     return np.array([[getattr(lump, name) for name in PARAMETERS] for lump in lumps])

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.inclusion._frames import OUTER_FRACTION, covering_force_n, largest_force_n, nominal_strains
+from tsis.inclusion._frames import OUTER_FRACTION, covering_force_n, nominal_strains
 from tsis.mechanics.small_strain import STRAIN_LIMIT
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from tsis.inclusion._prior import Floats
     from tsis.inclusion.design._information import PlannedView
 
 
@@ -77,7 +75,7 @@ class DesignLimits:
         return findings
 
 
-def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> DesignLimits:
+def limits_of(view: PlannedView, inclusions: Floats) -> DesignLimits:
     """The limited values of a protocol without inclusion and on the inclusions (n, 3)."""
     forces, sensor = view.protocol.forces_n, view.sensor
     at_none, per_newton = nominal_strains(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)
@@ -95,15 +93,10 @@ def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> DesignLimit
     )
 
 
-def covering_n(view: PlannedView, inclusions: NDArray[np.float64]) -> float:
+def covering_n(view: PlannedView, inclusions: Floats) -> float:
     """Least force at which the contact covers the face without inclusion and on all inclusions (n, 3)."""
     return max(_covers(view, inclusion) for inclusion in (None, *inclusions))
 
 
-def _covers(view: PlannedView, inclusion: NDArray[np.float64] | None) -> float:
+def _covers(view: PlannedView, inclusion: Floats | None) -> float:
     return covering_force_n(view.surrogate, view.model.prior, inclusion)
-
-
-def largest_force_of(view: PlannedView) -> float:
-    """Force at the limit of the nominal strain without inclusion."""
-    return largest_force_n(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)

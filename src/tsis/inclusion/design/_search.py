@@ -13,19 +13,18 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 
 from tsis.errors import InputError
+from tsis.inclusion._frames import largest_force_n
 from tsis.inclusion.design._alternatives import CRITERIA, Design, calibration_for, design_of, score, with_moduli
 from tsis.inclusion.design._information import even_inclusions, information_of, planned_view
-from tsis.inclusion.design._limits import covering_n, largest_force_of
+from tsis.inclusion.design._limits import covering_n
 from tsis.inclusion.design._protocol import LARGEST_FORCE_N, LEAST_FORCE_N
 from tsis.model import require_integer, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from tsis.imaging import Sensor
-    from tsis.inclusion._prior import InclusionPrior
+    from tsis.inclusion._prior import Floats, InclusionPrior
     from tsis.inclusion.design._information import PlannedView
     from tsis.inclusion.design._protocol import Protocol
     from tsis.mechanics.surrogate import Degrees
@@ -79,7 +78,7 @@ class _Forces:
     low_by: str
     high_by: str
 
-    def at(self, fractions: NDArray[np.float64]) -> tuple[float, ...]:
+    def at(self, fractions: Floats) -> tuple[float, ...]:
         """Forces at fractions, in [0, 1], of the range's logarithm, the weakest first."""
         forces = self.low_n * (self.high_n / self.low_n) ** np.sort(np.clip(fractions, 0.0, 1.0))
         return tuple(forces.tolist())
@@ -130,16 +129,16 @@ def optimise_design(
     require_one_of("criterion", criterion, CRITERIA)
     evaluations = require_integer("evaluations", evaluations, 1, MOST_EVALUATIONS)
     searched = even_inclusions(prior, SEARCHED)
-    tried: list[tuple[float, NDArray[np.float64], PlannedView, _Forces]] = []
+    tried: list[tuple[float, Floats, PlannedView, _Forces]] = []
 
-    def view_at(octaves: NDArray[np.float64]) -> PlannedView:
+    def view_at(octaves: Floats) -> PlannedView:
         probe = with_moduli(planned.probe, _moduli(planned.probe, octaves))
         given = calibration_for(probe, of=planned.probe, calibration=calibration, traced=traced)
         return planned_view(
             replace(planned, probe=probe), prior=prior, calibration=given, sensor=sensor, degrees=degrees
         )
 
-    def judge(octaves: NDArray[np.float64]) -> float:
+    def evaluate(octaves: Floats) -> float:
         view = view_at(octaves)
         forces = _forces(view, searched)
         value = HOPELESS
@@ -154,7 +153,7 @@ def optimise_design(
     # The first simplex spans an octave: a smaller one wastes evaluations on the scale.
     simplex = np.array([start, [1.0, 0.0], [0.0, 1.0]])
     minimize(
-        judge,
+        evaluate,
         start,
         method="Nelder-Mead",
         bounds=[(-OCTAVES, OCTAVES)] * 2,
@@ -177,7 +176,7 @@ def optimise_design(
     )
 
 
-def _moduli(probe: Probe, octaves: NDArray[np.float64]) -> list[float]:
+def _moduli(probe: Probe, octaves: Floats) -> list[float]:
     """Moduli times a common factor and a gradient from skin to glass, which is 1 in the middle."""
     thickness = np.array([layer.thickness_mm for layer in probe.layers])
     middle = (np.cumsum(thickness) - thickness / 2) / thickness.sum()
@@ -185,11 +184,11 @@ def _moduli(probe: Probe, octaves: NDArray[np.float64]) -> list[float]:
     return list((young * 2.0 ** (octaves[0] + octaves[1] * (0.5 - middle))).tolist())
 
 
-def _forces(view: PlannedView, inclusions: NDArray[np.float64]) -> _Forces:
+def _forces(view: PlannedView, inclusions: Floats) -> _Forces:
     """Range from full contact to the first limit: strain, saturation or the largest force."""
     covering = covering_n(view, inclusions)
     most = {
-        "strain": largest_force_of(view),
+        "strain": largest_force_n(view.surrogate, probe=view.protocol.probe, prior=view.model.prior),
         "saturation": _clipping_n(view, inclusions),
         "strongest force": LARGEST_FORCE_N,
     }
@@ -199,7 +198,7 @@ def _forces(view: PlannedView, inclusions: NDArray[np.float64]) -> _Forces:
     return _Forces(low_n=max(covering, weakest), high_n=most[high_by], low_by=low_by, high_by=high_by)
 
 
-def _clipping_n(view: PlannedView, inclusions: NDArray[np.float64]) -> float:
+def _clipping_n(view: PlannedView, inclusions: Floats) -> float:
     """Force at which the brightest point of any press saturates."""
 
     def excess(force_n: float) -> float:
@@ -224,12 +223,10 @@ def at_forces(view: PlannedView, forces_n: tuple[float, ...]) -> PlannedView:
     )
 
 
-def _pressed_best(
-    view: PlannedView, forces: _Forces, inclusions: NDArray[np.float64], criterion: str
-) -> tuple[float, PlannedView]:
+def _pressed_best(view: PlannedView, forces: _Forces, inclusions: Floats, criterion: str) -> tuple[float, PlannedView]:
     """The best forces for one stack, and their score."""
 
-    def value(fractions: NDArray[np.float64]) -> float:
+    def value(fractions: Floats) -> float:
         return score(information_of(at_forces(view, forces.at(fractions)), inclusions), criterion)
 
     count = len(view.protocol.presses)
@@ -245,7 +242,7 @@ def _pressed_best(
     return float(result.fun), at_forces(view, forces.at(result.x))
 
 
-def _binding(best: Design, octaves: NDArray[np.float64], forces: _Forces) -> tuple[str, ...]:
+def _binding(best: Design, octaves: Floats, forces: _Forces) -> tuple[str, ...]:
     """Names of the binding limits: forces, moduli, then violated limits."""
     span = np.log(forces.high_n / forces.low_n)
     pressed, stored = best.protocol.forces_n, []

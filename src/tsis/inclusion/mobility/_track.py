@@ -25,8 +25,7 @@ from tsis.model import as_images, freeze_arrays
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.inclusion._prior import Floats
     from tsis.inclusion.relative import LightChange, LitPart
     from tsis.model import Calibration, TactileImage
 
@@ -87,8 +86,8 @@ class Mobility:
         Short names of the defects.
     """
 
-    position_mm: NDArray[np.float64]
-    step_mm: NDArray[np.float64]
+    position_mm: Floats
+    step_mm: Floats
     path_mm: float | None
     excursion_mm: float | None
     noise_mm: float

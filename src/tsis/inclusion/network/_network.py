@@ -18,7 +18,9 @@ from tsis.model import require_array, require_number
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tsis.inclusion._prior import Floats
 
 
 MOST_UNITS = 1000  # of a layer
@@ -57,7 +59,7 @@ class Layers:
         """Number of weights and biases."""
         return sum((below + 1) * above for below, above in pairwise(self.sizes))
 
-    def matrices(self, weights: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def matrices(self, weights: Floats) -> list[Floats]:
         """One matrix a layer, shape (units, units below + 1); the last column is the bias."""
         result, start = [], 0
         for below, above in pairwise(self.sizes):
@@ -66,7 +68,7 @@ class Layers:
             start += size
         return result
 
-    def random_weights(self, rng: np.random.Generator) -> NDArray[np.float64]:
+    def random_weights(self, rng: np.random.Generator) -> Floats:
         """Normal weights that preserve the variance from layer to layer, and zero biases."""
         parts = []
         for below, above in pairwise(self.sizes):
@@ -76,7 +78,7 @@ class Layers:
         return np.concatenate(parts)
 
 
-def activations(layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def activations(layers: Layers, weights: Floats, inputs: Floats) -> list[Floats]:
     """Values of all layers, shape (n, units) each, from the inputs to the outputs."""
     *hidden, last = layers.matrices(weights)
     results = [inputs]
@@ -87,9 +89,7 @@ def activations(layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np
     return results
 
 
-def mean_square(
-    layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np.float64], targets: NDArray[np.float64]
-) -> tuple[float, NDArray[np.float64]]:
+def mean_square(layers: Layers, weights: Floats, inputs: Floats, targets: Floats) -> tuple[float, Floats]:
     """Mean square error over samples and outputs, and its gradient by the weights."""
     findings = activations(layers, weights, inputs)
     residual = findings[-1] - targets
@@ -101,7 +101,7 @@ def mean_square(
     return float(np.mean(residual**2)), np.concatenate(gradient[::-1])
 
 
-def jacobian(layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+def jacobian(layers: Layers, weights: Floats, inputs: Floats) -> Floats:
     """Derivatives of the outputs by the weights, shape (n, outputs, weights)."""
     findings = activations(layers, weights, inputs)
     every = np.broadcast_to(np.eye(layers.outputs), (len(inputs), layers.outputs, layers.outputs))
@@ -113,8 +113,8 @@ def jacobian(layers: Layers, weights: NDArray[np.float64], inputs: NDArray[np.fl
 
 
 def _backwards(
-    layers: Layers, weights: NDArray[np.float64], messages: list[NDArray[np.float64]], at_outputs: NDArray[np.float64]
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    layers: Layers, weights: Floats, messages: list[Floats], at_outputs: Floats
+) -> Iterator[tuple[Floats, Floats]]:
     """Backpropagate: from the last layer, derivatives by its units' sums, (n, k, units), and its inputs.
 
     ``at_outputs``, shape (n, k, outputs), is k directions in the outputs of each sample.
@@ -125,7 +125,7 @@ def _backwards(
         change = (change @ matrix[:, :-1]) * (below * (1.0 - below))[:, None, :]
 
 
-def check_varies(name: str, values: NDArray[np.float64]) -> None:
+def check_varies(name: str, values: Floats) -> None:
     """Refuse a table of shape (n, columns) with a column that is constant within rounding."""
     if (np.ptp(values, axis=0) <= ROUNDING * np.abs(values).max(axis=0)).any():
         raise InputError(f"{name} must vary in every column; got one that is the same in all {len(values)} rows")
@@ -135,20 +135,20 @@ def check_varies(name: str, values: NDArray[np.float64]) -> None:
 class Span:
     """Least and greatest value of each column, scaled to -1 and 1 in a network; shapes (columns,)."""
 
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: Floats
+    high: Floats
 
     @classmethod
-    def of(cls, name: str, values: NDArray[np.float64]) -> Span:
+    def of(cls, name: str, values: Floats) -> Span:
         """The span of a table of shape (n, columns)."""
         check_varies(name, values)
         return cls(low=values.min(axis=0), high=values.max(axis=0))
 
-    def inwards(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inwards(self, values: Floats) -> Floats:
         """To the network's scale."""
         return np.asarray(2.0 * (values - self.low) / (self.high - self.low) - 1.0)
 
-    def outwards(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def outwards(self, values: Floats) -> Floats:
         """Back to physical units."""
         return np.asarray(self.low + (values + 1.0) * (self.high - self.low) / 2.0)
 
@@ -168,11 +168,11 @@ class Network:
     """
 
     layers: Layers
-    weights: NDArray[np.float64]
+    weights: Floats
     input_span: Span
     output_span: Span
 
-    def __call__(self, inputs: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, inputs: ArrayLike) -> Floats:
         """Estimates of shape (n, outputs) from ``inputs`` of shape (n, inputs).
 
         Raises

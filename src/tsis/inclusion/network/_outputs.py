@@ -16,7 +16,8 @@ from scipy.special import erfinv
 
 from tsis.errors import InputError
 from tsis.imaging import radial_profile
-from tsis.inclusion._prior import PARAMETERS
+from tsis.inclusion._frames import pixels_mm
+from tsis.inclusion._prior import PARAMETERS, Floats
 from tsis.inclusion.posterior import ring_means
 from tsis.mechanics.surrogate import PressSurrogate
 from tsis.model import (
@@ -64,7 +65,7 @@ class OutputReading:
         Level above which the face counts as deformed, over the mean level of the reference, in [1e-6, 10].
     """
 
-    edges_mm: NDArray[np.float64]
+    edges_mm: Floats
     subtract: bool
     threshold_share: float
 
@@ -78,7 +79,7 @@ class OutputReading:
         object.__setattr__(self, "edges_mm", edges)
         require_number("threshold_share", self.threshold_share, 1e-6, 10.0)
 
-    def __call__(self, profiles: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, profiles: ArrayLike, reference: ArrayLike) -> Floats:
         """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) beside that of plain tissue (rings,)."""
         values, base = require_array("profiles", profiles, ndim=2), require_array("reference", reference, ndim=1)
         rings = len(self.edges_mm) - 1
@@ -90,7 +91,7 @@ class OutputReading:
             values = values - base
         return np.column_stack([values.max(axis=1), values @ area, self._area_above(values, level)])
 
-    def _area_above(self, values: NDArray[np.float64], level: float) -> NDArray[np.float64]:
+    def _area_above(self, values: Floats, level: float) -> Floats:
         """Area where profiles exceed a level, from parabolas through the ring means."""
         middles = np.sqrt((self.edges_mm[1:] ** 2 + self.edges_mm[:-1] ** 2) / 2)
         ends = np.linspace(self.edges_mm[0], self.edges_mm[-1], FINE * len(middles) + 1)
@@ -151,7 +152,7 @@ def simulated_outputs(
     field: str = "face_displacement_mm",
     tissue_young_kpa: float = 5.0,
     thickness_mm: float = 30.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     """The three outputs of simulated presses; section 6.3.1.
 
     Parameters
@@ -197,9 +198,7 @@ def simulated_outputs(
     return reading(at(*table.T), at.baseline)
 
 
-def printed_frame_outputs(
-    images: TactileImage | Sequence[TactileImage], *, threshold_grey: float
-) -> NDArray[np.float64]:
+def printed_frame_outputs(images: TactileImage | Sequence[TactileImage], *, threshold_grey: float) -> Floats:
     """The outputs as section 6.3.2 prints them, of raw frames.
 
     Parameters
@@ -247,7 +246,7 @@ def frame_outputs(
     reading: OutputReading,
     *,
     calibration: Calibration,
-) -> NDArray[np.float64]:
+) -> Floats:
     """The three outputs of frames, in grey levels at uniform light; section 6.3.2.
 
     Parameters
@@ -282,7 +281,7 @@ def pressure_outputs(
     reading: OutputReading,
     *,
     calibration: Calibration,
-) -> NDArray[np.float64]:
+) -> Floats:
     """The three outputs of frames in the units of the simulated pressure, by the response of the calibration.
 
     Parameters
@@ -311,7 +310,7 @@ def _rings_of_frames(
     reference: TactileImage,
     reading: OutputReading,
     calibration: Calibration,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Ring means in grey levels at uniform light of each frame, the reference last; shape (n + 1, rings)."""
     require_type("calibration", calibration, Calibration)
     require_type("reading", reading, OutputReading)
@@ -332,7 +331,7 @@ def _rings_of_frames(
     return rings
 
 
-def _ring_means(frame: TactileImage, edges_mm: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
+def _ring_means(frame: TactileImage, edges_mm: Floats, calibration: Calibration) -> Floats:
     """Mean grey above the background in rings, at uniform light; NaN in rings without usable pixels.
 
     Clipped pixels are excluded, since the press is round. The sum of grey over the sum of light is, with photon noise,
@@ -340,8 +339,7 @@ def _ring_means(frame: TactileImage, edges_mm: NDArray[np.float64], calibration:
     """
     light: NDArray[np.floating[Any]] = np.ones(frame.grey.shape)
     if calibration.light is not None:
-        (rows, columns), (x, y), (wide, high) = frame.grey.shape, frame.axis(), frame.scale()
-        light = calibration.light.at((np.arange(columns) - x) * wide, (np.arange(rows) - y) * high)
+        light = calibration.light.at(*pixels_mm(frame))
     clipped = frame.grey >= frame.full_scale
     lit = replace(frame, grey=np.where(clipped, frame.full_scale, light))  # excludes the same pixels
     observed, light_there = (radial_profile(item, edges_mm=edges_mm).mean_grey for item in (frame, lit))

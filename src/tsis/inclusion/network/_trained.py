@@ -10,7 +10,7 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, InputError
 from tsis.files import as_path, canonical, digest_or_none, printable_path, read_object, write_durably
-from tsis.inclusion._prior import PARAMETERS, InclusionPrior
+from tsis.inclusion._prior import PARAMETERS, Floats, InclusionPrior
 from tsis.inclusion.network._network import Layers, Network, Span
 from tsis.inclusion.network._outputs import (
     OUTPUT_RADIUS_MM,
@@ -19,7 +19,7 @@ from tsis.inclusion.network._outputs import (
     pressure_outputs,
     simulated_outputs,
 )
-from tsis.inclusion.network._training import train_network
+from tsis.inclusion.network._training import train_repeatedly
 from tsis.mechanics.surrogate import build_surrogate
 from tsis.model import require_array, require_integer, require_number, require_same_probe, require_type
 
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
-
-    from numpy.typing import NDArray
 
     from tsis.inclusion.network._outputs import OutputReading
     from tsis.model import Calibration, Probe, TactileImage
@@ -73,7 +71,7 @@ class TrainedNetworks:
 
     def outputs(
         self, images: Sequence[TactileImage], reference: TactileImage, *, probe: Probe, calibration: Calibration
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Greatest pressure (kPa), total (mN) and area (mm²) of frames, shape (n, 3).
 
         Raises
@@ -94,11 +92,11 @@ class TrainedNetworks:
                 )
         return pressure_outputs(images, reference, self.reading, calibration=calibration)
 
-    def __call__(self, outputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, outputs: Floats) -> Floats:
         """Results of each network for outputs of shape (n, 3): shape (networks, n, 3), in mm, mm and kPa."""
         return np.array([network(outputs) for network in self.networks])
 
-    def outside(self, outputs: NDArray[np.float64]) -> tuple[str, ...]:
+    def outside(self, outputs: Floats) -> tuple[str, ...]:
         """Names of the outputs outside the range of the training in any row."""
         low = np.min([network.input_span.low for network in self.networks], axis=0)
         high = np.max([network.input_span.high for network in self.networks], axis=0)
@@ -162,21 +160,16 @@ def train_networks(
         tissue_young_kpa=prior.tissue_young_kpa,
         thickness_mm=prior.thickness_mm,
     )
-    validated, result = max(1, round(VALIDATED_FRACTION * samples)), []
-    for number in range(networks):
-        order = rng.permutation(samples)
-        stopping, training = order[:validated], order[validated:]
-        network, _ = train_network(
-            outputs[training],
-            inclusions[training],
-            rng=rng,
-            validation=(outputs[stopping], inclusions[stopping]),
-            hidden=hidden,
-            method=method,
-        )
-        result.append(network)
-        if progress is not None:
-            progress(number + 1, networks)
+    result = train_repeatedly(
+        outputs,
+        inclusions,
+        rng=rng,
+        networks=networks,
+        validated=max(1, round(VALIDATED_FRACTION * samples)),
+        hidden=hidden,
+        method=method,
+        progress=progress,
+    )
     return TrainedNetworks(
         probe=probe.name, force_n=float(force_n), reach_mm=float(extent_mm), prior=asdict(prior), networks=tuple(result)
     )

@@ -19,9 +19,11 @@ from tsis.inclusion.network._network import Layers, Network, Span, activations, 
 from tsis.model import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tsis.inclusion._prior import Floats
 
 
 FIRST_STEP, FIRST_DAMPING = 5e-5, 5e-7  # sigma and lambda_1; Møller asks for at most 1e-4 and 1e-6
@@ -30,47 +32,28 @@ GREATEST_DAMPING = 1e20  # beyond it no step changes a double any more
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Descent:
-    """Result of a minimisation.
+    """Result of a minimisation."""
 
-    Attributes
-    ----------
-    x, value
-        The point, shape (n,), and the value there.
-    iterations
-        Number of steps, each of one or two gradients.
-    reason
-        ``"gradient"`` when it vanished, ``"stopped"`` by the caller, ``"damping"`` when rounding prevents a descent,
-        ``"iterations"`` at their limit.
-    """
-
-    x: NDArray[np.float64]
-    value: float
-    iterations: int
+    x: Floats  # the point, shape (n,)
+    value: float  # the value there
+    iterations: int  # number of steps, each of one or two gradients
+    # ``"gradient"`` when it vanished, ``"stopped"`` by the caller, ``"damping"`` when rounding prevents a descent,
+    # ``"iterations"`` at their limit
     reason: str
 
 
 def scaled_conjugate_gradient(
-    value_and_gradient: Callable[[NDArray[np.float64]], tuple[float, NDArray[np.float64]]],
-    start: NDArray[np.float64],
+    value_and_gradient: Callable[[Floats], tuple[float, Floats]],
+    start: Floats,
     *,
     iterations: int = 1000,
     least_gradient: float = 1e-6,
-    stop: Callable[[NDArray[np.float64]], bool] | None = None,
+    stop: Callable[[Floats], bool] | None = None,
 ) -> Descent:
-    """Minimise a smooth function from ``start``.
+    """Minimise a smooth function, given with its gradient, from ``start``, shape (n,).
 
-    Parameters
-    ----------
-    value_and_gradient
-        The function and its gradient at a point of shape (n,).
-    start
-        Initial point.
-    iterations
-        Most steps, successful or not.
-    least_gradient
-        Norm of the gradient that ends the descent.
-    stop
-        Called with each new point; True ends the descent.
+    It ends after ``iterations`` steps, successful or not, at a gradient of norm ``least_gradient``, or when ``stop`` is
+    true of a new point.
 
     Examples
     --------
@@ -120,6 +103,7 @@ def scaled_conjugate_gradient(
 
 
 MOST_VALUES = 50_000_000  # of an array: 400 MB
+PATIENCE = 6  # steps without a smaller validation error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,14 +137,14 @@ class _Enough(Exception):  # noqa: N818 - no error: the way out of a minimiser t
 class _Watch:
     """Early stopping: the weights of least validation error, and the decision to stop."""
 
-    error: Callable[[NDArray[np.float64]], float] | None
+    error: Callable[[Floats], float] | None
     patience: int
-    best: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    best: Floats = field(default_factory=lambda: np.empty(0))
     least: float = np.inf
     worse: int = 0
     steps: int = 0
 
-    def __call__(self, weights: NDArray[np.float64]) -> bool:
+    def __call__(self, weights: Floats) -> bool:
         """Record the weights after a step; True to stop."""
         self.steps += 1
         error = np.inf if self.error is None else self.error(weights)
@@ -185,7 +169,7 @@ def train_network(
     hidden: Sequence[int] = (10,),
     method: str = "scg",
     iterations: int = 1000,
-    patience: int = 6,
+    patience: int = PATIENCE,
 ) -> tuple[Network, NetworkTraining]:
     """Train a network on samples; section 6.3.3.
 
@@ -251,7 +235,37 @@ def train_network(
     )
 
 
-def _samples(first: str, given: ArrayLike, second: str, requested: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+def train_repeatedly(
+    inputs: Floats,
+    targets: Floats,
+    *,
+    rng: np.random.Generator,
+    networks: int,
+    validated: int,
+    hidden: Sequence[int],
+    method: str,
+    patience: int = PATIENCE,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[Network]:
+    """Networks with different initial weights and ``validated`` different validation samples."""
+    for number in range(networks):
+        order = rng.permutation(len(inputs))
+        stopping, training = order[:validated], order[validated:]
+        network, _ = train_network(
+            inputs[training],
+            targets[training],
+            rng=rng,
+            validation=(inputs[stopping], targets[stopping]),
+            hidden=hidden,
+            method=method,
+            patience=patience,
+        )
+        if progress is not None:
+            progress(number + 1, networks)
+        yield network
+
+
+def _samples(first: str, given: ArrayLike, second: str, requested: ArrayLike) -> tuple[Floats, ...]:
     """Two tables of equally many rows."""
     tables = require_array(first, given, ndim=2), require_array(second, requested, ndim=2)
     if len(tables[0]) != len(tables[1]):
@@ -259,7 +273,7 @@ def _samples(first: str, given: ArrayLike, second: str, requested: ArrayLike) ->
     return tables
 
 
-def _check_size(layers: Layers, targets: NDArray[np.float64], method: str) -> None:
+def _check_size(layers: Layers, targets: Floats, method: str) -> None:
     """Refuse underdetermined problems and too large Jacobians."""
     if method != "lm":
         return
@@ -277,7 +291,7 @@ def _check_size(layers: Layers, targets: NDArray[np.float64], method: str) -> No
 
 def _validation_error(
     layers: Layers, validation: tuple[ArrayLike, ArrayLike] | None, input_span: Span, output_span: Span
-) -> Callable[[NDArray[np.float64]], float] | None:
+) -> Callable[[Floats], float] | None:
     """Mean square error over the validation samples as a function of the weights; None without such samples."""
     if validation is None:
         return None
@@ -294,12 +308,7 @@ def _validation_error(
 
 
 def _by_conjugate_gradients(
-    layers: Layers,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    start: NDArray[np.float64],
-    iterations: int,
-    watch: _Watch,
+    layers: Layers, x: Floats, y: Floats, start: Floats, iterations: int, watch: _Watch
 ) -> bool:
     """Descend; True when the iterations ran out."""
     result = scaled_conjugate_gradient(
@@ -309,20 +318,15 @@ def _by_conjugate_gradients(
 
 
 def _by_levenberg_marquardt(
-    layers: Layers,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    start: NDArray[np.float64],
-    iterations: int,
-    watch: _Watch,
+    layers: Layers, x: Floats, y: Floats, start: Floats, iterations: int, watch: _Watch
 ) -> bool:
     """Descend; True when the iterations ran out."""
     taken = itertools.count()
 
-    def residual(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residual(weights: Floats) -> Floats:
         return np.asarray((activations(layers, weights, x)[-1] - y).ravel())
 
-    def slopes(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slopes(weights: Floats) -> Floats:
         # MINPACK evaluates the Jacobian at the start and after each accepted step only.
         step = next(taken)
         if step > 0 and (watch(weights) or step >= iterations):

@@ -9,13 +9,15 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.inclusion.network._network import check_varies
-from tsis.inclusion.network._training import MOST_VALUES, train_network
+from tsis.inclusion.network._training import MOST_VALUES, PATIENCE, train_repeatedly
 from tsis.model import require_array, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tsis.inclusion._prior import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,11 +32,11 @@ class LinearMapping:
         Fraction of the simulated outputs' variance explained by the lines, shape (outputs,).
     """
 
-    slope: NDArray[np.float64]
-    intercept: NDArray[np.float64]
-    r_squared: NDArray[np.float64]
+    slope: Floats
+    intercept: Floats
+    r_squared: Floats
 
-    def __call__(self, measured: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, measured: ArrayLike) -> Floats:
         """Simulated outputs for measured ones, shape (n, outputs)."""
         return np.asarray(self.intercept + self.slope * require_array("measured", measured, ndim=2))
 
@@ -73,7 +75,7 @@ def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
     )
 
 
-def leave_one_out_mapping(measured: ArrayLike, simulated: ArrayLike) -> NDArray[np.float64]:
+def leave_one_out_mapping(measured: ArrayLike, simulated: ArrayLike) -> Floats:
     """Measured outputs mapped by lines fitted to the other inclusions; shape (n, outputs).
 
     Parameters
@@ -107,9 +109,9 @@ def estimate_by_networks(
     validated: int = VALIDATED,
     hidden: Sequence[int] = (10,),
     method: str = "scg",
-    patience: int = 6,
+    patience: int = PATIENCE,
     progress: Callable[[int, int], None] | None = None,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Estimates by networks with different initial weights and validation samples.
 
     Parameters
@@ -149,20 +151,15 @@ def estimate_by_networks(
             f"trials times rows of unknown times outputs must be at most {MOST_VALUES:g}; "
             f"got {trials} x {len(rows)} x {requested.shape[1]} (give fewer at a time)"
         )
-    results = []
-    for trial in range(trials):
-        order = rng.permutation(len(given))
-        stored, trained = order[:validated], order[validated:]
-        network, _ = train_network(
-            given[trained],
-            requested[trained],
-            rng=rng,
-            validation=(given[stored], requested[stored]),
-            hidden=hidden,
-            method=method,
-            patience=patience,
-        )
-        results.append(network(rows))
-        if progress is not None:
-            progress(trial + 1, trials)
-    return np.array(results)
+    networks = train_repeatedly(
+        given,
+        requested,
+        rng=rng,
+        networks=trials,
+        validated=validated,
+        hidden=hidden,
+        method=method,
+        patience=patience,
+        progress=progress,
+    )
+    return np.array([network(rows) for network in networks])

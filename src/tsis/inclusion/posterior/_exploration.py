@@ -17,9 +17,7 @@ from tsis.inclusion.posterior._grid import Grid, box_around, refine
 from tsis.mechanics.surrogate import contrast_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tsis.inclusion._prior import InclusionPrior
+    from tsis.inclusion._prior import Booleans, Floats, InclusionPrior
     from tsis.inclusion.posterior._grid import SlantedBox
     from tsis.inclusion.posterior._likelihood import InclusionLikelihood, LikelihoodFit, LinearisedLikelihood
 
@@ -29,44 +27,36 @@ ROUNDING = 1e-9  # of a range: a grid's end at the prior's end counts as inside
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalChart:
-    """Points (signal diameter, depth, modulus), each (n, 3), and back to inclusions (diameter, depth, modulus).
+    """Points (signal diameter, depth, modulus), each (n, 3), and back to inclusions (diameter, depth, modulus)."""
 
-    Attributes
-    ----------
-    prior
-        Ranges of the inclusions.
-    bend_mm
-        Correction of signal diameter and depth at both ends of the modulus's range, shape (2,).
-    """
-
-    prior: InclusionPrior
-    bend_mm: NDArray[np.float64]
+    prior: InclusionPrior  # ranges of the inclusions
+    bend_mm: Floats  # correction of signal diameter and depth at both ends of the modulus's range, shape (2,)
 
     @property
-    def low(self) -> NDArray[np.float64]:
+    def low(self) -> Floats:
         """Lower corner of a box of points that contains the prior."""
         bend = np.append(np.maximum(self.bend_mm, 0.0), 0.0)
         return np.asarray(self.prior.low * np.array([self._stretch(self.prior.low[2]), 1.0, 1.0]) - bend)
 
     @property
-    def high(self) -> NDArray[np.float64]:
+    def high(self) -> Floats:
         """Upper corner of a box of points that contains the prior."""
         bend = np.append(np.minimum(self.bend_mm, 0.0), 0.0)
         return np.asarray(self.prior.high * np.array([self._stretch(self.prior.high[2]), 1.0, 1.0]) - bend)
 
-    def inclusions(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inclusions(self, points: Floats) -> Floats:
         """Inclusions at ``points``."""
         straight = points[:, :2] + self._parabola(points[:, 2]) * self.bend_mm
         return np.column_stack(
             [straight[:, 0] / self._stretch(self._inside(points[:, 2])), straight[:, 1], points[:, 2]]
         )
 
-    def points(self, inclusions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, inclusions: Floats) -> Floats:
         """Points of ``inclusions``."""
         straight = inclusions[:, :2] * np.column_stack([self._stretch(inclusions[:, 2]), np.ones(len(inclusions))])
         return np.column_stack([straight - self._parabola(inclusions[:, 2]) * self.bend_mm, inclusions[:, 2]])
 
-    def straightened(self, inclusions: NDArray[np.float64], weight: NDArray[np.float64]) -> SignalChart:
+    def straightened(self, inclusions: Floats, weight: Floats) -> SignalChart:
         """The chart with the best parabola along the modulus for weighted inclusions (n, 3)."""
         unbent = replace(self, bend_mm=np.zeros(2)).points(inclusions)
         turn = self._turn(unbent[:, 2])
@@ -75,30 +65,30 @@ class SignalChart:
         factors, *_ = np.linalg.lstsq(root * basis, root * unbent[:, :2], rcond=None)
         return replace(self, bend_mm=factors[2])
 
-    def allows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def allows(self, points: Floats) -> Booleans:
         """Mask of points inside the prior, shape (n,)."""
         inclusions = self.inclusions(points)
         margin = ROUNDING * (self.prior.high - self.prior.low)
         inside = (inclusions >= self.prior.low - margin) & (inclusions <= self.prior.high + margin)
         return np.asarray(inside.all(axis=1))
 
-    def log_volume(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def log_volume(self, points: Floats) -> Floats:
         """Log of the volume of inclusions per volume of points: the prior is uniform in inclusions."""
         return np.asarray(-np.log(self._stretch(self._inside(points[:, 2]))))
 
-    def _stretch(self, young_kpa: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    def _stretch(self, young_kpa: Floats | float) -> Floats:
         return np.asarray(np.cbrt(contrast_factor(np.asarray(young_kpa) / self.prior.tissue_young_kpa)))
 
-    def _inside(self, young_kpa: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _inside(self, young_kpa: Floats) -> Floats:
         """Moduli clipped to the prior: corners of a grid may lie outside."""
         return np.clip(young_kpa, self.prior.low[2], self.prior.high[2])
 
-    def _turn(self, young_kpa: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _turn(self, young_kpa: Floats) -> Floats:
         """Position in the modulus's range, from -1 to 1."""
         low, high = self.prior.low[2], self.prior.high[2]
         return np.asarray((2 * young_kpa - low - high) / (high - low))
 
-    def _parabola(self, young_kpa: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _parabola(self, young_kpa: Floats) -> Floats:
         return np.asarray(self._turn(young_kpa) ** 2)[:, None]
 
 
@@ -130,12 +120,12 @@ class InclusionPosterior:
         Fisher information of the three parameters at the middle, shape (3, 3).
     """
 
-    samples: NDArray[np.float64]
-    middle: NDArray[np.float64]
+    samples: Floats
+    middle: Floats
     fit: LikelihoodFit
     log_bayes_factor: float
     presence: float
-    information: NDArray[np.float64]
+    information: Floats
 
 
 def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) -> InclusionPosterior:
@@ -170,7 +160,7 @@ def _search(
 ) -> Grid:
     """The grid of a fast likelihood, searched first ``near`` an earlier grid."""
 
-    def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def density(points: Floats) -> Floats:
         return nearby(chart.inclusions(points)) + chart.log_volume(points)
 
     finder = COARSE if near is None else CLOSE
@@ -180,11 +170,7 @@ def _search(
 
 
 def _corrected(
-    grid: Grid,
-    likelihood: InclusionLikelihood,
-    nearby: LinearisedLikelihood,
-    chart: SignalChart,
-    nuisance: NDArray[np.float64],
+    grid: Grid, likelihood: InclusionLikelihood, nearby: LinearisedLikelihood, chart: SignalChart, nuisance: Floats
 ) -> Grid:
     """The grid with the difference to the exact likelihood, a parabola through comparisons at samples."""
     points = grid.samples(CHECKED)
@@ -192,7 +178,7 @@ def _corrected(
     missing = likelihood(inclusions, nuisance).log_evidence - nearby(inclusions)
     middle, spread = points.mean(axis=0), points.std(axis=0)
 
-    def parabola(at: NDArray[np.float64]) -> NDArray[np.float64]:
+    def parabola(at: Floats) -> Floats:
         x = (at - middle) / spread
         products = [x[:, i] * x[:, j] for i in range(3) for j in range(i, 3)]
         return np.column_stack([np.ones(len(x)), x, *products])
@@ -205,7 +191,7 @@ def _corrected(
     return grid.with_density(grid.log_density + correction)
 
 
-def _exact(grid: Grid, likelihood: InclusionLikelihood, chart: SignalChart, nuisance: NDArray[np.float64]) -> Grid:
+def _exact(grid: Grid, likelihood: InclusionLikelihood, chart: SignalChart, nuisance: Floats) -> Grid:
     """The grid under the exact likelihood, for wide posteriors that no parabola fits; a tenth of a second."""
     points = grid.cells.points
     inclusions = chart.inclusions(points)

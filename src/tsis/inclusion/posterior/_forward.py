@@ -17,9 +17,7 @@ from tsis.imaging import rough_contact, rough_contact_slope
 from tsis.inclusion.posterior._rings import OUTPUTS_PER_RING, TERMS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tsis.inclusion._prior import InclusionPrior
+    from tsis.inclusion._prior import Booleans, Floats, InclusionPrior
     from tsis.inclusion.posterior._rings import RingResponses, RingShading
     from tsis.mechanics.surrogate import TissueSurrogate
     from tsis.model import Calibration
@@ -58,17 +56,17 @@ class ForwardModel:
     """
 
     rings: RingResponses
-    level: NDArray[np.float64]
+    level: Floats
     shading: RingShading
     calibration: Calibration
     prior: InclusionPrior
-    force_n: NDArray[np.float64]
-    is_reference: NDArray[np.bool]
-    correlation: NDArray[np.float64] | None = None
+    force_n: Floats
+    is_reference: Booleans
+    correlation: Floats | None = None
     depletion_per_n: float = 0.0
     spread_sd: float = 0.0
 
-    def nuisance_sd(self, mean_grey: NDArray[np.float64]) -> NDArray[np.float64]:
+    def nuisance_sd(self, mean_grey: Floats) -> Floats:
         """Prior standard deviations of the nuisances; ``mean_grey`` (frames,) scales the offsets."""
         given = self.calibration
         shared = [
@@ -84,7 +82,7 @@ class ForwardModel:
         forces = np.full(len(self.force_n), given.force_sd)
         return np.concatenate([shared, forces, given.offset_sd * mean_grey])
 
-    def grey(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+    def grey(self, inclusions: Floats | None, nuisance: Floats) -> Floats:
         """Grey profiles, shape (n, frames, rings), of inclusions (n, 3) of diameter, depth and modulus.
 
         None is tissue without inclusion, n = 1.
@@ -100,9 +98,7 @@ class ForwardModel:
             grey[:, frame] = np.exp(nuisance[GAIN]) * self._remaining(push) * light + offset / self.level
         return grey
 
-    def profiles(
-        self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def profiles(self, inclusions: Floats | None, nuisance: Floats) -> tuple[Floats, Floats]:
         """Grey profiles and their derivatives by the nuisances.
 
         Parameters
@@ -138,7 +134,7 @@ class ForwardModel:
             slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
         return grey, slopes
 
-    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self) -> tuple[Floats, Floats]:
         """Range of each nuisance in which the model can be linearised.
 
         The surrogate ends somewhere; reference site and probe move the tissue a little beyond, where its polynomials
@@ -156,7 +152,7 @@ class ForwardModel:
             low[position] = high[position] = 0.0
         return low, high
 
-    def table(self, nuisance: NDArray[np.float64]) -> TissueSurrogate:
+    def table(self, nuisance: Floats) -> TissueSurrogate:
         """The surrogate's table at these nuisances: the profiles of its inclusions determine all others."""
         return self.rings.response.at_tissue(
             self.prior.tissue_young_kpa * float(np.exp(nuisance[TISSUE])),
@@ -170,15 +166,13 @@ class ForwardModel:
     def _shown(self) -> set[bool]:
         return set(self.is_reference.tolist())
 
-    def _pushes(self, nuisance: NDArray[np.float64]) -> list[tuple[float, float]]:
+    def _pushes(self, nuisance: Floats) -> list[tuple[float, float]]:
         """Force in newtons and offset in grey levels of each frame."""
         frames = len(self.force_n)
         force = self.force_n * np.exp(nuisance[SHARED : SHARED + frames])
         return list(zip(force.tolist(), nuisance[SHARED + frames :].tolist(), strict=True))
 
-    def _press(
-        self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64], *, reference: bool
-    ) -> NDArray[np.float64]:
+    def _press(self, inclusions: Floats | None, nuisance: Floats, *, reference: bool) -> Floats:
         """Ring responses to a press, (n, outputs), on the target or on the tissue of the reference site."""
         shown = None if reference else inclusions
         result = self._at(nuisance[TISSUE] + reference * nuisance[SITE], nuisance[THICKNESS], nuisance[PROBE], shown)
@@ -188,13 +182,8 @@ class ForwardModel:
         return np.asarray(result + nuisance[POISSON] * by_poisson + nuisance[SPREAD] * by_spread)
 
     def _changes(
-        self,
-        inclusions: NDArray[np.float64] | None,
-        nuisance: NDArray[np.float64],
-        press: NDArray[np.float64],
-        *,
-        reference: bool,
-    ) -> dict[int, NDArray[np.float64]]:
+        self, inclusions: Floats | None, nuisance: Floats, press: Floats, *, reference: bool
+    ) -> dict[int, Floats]:
         """Derivatives of the ring responses with respect to the nuisances of the press."""
         shown = None if reference else inclusions
         by_poisson, by_spread = self._linear(inclusions, reference=reference)
@@ -205,7 +194,7 @@ class ForwardModel:
             float(nuisance[PROBE]),
         )
 
-        def by(tissue: float, thickness: float, probe: float) -> NDArray[np.float64]:
+        def by(tissue: float, thickness: float, probe: float) -> Floats:
             there = self._at(here[0] + tissue, here[1] + thickness, here[2] + probe, shown)
             return np.asarray((there - press) / STEP)
 
@@ -219,9 +208,7 @@ class ForwardModel:
             SPREAD: by_spread,
         }
 
-    def _at(
-        self, log_tissue: float, log_thickness: float, log_probe: float, inclusions: NDArray[np.float64] | None
-    ) -> NDArray[np.float64]:
+    def _at(self, log_tissue: float, log_thickness: float, log_probe: float, inclusions: Floats | None) -> Floats:
         """Ring responses; a probe stiffer by a factor is equivalent to tissue softer by it."""
         stiffer = float(np.exp(log_probe))
         tissue = self.prior.tissue_young_kpa * float(np.exp(log_tissue)) / stiffer
@@ -229,17 +216,13 @@ class ForwardModel:
         shown = None if inclusions is None else inclusions / np.array([1.0, 1.0, stiffer])
         return self.rings.stiffened(stiffer, self.rings.on(tissue, thickness, shown))
 
-    def _linear(
-        self, inclusions: NDArray[np.float64] | None, *, reference: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _linear(self, inclusions: Floats | None, *, reference: bool) -> tuple[Floats, Floats]:
         """Derivatives with respect to Poisson's ratio and the spread, assumed constant."""
         return self.rings.linear(
             self.prior.tissue_young_kpa, self.prior.thickness_mm, None if reference else inclusions
         )
 
-    def _light(
-        self, press: NDArray[np.float64], emphasis: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _light(self, press: Floats, emphasis: Floats) -> tuple[Floats, Floats, Floats]:
         """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by response and emphasis."""
         pressure, displacement, slope = np.split(press, OUTPUTS_PER_RING, axis=-1)
         contact = rough_contact(pressure, self.calibration)
@@ -249,6 +232,6 @@ class ForwardModel:
         return contact * shade.factor, by_answer, contact[..., None] * shade.by_emphasis
 
 
-def _along(by_answer: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along(by_answer: Floats, direction: Floats) -> Floats:
     """Derivative of the rings' light along a change of the press: the sum over the three responses."""
     return np.asarray(sum(np.split(by_answer * direction, OUTPUTS_PER_RING, axis=-1)))

@@ -13,13 +13,13 @@ from scipy.optimize import brentq
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from tsis.inclusion._prior import Booleans, Floats, Integers
 
-    Support = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+    Support = Callable[[Floats], Booleans]
 
 
 @cache
-def _lattice(per_axis: int, *, ends: bool) -> NDArray[np.float64]:
+def _lattice(per_axis: int, *, ends: bool) -> Floats:
     """Points of a regular lattice in the cube [-1/2, 1/2]**3, with its faces or without, shape (per_axis**3, 3)."""
     steps = np.linspace(-0.5, 0.5, per_axis) if ends else (np.arange(per_axis) + 0.5) / per_axis - 0.5
     points = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -34,27 +34,15 @@ INNER_AND_ENDS = _lattice(5, ends=True)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GridCells:
-    """Cells of a sheared box that are at least partly inside the support.
+    """Cells of a sheared box that are at least partly inside the support."""
 
-    Attributes
-    ----------
-    centre
-        Centres of the cells, shape (n, 3).
-    edges
-        Edge vectors of a cell as rows, shape (3, 3).
-    points
-        Centroids of the parts inside, shape (n, 3).
-    fraction
-        Volume fraction of each cell inside, shape (n,), in (0, 1].
-    """
-
-    centre: NDArray[np.float64]
-    edges: NDArray[np.float64]
-    points: NDArray[np.float64]
-    fraction: NDArray[np.float64]
+    centre: Floats  # centres of the cells, shape (n, 3)
+    edges: Floats  # edge vectors of a cell as rows, shape (3, 3)
+    points: Floats  # centroids of the parts inside, shape (n, 3)
+    fraction: Floats  # volume fraction of each cell inside, shape (n,), in (0, 1]
 
 
-def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> GridCells:
+def cells_of(origin: Floats, axes: Floats, per_axis: int, support: Support) -> GridCells:
     """Cells of the box spanned by the rows of ``axes``, without those outside the support."""
     centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
     edges = axes / per_axis
@@ -73,9 +61,7 @@ def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: i
     return GridCells(centre=centre[some], edges=edges, points=points[some], fraction=fraction[some])
 
 
-def _corners_inside(
-    origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support
-) -> NDArray[np.int64]:
+def _corners_inside(origin: Floats, axes: Floats, per_axis: int, support: Support) -> Integers:
     """Number of corners of each cell inside the support, shape (cells,)."""
     vertices = support(origin + (_lattice(per_axis + 1, ends=True) + 0.5) @ axes)
     cube = vertices.reshape(3 * (per_axis + 1,)).astype(np.int64)
@@ -88,10 +74,8 @@ def _corners_inside(
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    LogDensity = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    SlantedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # a corner, and its edges as rows
+    LogDensity = Callable[[Floats], Floats]
+    SlantedBox = tuple[Floats, Floats]  # a corner, and its edges as rows
 
 ENOUGH_FRACTION = (
     0.04  # of the cells: effective number that a refinement step leaves; fewer alias thin slanted densities
@@ -108,24 +92,14 @@ ELSEWHERE = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # Kronecker se
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid:
-    """Cells of a density.
+    """Cells of a density."""
 
-    Attributes
-    ----------
-    cells
-        The cells in which it is not negligible.
-    log_density
-        Log density at their points, shape (n,).
-    support
-        Mask function of its support.
-    """
-
-    cells: GridCells
-    log_density: NDArray[np.float64]
-    support: Support
+    cells: GridCells  # the cells in which it is not negligible
+    log_density: Floats  # log density at their points, shape (n,)
+    support: Support  # mask function of its support
 
     @property
-    def weight(self) -> NDArray[np.float64]:
+    def weight(self) -> Floats:
         """Probability of each cell, shape (n,)."""
         weight = self.cells.fraction * np.exp(self.log_density - self.log_density.max())
         return np.asarray(weight / weight.sum())
@@ -137,15 +111,15 @@ class Grid:
         total = float((self.cells.fraction * np.exp(self.log_density - most)).sum())
         return most + float(np.log(total * abs(np.linalg.det(self.cells.edges))))
 
-    def with_density(self, log_density: NDArray[np.float64]) -> Grid:
+    def with_density(self, log_density: Floats) -> Grid:
         """The same cells under another density."""
         return replace(self, log_density=log_density)
 
-    def mean(self) -> NDArray[np.float64]:
+    def mean(self) -> Floats:
         """Weighted mean of the points, shape (3,)."""
         return np.asarray(self.weight @ self.cells.points)
 
-    def samples(self, count: int) -> NDArray[np.float64]:
+    def samples(self, count: int) -> Floats:
         """``count`` equally weighted samples by a Sobol sequence, shape (count, 3): deterministic."""
         unit = scipy.stats.qmc.Sobol(4, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count] + 0.5 / count
         chosen = np.minimum(np.searchsorted(np.cumsum(self.weight), unit[:, 0] % 1.0), len(self.weight) - 1)
@@ -161,8 +135,8 @@ class Grid:
 
 def refine(
     log_density: LogDensity,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
+    low: Floats,
+    high: Floats,
     *,
     support: Support | None = None,
     per_axis: int = 16,
@@ -170,28 +144,16 @@ def refine(
     near: SlantedBox | None = None,
     finest: int = 2,
 ) -> Grid:
-    """Refine a grid on the box [low, high] until it resolves the density.
+    """Refine a grid on the box [low, high], which contains all of a density, until it resolves the density.
 
-    Parameters
-    ----------
-    log_density
-        Log density, up to a constant, of points (n, 3); called once a refinement.
-    low, high
-        A box that contains all of the density, shape (3,) each.
-    support
-        Mask of points (n, 3) with density, a convex region; the box when None.
-    per_axis
-        Cells along each axis of the result.
-    finder
-        Cells along each axis of the search grids, at most ``per_axis``; at least `FEWEST` without ``near``.
-    near
-        Box of a similar density, searched first.
-    finest
-        Largest factor on the cells along each axis, for a curved density in a wide box.
+    ``log_density``, up to a constant, of points (n, 3) is called once a refinement. ``support`` masks points with
+    density, a convex region; the box when None. The result has ``per_axis`` cells along each axis, for a curved density
+    in a wide box up to ``finest`` times as many. Search grids have ``finder`` cells, at least `FEWEST` without
+    ``near``, the box of a similar density, which is searched first.
     """
     if support is None:
 
-        def support(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        def support(points: Floats) -> Booleans:
             return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
     def look(box: SlantedBox, count: int) -> _CoarseLook:
@@ -212,10 +174,10 @@ class _CoarseLook:
     box: SlantedBox
     per_axis: int
     cells: GridCells
-    log_density: NDArray[np.float64]
+    log_density: Floats
 
     @property
-    def log_weight(self) -> NDArray[np.float64]:
+    def log_weight(self) -> Floats:
         """Log probability of each cell over the largest."""
         weight = self.log_density + np.log(self.cells.fraction)
         return np.asarray(weight - weight.max())
@@ -231,18 +193,9 @@ class _CoarseLook:
         return not outermost.any() or float(self.log_weight[outermost].max()) < FAINT
 
 
-def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], edges: NDArray[np.float64]) -> SlantedBox:
+def box_around(points: Floats, log_density: Floats, edges: Floats) -> SlantedBox:
     """A sheared box with a margin around a density at points (n, 3), the centres of cells with the given edges."""
-    log_weight = log_density - log_density.max()
-    weight = np.exp(log_weight)
-    weight /= weight.sum()
-    middle = weight @ points
-    centred = points - middle
-    shear = _shear((weight[:, None] * centred).T @ centred + edges.T @ edges / 12)
-    inverse = np.linalg.inv(shear)
-    along = centred[log_weight > NEGLIGIBLE] @ inverse.T
-    margin = np.abs(edges @ inverse.T).sum(axis=0) / 2
-    first, last = along.min(axis=0) - margin, along.max(axis=0) + margin
+    middle, shear, first, last = _sheared(points, edges, log_density - log_density.max(), 1.0)
     first, last = (first + last) / 2 - WIDER * (last - first) / 2, (first + last) / 2 + WIDER * (last - first) / 2
     return middle + shear @ first, (shear * (last - first)).T
 
@@ -250,7 +203,7 @@ def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], ed
 def _find(
     view: Callable[[SlantedBox, int], _CoarseLook],
     result: _CoarseLook,
-    ends: tuple[NDArray[np.float64], NDArray[np.float64]],
+    ends: tuple[Floats, Floats],
     counts: tuple[int, int],
 ) -> tuple[SlantedBox, int]:
     """The tight box of a density, and cells along its axes; ``counts`` are the requested and the most."""
@@ -272,7 +225,7 @@ def _find(
     return box, max(per_axis, fine)
 
 
-def _temper(log_weight: NDArray[np.float64], enough: float) -> float:
+def _temper(log_weight: Floats, enough: float) -> float:
     """Largest power of the density, at most one, at which the effective number of cells is ``enough``."""
 
     def excess(log_power: float) -> float:
@@ -282,30 +235,29 @@ def _temper(log_weight: NDArray[np.float64], enough: float) -> float:
     return 1.0 if excess(0.0) >= 0 else float(np.exp(brentq(excess, -30.0, 0.0, xtol=1e-2)))
 
 
-def _sheared_box(
-    cells: GridCells,
-    log_weight: NDArray[np.float64],
-    power: float,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Origin and edges (as rows) of a box around all cells of weight, sheared along the tempered points."""
-    weight = np.exp(power * log_weight)
-    weight /= weight.sum()
-    middle = weight @ cells.points
-    centred = cells.points - middle
-    covariance = (weight[:, None] * centred).T @ centred + cells.edges.T @ cells.edges / 12
-    shear = _shear(covariance)
+def _sheared_box(cells: GridCells, log_weight: Floats, power: float, low: Floats, high: Floats) -> SlantedBox:
+    """A box around all cells of weight, sheared along the tempered points, that ends at the last coordinate's ends."""
+    middle, shear, first, last = _sheared(cells.points, cells.edges, log_weight, power)
     inverse = np.linalg.inv(shear)
-    along = centred[log_weight > min(NEGLIGIBLE, FAINT / power)] @ inverse.T
-    margin = np.abs(cells.edges @ inverse.T).sum(axis=0) / 2
-    first, last = along.min(axis=0) - margin, along.max(axis=0) + margin
     first[2] = max(first[2], (low[2] - middle[2]) * inverse[2, 2])
     last[2] = min(last[2], (high[2] - middle[2]) * inverse[2, 2])
     return middle + shear @ first, (shear * (last - first)).T
 
 
-def _shear(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sheared(points: Floats, edges: Floats, log_weight: Floats, power: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Mean and triangular root of the covariance of tempered points, and the ends of all weight in its units."""
+    weight = np.exp(power * log_weight)
+    weight /= weight.sum()
+    middle = weight @ points
+    centred = points - middle
+    shear = _shear((weight[:, None] * centred).T @ centred + edges.T @ edges / 12)
+    inverse = np.linalg.inv(shear)
+    along = centred[log_weight > min(NEGLIGIBLE, FAINT / power)] @ inverse.T
+    margin = np.abs(edges @ inverse.T).sum(axis=0) / 2
+    return middle, shear, along.min(axis=0) - margin, along.max(axis=0) + margin
+
+
+def _shear(covariance: Floats) -> Floats:
     """Triangular root of a covariance, with the last coordinate first.
 
     Its range is never tilted, so that a flat posterior has exactly the prior's ends.

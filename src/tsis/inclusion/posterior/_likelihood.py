@@ -9,14 +9,13 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.inclusion._prior import Booleans, Floats
     from tsis.inclusion.posterior._forward import ForwardModel
     from tsis.mechanics.surrogate import TissueSurrogate
     from tsis.model import Calibration
 
 
-def least_sd(information: NDArray[np.float64]) -> NDArray[np.float64]:
+def least_sd(information: Floats) -> Floats:
     """Cramér–Rao bound of each standard deviation, shape (..., k), from information (..., k, k).
 
     Infinite for all parameters where the information is singular.
@@ -46,18 +45,18 @@ class Profiles:
         Rings with pixels, none of them clipped, shape (frames, rings).
     """
 
-    grey: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    usable: NDArray[np.bool]
+    grey: Floats
+    variance: Floats
+    usable: Booleans
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LikelihoodFit:
     """Log evidence of each inclusion (n,), its best nuisances (n, nuisances) and the misfit there (n,)."""
 
-    log_evidence: NDArray[np.float64]
-    nuisance: NDArray[np.float64]
-    misfit: NDArray[np.float64]
+    log_evidence: Floats
+    nuisance: Floats
+    misfit: Floats
 
 
 class InclusionLikelihood:
@@ -80,7 +79,7 @@ class InclusionLikelihood:
         self._whitening = solve_triangular(cholesky(covariance, lower=True), np.eye(len(self._use)), lower=True)
         self.start = np.zeros(len(self._sd))
 
-    def __call__(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> LikelihoodFit:
+    def __call__(self, inclusions: Floats | None, nuisance: Floats) -> LikelihoodFit:
         """Evaluate inclusions (n, 3), or tissue without inclusion, n = 1, linearised at ``nuisance``."""
         grey, slopes = self.model.profiles(inclusions, nuisance)
         white = self._whiten(self._data.grey - grey)
@@ -88,14 +87,14 @@ class InclusionLikelihood:
         rotated = self._whiten(slopes) * self._sd
         return _fit(white + rotated @ self._units(nuisance), rotated, self._sd)
 
-    def near(self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> LinearisedLikelihood:
+    def near(self, inclusion: Floats, nuisance: Floats) -> LinearisedLikelihood:
         """The likelihood with constant derivatives by the nuisances, those at one inclusion (3,)."""
         _, slopes = self.model.profiles(inclusion[None], nuisance)
         rotated = self._whiten(slopes)[0] * self._sd
         root = cholesky(rotated @ rotated.T + np.eye(len(rotated)), lower=True)
         start = rotated @ self._units(nuisance)
 
-        def residual(inclusions: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        def residual(inclusions: Floats | None) -> Floats:
             white = self._whiten(self._data.grey - self.model.grey(inclusions, nuisance)) + start
             return np.asarray(solve_triangular(root, white.T, lower=True).T)
 
@@ -110,9 +109,7 @@ class InclusionLikelihood:
             constant=float(-0.5 * rest @ rest - np.log(np.diag(root)).sum()),
         )
 
-    def with_information(
-        self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]
-    ) -> tuple[LikelihoodFit, NDArray[np.float64]]:
+    def with_information(self, inclusion: Floats, nuisance: Floats) -> tuple[LikelihoodFit, Floats]:
         """The fit of an inclusion (3,) and its Fisher information (3, 3), with the nuisances integrated out."""
         grey, slopes = self.model.profiles(inclusion[None], nuisance)
         rotated = self._whiten(slopes) * self._sd
@@ -124,17 +121,17 @@ class InclusionLikelihood:
         triangular = solve_triangular(root, change.T, lower=True)
         return _fit(white + rotated @ self._units(nuisance), rotated, self._sd), triangular.T @ triangular
 
-    def within(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+    def within(self, nuisance: Floats) -> Floats:
         """Nuisances clipped to `LIMIT_SD` and the surrogate's box, and 0 where the model is linear."""
         low, high = self.model.bounds()
         limit = LIMIT_SD * self._sd
         return np.clip(nuisance, np.maximum(low, -limit), np.minimum(high, limit))
 
-    def _units(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _units(self, nuisance: Floats) -> Floats:
         """Nuisances in units of their standard deviations, which may be 0."""
         return np.divide(nuisance, self._sd, out=np.zeros_like(self._sd), where=self._sd > 0)
 
-    def _whiten(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _whiten(self, columns: Floats) -> Floats:
         """Apply the inverse root of the noise covariance to (n, frames, rings, ...); shape (n, used rings, ...)."""
         flat = columns.reshape(len(columns), -1, *columns.shape[3:])[:, self._use]
         return np.asarray(np.tensordot(self._whitening, flat, axes=(1, 1)).swapaxes(0, 1))
@@ -142,26 +139,19 @@ class InclusionLikelihood:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearisedLikelihood:
-    """A fast likelihood with the derivatives by the nuisances at one inclusion, where it is exact.
+    """A fast likelihood with the derivatives by the nuisances at one inclusion, where it is exact."""
 
-    Attributes
-    ----------
-    residual
-        Surrogate of the residual in the directions that depend on the inclusion, of unit covariance.
-    constant
-        The rest of the log evidence.
-    """
-
+    # Surrogate of the residual in the directions that depend on the inclusion, of unit covariance
     residual: TissueSurrogate
-    constant: float
+    constant: float  # the rest of the log evidence
 
-    def __call__(self, inclusions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, inclusions: Floats) -> Floats:
         """Log evidence of inclusions (n, 3)."""
         residual = self.residual(*inclusions.T)
         return np.asarray(self.constant - 0.5 * np.einsum("nk,nk->n", residual, residual))
 
 
-def _fit(white: NDArray[np.float64], rotated: NDArray[np.float64], sd: NDArray[np.float64]) -> LikelihoodFit:
+def _fit(white: Floats, rotated: Floats, sd: Floats) -> LikelihoodFit:
     """Integrate the nuisances out of whitened residuals (n, m), linear in them by ``rotated`` (n, m, nuisances)."""
     normal = np.swapaxes(rotated, 1, 2) @ rotated + np.eye(len(sd))
     right = np.swapaxes(rotated, 1, 2) @ white[:, :, None]
@@ -171,7 +161,7 @@ def _fit(white: NDArray[np.float64], rotated: NDArray[np.float64], sd: NDArray[n
     return LikelihoodFit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * sd, misfit=square)
 
 
-def noise_covariance(data: Profiles, calibration: Calibration, correlation: NDArray[np.float64]) -> NDArray[np.float64]:
+def noise_covariance(data: Profiles, calibration: Calibration, correlation: Floats) -> Floats:
     """Covariance of the ring means, shape (frames * rings, frames * rings).
 
     The fixed pattern is common to all frames; repeatability is independent between presses. ``correlation``,

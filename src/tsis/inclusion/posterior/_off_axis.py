@@ -17,7 +17,7 @@ from tsis.mechanics import hats
 from tsis.model import require_number
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.inclusion._prior import Floats
 
 
 SHIFTED = 0.85  # of the face's radius; the change beyond belongs to the rim and does not shift
@@ -25,7 +25,7 @@ FARTHEST = 0.5  # of the face's radius; the benchmark prints the range of the ap
 DIRECTIONS = 48  # over half a circle; the other half is symmetric
 
 
-def off_axis_profile(radius_mm: NDArray[np.float64], offset_mm: float) -> NDArray[np.float64]:
+def off_axis_profile(radius_mm: Floats, offset_mm: float) -> Floats:
     """Matrix from the change by an inclusion on the axis to the mean around the axis at an offset of the inclusion.
 
     It applies to profiles of pressure and displacement; the radial differences of a displacement's result are the means

@@ -11,8 +11,7 @@ import numpy as np
 from tsis.inclusion.posterior._off_axis import off_axis_profile
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.inclusion._prior import Floats
     from tsis.mechanics.surrogate import FullContactParts, FullContactSurrogate, Surrogate
 
 
@@ -24,10 +23,10 @@ class FaceProfiles(Protocol):
     """A surrogate of profiles over the face's radius."""
 
     @property
-    def radius_mm(self) -> NDArray[np.float64]:
+    def radius_mm(self) -> Floats:
         """Radii from the axis to the edge, shape (n,)."""
 
-    def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def interpolation(self, radius_mm: Floats) -> Floats:
         """Matrix from profiles to values at ``radius_mm``."""
 
 
@@ -36,75 +35,55 @@ class RingResponses:
     """Mean pressure in kPa of each ring, then mean displacement of the face in mm, then its mean slope.
 
     A press is affine in its force: the response per newton, then for a dome the response to its shape at zero force.
-
-    Attributes
-    ----------
-    response
-        Surrogate of the responses.
-    by_poisson
-        Their derivative with respect to Poisson's ratio of tissue and inclusion.
-    by_spread
-        Their derivative with respect to the square of the inclusion's distance from the axis, per mm**2.
-    is_domed
-        Whether there is a response to the shape.
     """
 
-    response: Surrogate
-    by_poisson: Surrogate
+    response: Surrogate  # surrogate of the responses
+    by_poisson: Surrogate  # their derivative with respect to Poisson's ratio of tissue and inclusion
+    # Their derivative with respect to the square of the inclusion's distance from the axis, per mm**2
     by_spread: Surrogate
-    is_domed: bool
+    is_domed: bool  # whether there is a response to the shape
 
     @property
     def count(self) -> int:
         """Number of rings."""
         return int(self.response.baseline.shape[-1]) // (OUTPUTS_PER_RING * (1 + self.is_domed))
 
-    def on(
-        self, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
-    ) -> NDArray[np.float64]:
+    def on(self, tissue_young_kpa: float, thickness_mm: float, inclusions: Floats | None) -> Floats:
         """Responses (n, responses) for inclusions (n, 3), or for tissue without inclusion, n = 1."""
         return _evaluate(self.response, tissue_young_kpa, thickness_mm, inclusions)
 
-    def linear(
-        self, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def linear(self, tissue_young_kpa: float, thickness_mm: float, inclusions: Floats | None) -> tuple[Floats, Floats]:
         """Derivatives of the responses with respect to Poisson's ratio and the spread."""
         by_poisson = _evaluate(self.by_poisson, tissue_young_kpa, thickness_mm, inclusions)
         if inclusions is None:
             return by_poisson, np.zeros_like(by_poisson)
         return by_poisson, _evaluate(self.by_spread, tissue_young_kpa, thickness_mm, inclusions)
 
-    def stiffened(self, factor: float, responses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def stiffened(self, factor: float, responses: Floats) -> Floats:
         """Responses of probe and tissue stiffer by ``factor``: pressures scale with the force."""
         per_newton = np.repeat([1.0, 1 / factor, 1 / factor], self.count)
         if not self.is_domed:
             return np.asarray(responses * per_newton)
         return np.asarray(responses * np.concatenate([per_newton, np.repeat([factor, 1.0, 1.0], self.count)]))
 
-    def per_newton(self, responses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def per_newton(self, responses: Floats) -> Floats:
         """Response per newton, shape (n, 3 rings)."""
         return responses[..., : OUTPUTS_PER_RING * self.count]
 
-    def under(self, force_n: float, responses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def under(self, force_n: float, responses: Floats) -> Floats:
         """Pressures, displacements and slopes under a force, shape (n, 3 rings)."""
         pressed = np.asarray(force_n * self.per_newton(responses))
         return pressed + responses[..., OUTPUTS_PER_RING * self.count :] if self.is_domed else pressed
 
 
-def _evaluate(
-    surrogate: Surrogate, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
-) -> NDArray[np.float64]:
+def _evaluate(surrogate: Surrogate, tissue_young_kpa: float, thickness_mm: float, inclusions: Floats | None) -> Floats:
     if inclusions is None:
         return surrogate.baseline_at(tissue_young_kpa, thickness_mm)[None]
     return surrogate.at_tissue(tissue_young_kpa, thickness_mm)(*inclusions.T)
 
 
 def ring_responses(
-    surrogate: FullContactSurrogate,
-    edges_mm: NDArray[np.float64],
-    level: NDArray[np.float64],
-    *,
-    offset_mm: float = 0.0,
+    surrogate: FullContactSurrogate, edges_mm: Floats, level: Floats, *, offset_mm: float = 0.0
 ) -> RingResponses:
     """Responses of the rings, weighted by the light of each ring.
 
@@ -127,9 +106,7 @@ def ring_responses(
 
     slopes = means @ np.gradient(centred, surrogate.radius_mm, axis=0)
 
-    def mapped(
-        parts: FullContactParts | FullContactSurrogate, reference: NDArray[np.float64], change: NDArray[np.float64]
-    ) -> Surrogate:
+    def mapped(parts: FullContactParts | FullContactSurrogate, reference: Floats, change: Floats) -> Surrogate:
         first, *others = [
             _mapped_separately(response, rows @ reference, rows @ change)
             for part in (parts.unit, parts.shape)
@@ -150,41 +127,41 @@ def ring_responses(
     )
 
 
-def _mapped_separately(surrogate: Surrogate, reference: NDArray[np.float64], change: NDArray[np.float64]) -> Surrogate:
+def _mapped_separately(surrogate: Surrogate, reference: Floats, change: Floats) -> Surrogate:
     """Apply one linear map to the response without inclusion, and another to the change by an inclusion."""
     return replace(surrogate.mapped(change), baseline=surrogate.baseline @ reference.T)
 
 
-def ring_means(
-    surrogate: FaceProfiles, edges_mm: NDArray[np.float64], level: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def ring_means(surrogate: FaceProfiles, edges_mm: Floats, level: Floats | None = None) -> Floats:
     """Matrix from profiles to means over the rings' areas, shape (rings, radii of the profile).
 
     The light's ``level`` in each ring weights the means, as for grey over light.
     """
-    x, w = np.polynomial.legendre.leggauss(POINTS)
-    half = np.diff(edges_mm) / 2
-    radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
-    middle = edges_mm[:-1] + half
-    weight = radius * w * (1.0 if level is None else np.interp(radius, middle, level))
+    radius, area = _ring_points(edges_mm)
+    middle = edges_mm[:-1] + np.diff(edges_mm) / 2
+    weight = area * (1.0 if level is None else np.interp(radius, middle, level))
     weight = weight / weight.sum(axis=1, keepdims=True)
     values = surrogate.interpolation(radius.ravel()).reshape(*radius.shape, -1)
     return np.asarray(np.einsum("rq,rqn->rn", weight, values))
 
 
-def ring_correlation(edges_mm: NDArray[np.float64], grain_mm: float) -> NDArray[np.float64]:
+def ring_correlation(edges_mm: Floats, grain_mm: float) -> Floats:
     """Covariance between rings of a pattern of unit variance with grains of ``grain_mm``, shape (rings, rings).
 
     A pattern that interpolates independent values linearly has a cubic B-spline as its covariance.
     """
-    x, weight = np.polynomial.legendre.leggauss(POINTS)
-    half = np.diff(edges_mm)[:, None] / 2
-    radius = edges_mm[:-1, None] + half * (x + 1)
-    fraction = radius * weight
-    fraction /= fraction.sum(axis=1, keepdims=True)
+    radius, area = _ring_points(edges_mm)
+    fraction = area / area.sum(axis=1, keepdims=True)
     difference = np.abs(radius[:, :, None, None] - radius) / grain_mm
     spline = np.maximum(2 - difference, 0.0) ** 3 / 6 - 4 * np.maximum(1 - difference, 0.0) ** 3 / 6
     return np.asarray(np.einsum("ap,bq,apbq->ab", fraction, fraction, 1.5 * spline))
+
+
+def _ring_points(edges_mm: Floats) -> tuple[Floats, Floats]:
+    """Points of quadrature over each ring, and their areas up to a factor a ring; shape (rings, points)."""
+    x, weight = np.polynomial.legendre.leggauss(POINTS)
+    radius = edges_mm[:-1, None] + np.diff(edges_mm)[:, None] / 2 * (x + 1)
+    return radius, radius * weight
 
 
 TERMS = 3  # of the emphasis along the radius
@@ -208,13 +185,11 @@ class RingShading:
         Outward power over the power into the face, weighted by the light, shape (rings,).
     """
 
-    growth_per_mm: NDArray[np.float64]
-    bend_per_mm2: NDArray[np.float64]
-    flux: NDArray[np.float64]
+    growth_per_mm: Floats
+    bend_per_mm2: Floats
+    flux: Floats
 
-    def __call__(
-        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64], emphasis: NDArray[np.float64]
-    ) -> ShadingFactor:
+    def __call__(self, displacement_mm: Floats, slope: Floats, emphasis: Floats) -> ShadingFactor:
         """Evaluate displacements and slopes (n, rings) with Legendre coefficients (`TERMS`,) of the emphasis."""
         parabolas, power = self._power(emphasis)
         tilt, logarithm = self._logarithm(displacement_mm, slope)
@@ -226,20 +201,16 @@ class RingShading:
             by_emphasis=(factor * logarithm)[..., None] * parabolas,
         )
 
-    def factor(
-        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64], emphasis: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def factor(self, displacement_mm: Floats, slope: Floats, emphasis: Floats) -> Floats:
         """The factor alone."""
         return np.asarray(np.exp(self._power(emphasis)[1] * self._logarithm(displacement_mm, slope)[1]))
 
-    def _power(self, emphasis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _power(self, emphasis: Floats) -> tuple[Floats, Floats]:
         """Parabolas along the radius, (rings, terms), and one plus the emphasis, (rings,)."""
         parabolas = _parabolas(len(self.flux))
         return parabolas, np.asarray(1 + parabolas @ emphasis)
 
-    def _logarithm(
-        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _logarithm(self, displacement_mm: Floats, slope: Floats) -> tuple[Floats, Floats]:
         """Light on the tilted over that on the level face, and the log of the factor without emphasis."""
         tilt = np.maximum(1 + self.flux * slope, DARKEST)
         grows = (self.growth_per_mm + self.bend_per_mm2 * displacement_mm) * displacement_mm
@@ -250,14 +221,14 @@ class RingShading:
 class ShadingFactor:
     """The factor and its derivatives by displacement and slope, (n, rings), and by the emphasis, (n, rings, terms)."""
 
-    factor: NDArray[np.float64]
-    by_displacement: NDArray[np.float64]
-    by_slope: NDArray[np.float64]
-    by_emphasis: NDArray[np.float64]
+    factor: Floats
+    by_displacement: Floats
+    by_slope: Floats
+    by_emphasis: Floats
 
 
 @cache
-def _parabolas(rings: int) -> NDArray[np.float64]:
+def _parabolas(rings: int) -> Floats:
     """Legendre polynomials along the radius, shape (rings, terms)."""
     parabolas = np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, rings), TERMS - 1), dtype=float)
     parabolas.flags.writeable = False

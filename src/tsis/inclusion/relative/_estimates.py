@@ -13,7 +13,7 @@ from scipy import ndimage
 from tsis.errors import InputError, NotCalibratedError
 from tsis.imaging import require_same_frame
 from tsis.inclusion.relative._light import brightest, change_of_light, lit_part
-from tsis.inclusion.relative._reading import COMPARED_WITH, SPHERE_ASSUMPTION, RelativeReading, equal_light_assumption
+from tsis.inclusion.relative._reading import RelativeReading, comparison_assumptions
 from tsis.model import Calibration, TactileImage
 
 if TYPE_CHECKING:
@@ -71,10 +71,9 @@ def relative_depth(
         value=level,
         unit="grey levels",
         against=against,
-        assumptions=(
-            SPHERE_ASSUMPTION,
-            COMPARED_WITH[against],
-            equal_light_assumption(calibration),
+        assumptions=comparison_assumptions(
+            against,
+            calibration,
             "The compared inclusions are equally large and equally stiff: a grey level that falls with depth is no "
             "depth.",
         ),
@@ -141,10 +140,9 @@ def relative_size(
         value=lit.diameter_mm,
         unit="mm",
         against=against,
-        assumptions=(
-            SPHERE_ASSUMPTION,
-            COMPARED_WITH[against],
-            equal_light_assumption(calibration),
+        assumptions=comparison_assumptions(
+            against,
+            calibration,
             "The compared inclusions are equally deep and equally stiff: the lit part is no outline of the inclusion.",
         ),
         parts={"area_mm2": lit.area_mm2},
@@ -237,10 +235,9 @@ def relative_hardness(
         value=value,
         unit="kPa",
         against=against,
-        assumptions=(
-            SPHERE_ASSUMPTION,
-            COMPARED_WITH[against],
-            equal_light_assumption(calibration),
+        assumptions=comparison_assumptions(
+            against,
+            calibration,
             "The compared inclusions are equally large and equally deep, and were pressed with the same two forces.",
             "Grey level is in proportion to pressure.",
             "The growth of the lit part replaces a strain, which it is not.",

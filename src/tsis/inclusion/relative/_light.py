@@ -25,8 +25,7 @@ from tsis.model import Calibration, as_images, require_number, require_one_of, r
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.inclusion._prior import Booleans, Floats
     from tsis.model import TactileImage
 
 
@@ -54,8 +53,8 @@ class LightChange:
     """
 
     image: TactileImage
-    raised: NDArray[np.float64]
-    clipped: NDArray[np.bool]
+    raised: Floats
+    clipped: Booleans
     noise_grey: float
     against: str
 
@@ -121,7 +120,7 @@ def change_of_light(
     )
 
 
-def _raised(image: TactileImage, calibration: Calibration | None) -> NDArray[np.float64]:
+def _raised(image: TactileImage, calibration: Calibration | None) -> Floats:
     """Factor of each pixel to the brightest light; ones without a light map."""
     if calibration is None or calibration.light is None:
         return np.ones(image.grey.shape)
@@ -217,7 +216,7 @@ class LitPart:
         Its defects.
     """
 
-    mask: NDArray[np.bool]
+    mask: Booleans
     area_mm2: float
     diameter_mm: float
     centroid_px: tuple[float, float] | None

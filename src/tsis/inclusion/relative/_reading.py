@@ -15,8 +15,7 @@ from tsis.inclusion.relative._light import REFERENCE_TISSUE, UNTOUCHED
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.inclusion._prior import Floats
     from tsis.model import Calibration
 
 
@@ -38,6 +37,11 @@ COMPARED_WITH = {
 SPHERE_ASSUMPTION = "There is one inclusion, and it is a sphere."
 EVEN_LIGHT = "The light is uniform over the face, and the compared presses had equal light and force."
 LIGHT_ASSUMPTION = "The light is that of the calibration, and the compared presses had equal force."
+
+
+def comparison_assumptions(against: str, calibration: Calibration | None, *others: str) -> tuple[str, ...]:
+    """Assumptions of a comparison of presses on spheres."""
+    return (SPHERE_ASSUMPTION, COMPARED_WITH[against], equal_light_assumption(calibration), *others)
 
 
 def equal_light_assumption(calibration: Calibration | None) -> str:
@@ -147,7 +151,7 @@ class Repeats:
                 )
 
     @property
-    def values(self) -> NDArray[np.float64]:
+    def values(self) -> Floats:
         """The values, shape (readings with a value,)."""
         return np.array([reading.value for reading in self.readings if reading.value is not None])
 

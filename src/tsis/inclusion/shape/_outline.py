@@ -16,10 +16,7 @@ from tsis.model import freeze_arrays
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from tsis.imaging import Features
-    from tsis.inclusion.relative import LightChange
+    from tsis.inclusion._prior import Floats
     from tsis.model import Calibration, TactileImage
 
 
@@ -60,13 +57,13 @@ class ObjectShape:
     """
 
     levels: TwoMeans
-    area_mm2: float | None
-    centre_mm: tuple[float, float] | None
-    semi_axes_mm: tuple[float, float] | None
-    angle_deg: float | None
-    eccentricity: float | None
-    circularity: float | None
-    contour_mm: NDArray[np.float64]
+    area_mm2: float | None = None
+    centre_mm: tuple[float, float] | None = None
+    semi_axes_mm: tuple[float, float] | None = None
+    angle_deg: float | None = None
+    eccentricity: float | None = None
+    circularity: float | None = None
+    contour_mm: Floats
     against: str
     assumptions: tuple[str, ...]
     flags: tuple[str, ...] = ()
@@ -119,12 +116,20 @@ def object_shape(
     change = change_of_light(image, reference, against=against, calibration=calibration)
     levels = two_means(change.image.grey)
     assumptions = (*ASSUMPTIONS, COMPARED_WITH[against], equal_light_assumption(calibration))
+    nothing = ObjectShape(
+        levels=levels, contour_mm=np.empty((0, 2)), against=against, assumptions=assumptions, flags=("no_contact",)
+    )
     if levels.object_grey - levels.background_grey <= NOISE_FACTOR * change.noise_grey:
-        return _nothing(levels, against, assumptions)
+        return nothing
     result = binary_features(change.image, levels.threshold_grey)
     if not result.contact:
-        return _nothing(levels, against, assumptions)
+        return nothing
     scale, axis = image.scale(), image.axis()
+    wrong = {
+        "cropped": result.cropped,
+        "saturated": bool(change.clipped[result.patch.mask].any()),
+        "corners_lit": levels.corners_grey >= levels.threshold_grey,
+    }
     return ObjectShape(
         levels=levels,
         area_mm2=result.area_mm2,
@@ -136,31 +141,5 @@ def object_shape(
         contour_mm=(result.patch.contour_px - axis) * scale,
         against=against,
         assumptions=assumptions,
-        flags=_flags(change, levels, result),
-    )
-
-
-def _flags(change: LightChange, levels: TwoMeans, features: Features) -> tuple[str, ...]:
-    wrong = {
-        "cropped": features.cropped,
-        "saturated": bool(change.clipped[features.patch.mask].any()),
-        "corners_lit": levels.corners_grey >= levels.threshold_grey,
-    }
-    return tuple(flag for flag, is_so in wrong.items() if is_so)
-
-
-def _nothing(levels: TwoMeans, against: str, assumptions: tuple[str, ...]) -> ObjectShape:
-    """The result without contact."""
-    return ObjectShape(
-        levels=levels,
-        area_mm2=None,
-        centre_mm=None,
-        semi_axes_mm=None,
-        angle_deg=None,
-        eccentricity=None,
-        circularity=None,
-        contour_mm=np.empty((0, 2)),
-        against=against,
-        assumptions=assumptions,
-        flags=("no_contact",),
+        flags=tuple(flag for flag, is_so in wrong.items() if is_so),
     )

@@ -1,4 +1,4 @@
-"""Trials that matching methods are judged on: shapes, distortions, public data, runs and summaries."""
+"""Trials of matching methods: shapes, distortions, public data, runs and summaries."""
 
 from tsis.matching.trials._distort import Distortion, Family, Trial, distort, public_distortion
 from tsis.matching.trials._methods import OWN_METHODS, PEERS, RIVAL_METHODS, BenchmarkMethod

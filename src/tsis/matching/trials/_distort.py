@@ -1,9 +1,8 @@
-"""Shapes distorted at random, with the true matches kept: what a matching method is tuned and judged on.
+"""Randomly distorted shapes with their true matches.
 
-The deformation is the one of the public trials of Chui and Rangarajan. It was read back from their points, which it
-explains to the last digit that they are stored with: the identity, plus an affine map whose coefficients are all
-normal with one standard deviation, plus Gaussian bumps ``exp(-|x - c|**2 / 0.09)`` at a dozen or two of places c on
-the shape, each with a normal coefficient an axis.
+The deformation is that of the public trials of Chui and Rangarajan, to the last digit of their points: the identity,
+plus an affine map with normal coefficients of one standard deviation, plus Gaussian bumps ``exp(-|x - c|**2 / 0.09)``
+at 12 to 24 points c of the shape, each with a normal coefficient an axis.
 """
 
 from __future__ import annotations
@@ -15,16 +14,16 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tsis.errors import InputError
-from tsis.matching._fit import UNMATCHED
+from tsis.matching._fit import UNMATCHED, Floats, Integers
 from tsis.model import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
 
 BUMP_WIDTH = 0.3  # a bump falls to 1/e over it
-BUMP_SPACING = 0.12  # the least distance of two bumps: about as many as the public shapes have, 12 and 18
-ROUNDING = 1e-9  # a share times a count that should be whole may come out just below
+BUMP_SPACING = 0.12  # least distance of two bumps; gives about as many as in the public shapes, 12 and 18
+ROUNDING = 1e-9  # of a fraction times a count, which should be whole
 OUTLIER_SIDE = 1.0  # of the box, about the mean of the target, that outliers fill evenly
 
 Occlusion: TypeAlias = Literal["patch", "scattered"]
@@ -33,7 +32,7 @@ Family: TypeAlias = Literal["deformation", "noise", "outliers", "rotation", "occ
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distortion:
-    """What is done to a shape that about fills the unit box; lengths are in the unit of its points.
+    """Distortion of a shape that about fills the unit box; lengths are in the unit of its points.
 
     Attributes
     ----------
@@ -44,11 +43,11 @@ class Distortion:
     noise_sd
         Standard deviation of each coordinate of each target point, in [0, 1].
     outlier_ratio
-        Target points without a partner, as a share of the points of the shape, in [0, 100].
+        Target points without a partner over the points of the shape, in [0, 100].
     rotation_deg
         Angle of a rotation about the mean, in [0, 180]; its sense is random, and in space its axis.
     occluded
-        Share of the points that have no partner in the target, in [0, 0.9].
+        Fraction of the points without a partner in the target, in [0, 0.9].
     occlusion
         Whether these lie in one ``"patch"``, as in the public trials, or are ``"scattered"``.
     """
@@ -71,26 +70,26 @@ class Distortion:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:
-    """Two point sets whose true matches are known.
+    """Two point sets with their true matches.
 
     Attributes
     ----------
     source
-        Points to be moved, shape (n, d).
+        Points to be transformed, shape (n, d).
     target
-        Where they should go, in another order, less those that are occluded, plus outliers, shape (m, d).
+        Their targets in another order, without occluded points, with outliers, shape (m, d).
     target_clean
-        The target before noise was added, row by row, shape (m, d).
+        The target before noise, row by row, shape (m, d).
     truth
         Row of each source point's true target, or `UNMATCHED`, shape (n,).
     name
-        What the trial is called in tables.
+        Name in tables.
     """
 
-    source: NDArray[np.float64]
-    target: NDArray[np.float64]
-    target_clean: NDArray[np.float64]
-    truth: NDArray[np.int64]
+    source: Floats
+    target: Floats
+    target_clean: Floats
+    truth: Integers
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -113,12 +112,12 @@ class Trial:
 
 
 def public_distortion(family: Family, level: int) -> Distortion:
-    """What the public trials of Chui and Rangarajan do to their two shapes.
+    """Distortion of the public trials of Chui and Rangarajan.
 
     Parameters
     ----------
     family
-        What grows with the level.
+        Kind of distortion, which grows with the level.
     level
         From 1; 5 levels of deformation and outliers, 6 of the others.
 
@@ -145,16 +144,16 @@ def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generato
     shape
         Points that about fill the unit square or cube, shape (n, d), d being 2 or 3, n at least 5.
     distortion
-        What is done to them. Strong affine parts now and then mirror a shape, as they do in the public trials.
+        Their distortion. Strong affine parts sometimes mirror a shape, as in the public trials.
     rng
-        The only source of chance.
+        Random generator of all errors.
     name
-        What the trial is called in tables.
+        Name in tables.
 
     Raises
     ------
     InputError
-        When the shape is not of this kind.
+        When the shape is no such array.
 
     Examples
     --------
@@ -180,15 +179,9 @@ def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generato
 
 
 def shuffled(
-    source: NDArray[np.float64],
-    target: NDArray[np.float64],
-    target_clean: NDArray[np.float64],
-    truth: NDArray[np.int64],
-    *,
-    rng: np.random.Generator,
-    name: str = "",
+    source: Floats, target: Floats, target_clean: Floats, truth: Integers, *, rng: np.random.Generator, name: str = ""
 ) -> Trial:
-    """A trial with its target rows in random order, so that no method can profit from the order of the data."""
+    """A trial with its target rows in random order."""
     order = rng.permutation(len(target))
     position = np.argsort(order)
     return Trial(
@@ -200,7 +193,7 @@ def shuffled(
     )
 
 
-def deformed(points: NDArray[np.float64], distortion: Distortion, *, rng: np.random.Generator) -> NDArray[np.float64]:
+def deformed(points: Floats, distortion: Distortion, *, rng: np.random.Generator) -> Floats:
     """The points after the affine map and the bumps."""
     dimension = points.shape[1]
     centres = _separated(points, rng=rng)
@@ -210,8 +203,8 @@ def deformed(points: NDArray[np.float64], distortion: Distortion, *, rng: np.ran
     return np.asarray(points + affine[0] + points @ affine[1:] + bent)
 
 
-def rotated(points: NDArray[np.float64], angle_deg: float, *, rng: np.random.Generator) -> NDArray[np.float64]:
-    """The points turned by ``angle_deg`` about their mean, in a random sense or about a random axis."""
+def rotated(points: Floats, angle_deg: float, *, rng: np.random.Generator) -> Floats:
+    """The points rotated by ``angle_deg`` about their mean, in a random sense or about a random axis."""
     middle = points.mean(axis=0)
     angle = np.radians(angle_deg) * rng.choice([-1.0, 1.0])
     if points.shape[1] == 2:
@@ -224,10 +217,8 @@ def rotated(points: NDArray[np.float64], angle_deg: float, *, rng: np.random.Gen
     return np.asarray((points - middle) @ turn.T + middle)
 
 
-def visible(
-    points: NDArray[np.float64], occluded: float, *, kind: Occlusion, rng: np.random.Generator
-) -> NDArray[np.int64]:
-    """Rows of the points that are left when a share of them is occluded, at least one, in ascending order."""
+def visible(points: Floats, occluded: float, *, kind: Occlusion, rng: np.random.Generator) -> Integers:
+    """Rows of the visible points when a fraction is occluded, at least one, in ascending order."""
     gone = int(occluded * len(points) + ROUNDING)
     if kind == "scattered":
         order = rng.permutation(len(points))
@@ -237,8 +228,8 @@ def visible(
     return np.sort(order[gone:])
 
 
-def _separated(points: NDArray[np.float64], *, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Points taken at random, none nearer to another than `BUMP_SPACING`."""
+def _separated(points: Floats, *, rng: np.random.Generator) -> Floats:
+    """Random points with distances of at least `BUMP_SPACING`."""
     free, centres = rng.permutation(points), []
     while len(free):
         centres.append(free[0])
@@ -246,7 +237,7 @@ def _separated(points: NDArray[np.float64], *, rng: np.random.Generator) -> NDAr
     return np.array(centres)
 
 
-_USUAL = Distortion(bending=0.05, affine=0.2)  # under all that is not about deformation
+_USUAL = Distortion(bending=0.05, affine=0.2)  # under all other distortions
 PUBLIC_LEVELS: dict[Family, tuple[Distortion, ...]] = {
     "deformation": tuple(
         Distortion(bending=bending, affine=affine)

@@ -1,8 +1,7 @@
-"""Coherent point drift as others program it, beside which the methods here are measured: pycpd and probreg.
+"""Coherent point drift of other programs, pycpd and probreg, for comparison with the methods here.
 
-Neither library is needed for anything else, and neither comes with an install; what is absent is named as absent.
-Both leave it to their user to bring two sets to one scale, which matters more than anything that they can be told, so
-each stands here under several names; the best of them is what a method is compared with.
+Neither library is a dependency. Both leave the scaling of the sets to the user, which matters more than their
+parameters. So each has several configurations, and a method is compared with the best of them.
 """
 
 from __future__ import annotations
@@ -19,40 +18,31 @@ from tsis.matching.trials._runs import MatchOutcome
 from tsis.model import require_one_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.matching._fit import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peer:
-    """One way of using another library.
+    """A configuration of another library."""
 
-    Attributes
-    ----------
-    library
-        Name that it is installed and imported by.
-    scaling
-        ``"apart"`` takes from each set its own mean and root-mean-square radius, ``"common"`` its own mean and the
-        source's radius, ``"raw"`` nothing.
-    outliers
-        Share of target points that the library is told to take for outliers, in [0, 1).
-    """
-
-    library: Literal["pycpd", "probreg"]
+    library: Literal["pycpd", "probreg"]  # name of its installation and import
+    # ``"apart"``: each set has its own mean and root-mean-square radius; ``"common"``: its own mean and the source's
+    # radius; ``"raw"``: no scaling
     scaling: Literal["apart", "common", "raw"]
-    outliers: float = 0.1
+    outliers: float = 0.1  # fraction of the target points that the library assumes to be outliers, in [0, 1)
 
     def absent(self) -> str:
-        """Why it cannot be run here, in a few words; empty when it can."""
+        """Reason why it is not available; empty when it is."""
         try:
             importlib.import_module(self.library)
         except ModuleNotFoundError as error:
             return f"{error.name} is not installed"
-        except ImportError as error:  # a system library that one of its own libraries wants
+        except ImportError as error:  # a missing system library
             return f"{self.library} cannot be loaded: {error}"
         return ""
 
-    def transformed(self, source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where the library moves the source, shape (n, d), in the target's unit.
+    def transformed(self, source: Floats, target: Floats) -> Floats:
+        """The source after the library's transform, shape (n, d), in the target's unit.
 
         Raises
         ------
@@ -84,7 +74,7 @@ PEERS: dict[str, Peer] = {
 
 
 def peer(name: str) -> Peer:
-    """The peer of that name.
+    """The configuration of that name.
 
     Examples
     --------
@@ -94,32 +84,32 @@ def peer(name: str) -> Peer:
     return PEERS[require_one_of("peer", name, PEERS)]
 
 
-def _frame(points: NDArray[np.float64], scaling: str) -> tuple[NDArray[np.float64], float]:
-    """What is subtracted and then divided by."""
+def _frame(points: Floats, scaling: str) -> tuple[Floats, float]:
+    """Centre and unit of a scaling."""
     if scaling == "raw":
         return np.zeros(points.shape[1]), 1.0
     centre = points.mean(axis=0)
     return centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean()))
 
 
-def _pycpd(source: NDArray[np.float64], target: NDArray[np.float64], outliers: float) -> NDArray[np.float64]:
+def _pycpd(source: Floats, target: Floats, outliers: float) -> Floats:
     pycpd: Any = importlib.import_module("pycpd")
     return np.asarray(pycpd.DeformableRegistration(X=target, Y=source, w=outliers).register()[0])
 
 
-def _probreg(source: NDArray[np.float64], target: NDArray[np.float64], outliers: float) -> NDArray[np.float64]:
+def _probreg(source: Floats, target: Floats, outliers: float) -> Floats:
     probreg: Any = importlib.import_module("probreg.cpd")
     result = probreg.registration_cpd(source, target, tf_type_name="nonrigid", w=outliers, maxiter=100)
     return np.asarray(result.transformation.transform(source))
 
 
 OWN_METHODS = tuple(METHODS)
-RIVAL_METHODS = ("cpd", *PEERS)  # every way of coherent point drift: a method is compared with the best of them
+RIVAL_METHODS = ("cpd", *PEERS)  # all configurations of coherent point drift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchmarkMethod:
-    """A method by its name; a value, so that it can be handed to another process.
+    """A method by its name; it can be pickled for another process.
 
     Attributes
     ----------
@@ -133,16 +123,13 @@ class BenchmarkMethod:
         require_one_of("method", self.name, (*OWN_METHODS, *PEERS))
 
     def absent(self) -> str:
-        """Why it cannot be run here; empty when it can."""
+        """Reason why it is not available; empty when it is."""
         return peer(self.name).absent() if self.name in PEERS else ""
 
-    def __call__(
-        self, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
-    ) -> MatchOutcome:
+    def __call__(self, source: Floats, target: Floats, *, rng: np.random.Generator) -> MatchOutcome:
         """Match two point sets, shapes (n, d) and (m, d).
 
-        The answer of a method of this package is judged even where `tsis.matching.register` would withhold it, as it
-        does when the confidence is low: other programs withhold nothing.
+        Results of low confidence, which `tsis.matching.register` withholds, are returned too, as by other programs.
         """
         if self.name in PEERS:
             return MatchOutcome(transformed=peer(self.name).transformed(source, target), reliable=None)

@@ -27,32 +27,30 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from tsis.matching._fit import Floats
     from tsis.matching.trials._distort import Trial
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialRow:
-    """What one method made of one trial.
+    """Result of one method on one trial.
 
     Attributes
     ----------
     trial
-        Name of the trial: what it belongs to, its level and its number, with slashes between.
+        Name of the trial: group, level and number, separated by slashes.
     method
         Name of the method.
     seed
         Of the run.
     error
-        Root-mean-square error in the unit of the trial's points. A method that breaks or refuses has moved nothing,
-        and is judged by that.
+        Root-mean-square error in the unit of the trial's points; that of the unmoved source after an exception.
     seconds
-        Time that it took, without compiling.
+        Duration, without compilation.
     reliable
-        Whether the method trusted its answer: ``"yes"``, ``"no"``, or empty where it does not say.
+        Whether the method rates its result as reliable: ``"yes"``, ``"no"``, or empty without a rating.
     refused
-        Why there is no answer; empty where there is one.
+        Reason for the missing result; empty where there is one.
     """
 
     trial: str
@@ -79,12 +77,12 @@ TRIAL_ROW_HEAD = tuple(field.name for field in fields(TrialRow))
 
 
 def read_trial_rows(file: Path) -> list[TrialRow]:
-    """Rows of a file that `run_trials` wrote; a last line that was cut off is left out.
+    """Rows of a file that `run_trials` wrote, without an incomplete last line.
 
     Raises
     ------
     FileInputError
-        When the file cannot be read or holds something else.
+        When the file cannot be read or has another content.
     """
     try:
         content = read_bytes(file, most=LARGEST_BYTES)
@@ -119,13 +117,7 @@ def _read(cells: list[str]) -> TrialRow:
 
 
 def resumable_rows(file: Path, *, seed: int, resume: bool) -> list[TrialRow]:
-    """Rows that a run with ``seed`` may go on with, none where the file does not exist yet.
-
-    Raises
-    ------
-    FileInputError
-        When the file exists and is not to be resumed, was begun with another seed, or holds something else.
-    """
+    """Rows that a run with ``seed`` continues, none where the file does not exist yet; others are refused."""
     if not file.exists():
         return []
     if not resume:
@@ -139,13 +131,7 @@ def resumable_rows(file: Path, *, seed: int, resume: bool) -> list[TrialRow]:
 
 @contextmanager
 def append_rows(file: Path) -> Iterator[Callable[[Sequence[TrialRow]], None]]:
-    """A call that adds rows to the file, made where it is missing; they are in the file when it returns.
-
-    Raises
-    ------
-    FileInputError
-        When the file cannot be written.
-    """
+    """A function that adds rows to the file, created where it is missing; they are in the file when it returns."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         before = _whole(file.read_text(encoding="utf-8")) if file.exists() else ",".join(TRIAL_ROW_HEAD) + "\n"
@@ -163,7 +149,7 @@ def append_rows(file: Path) -> Iterator[Callable[[Sequence[TrialRow]], None]]:
 
 
 def _whole(text: str) -> str:
-    """The text up to its last line end: what follows was cut off when a run was killed."""
+    """The text up to its last line end, without the rest of a killed run."""
     return text[: text.rfind("\n") + 1]
 
 
@@ -173,26 +159,16 @@ LONGEST_REASON = 120
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MatchOutcome:
-    """What a method says.
+    """Result of a method."""
 
-    Attributes
-    ----------
-    transformed
-        The source's points after they were moved, shape (n, d).
-    reliable
-        Whether the method trusts its own answer; None where it does not say.
-    """
-
-    transformed: NDArray[np.float64]
-    reliable: bool | None
+    transformed: Floats  # the source's points after the transform, shape (n, d)
+    reliable: bool | None  # whether the method rates its result as reliable; None without a rating
 
 
 class Matcher(Protocol):
-    """Anything that matches two point sets; picklable where several processes are asked for."""
+    """A method that matches two point sets; picklable for runs in several processes."""
 
-    def __call__(
-        self, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
-    ) -> MatchOutcome:
+    def __call__(self, source: Floats, target: Floats, *, rng: np.random.Generator) -> MatchOutcome:
         """Match them."""
 
 
@@ -215,25 +191,25 @@ def run_trials(
     matchers
         Methods by name.
     seed
-        Of the methods' chance, in [0, 2**32); each trial and method has its own stream, whatever else is run.
+        Of the methods' random streams, in [0, 2**32); each trial and method has its own.
     file
-        CSV file that rows are added to as they are found; None keeps them in memory alone.
+        CSV file that rows are added to during the run; None saves no file.
     resume
-        Go on with the rows of ``file``; otherwise the file must not exist.
+        Continue with the rows of ``file``; otherwise the file must not exist.
     workers
-        Processes, in [1, 256]; times are comparable with one alone.
+        Processes, in [1, 256]; times are comparable only with one.
     progress
-        Called with the number of trials that are done, and of all.
+        Called with (trials done, all trials).
 
     Returns
     -------
-    list of Row
-        In the order of trials and methods, those of the file among them.
+    list of TrialRow
+        In the order of trials and methods, with those of the file.
 
     Raises
     ------
     FileInputError
-        When the file exists and is not to be resumed, was begun with another seed, or holds something else.
+        When the file exists without ``resume``, was begun with another seed, or has another content.
     InputError
         When a value is out of range.
     """
@@ -258,17 +234,7 @@ def run_trials(
 
 
 def evaluate_trial(trial: Trial, matchers: Mapping[str, Matcher], *, seed: int) -> list[TrialRow]:
-    """Run the methods on one trial.
-
-    Parameters
-    ----------
-    trial
-        What to match.
-    matchers
-        Methods by name.
-    seed
-        Of their chance.
-    """
+    """Run the methods on one trial."""
     return [_row(trial, name, matcher, seed) for name, matcher in matchers.items()]
 
 
@@ -280,7 +246,7 @@ def _row(trial: Trial, name: str, matcher: Matcher, seed: int) -> TrialRow:
         matched = matcher(trial.source, trial.target, rng=rng)
         seconds = time.perf_counter() - start
         error, reliable = matching_error(trial, matched.transformed), matched.reliable
-    except Exception as broken:  # hours of other trials must not be lost because a method breaks on this one
+    except Exception as broken:  # an exception on one trial must not lose hours of other trials
         seconds = time.perf_counter() - start
         error = matching_error(trial, trial.source)
         refused = " ".join(f"{type(broken).__name__}: {broken}".split())[:LONGEST_REASON]
@@ -296,11 +262,7 @@ def _row(trial: Trial, name: str, matcher: Matcher, seed: int) -> TrialRow:
 
 
 def _trial_row(
-    todo: Sequence[tuple[Trial, list[str]]],
-    matchers: Mapping[str, Matcher],
-    seed: int,
-    workers: int,
-    stack: ExitStack,
+    todo: Sequence[tuple[Trial, list[str]]], matchers: Mapping[str, Matcher], seed: int, workers: int, stack: ExitStack
 ) -> Iterator[list[TrialRow]]:
     """Rows of each trial, here or from a pool of processes."""
     tasks = [(trial, {name: matchers[name] for name in names}) for trial, names in todo]
@@ -308,7 +270,7 @@ def _trial_row(
         if tasks:
             _warm(matchers, tasks[0][0].source.shape[1])
         return (evaluate_trial(trial, chosen, seed=seed) for trial, chosen in tasks)
-    # Forked children would share what threads of the libraries hold at that moment.
+    # Forked children would share the locks of the libraries' threads.
     pool = ProcessPoolExecutor(
         workers,
         mp_context=multiprocessing.get_context("spawn"),
@@ -320,11 +282,11 @@ def _trial_row(
 
 
 def _warm(matchers: Mapping[str, Matcher], dimension: int) -> None:
-    """Run each method once, lest compiling and loading count as time of the first trial."""
+    """Run each method once, so that the time of the first trial excludes compilation and loading."""
     rng = np.random.default_rng(0)
     trial = distort((scattered_texture if dimension == 2 else tactile_surface)(30, rng=rng), Distortion(), rng=rng)
     for matcher in matchers.values():
-        with suppress(Exception):  # told of where it matters, in the rows
+        with suppress(Exception):  # it recurs in the rows
             matcher(trial.source, trial.target, rng=rng)
 
 

@@ -1,4 +1,4 @@
-"""What many trials say together: median, mean, failures and the ratio to the best rival, never the mean alone."""
+"""Summary of many trials: median, mean, failures and the ratio to the best rival."""
 
 from __future__ import annotations
 
@@ -13,14 +13,11 @@ from tsis.model import require_number
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.matching._fit import Floats
     from tsis.matching.trials._runs import TrialRow
 
 
-FAILURE_RMS = (
-    0.1  # root-mean-square error, in units of a shape that about fills the unit box, from which a match failed
-)
+FAILURE_RMS = 0.1  # least root-mean-square error of a failure, for a shape that about fills the unit box
 DRAWS = 2000
 LEVEL = 0.95
 
@@ -49,21 +46,21 @@ class TrialSummary:
     Attributes
     ----------
     group, level
-        What was done to which shape, and how much; the level of a pooled summary is empty.
+        Shape and distortion, and its level; the level of a pooled summary is empty.
     method
         Name of the method.
     trials
-        How many.
+        Number of trials.
     median, mean
         Of the errors, in the unit of the points.
     failures
-        Share of the trials whose error exceeds the limit, in [0, 1].
+        Fraction of the trials whose error exceeds the limit, in [0, 1].
     unannounced
-        Share of the trials that failed although the method trusted its answer; None where it never says.
+        Fraction of the trials that failed although rated as reliable; None without ratings.
     withheld
-        Share of the trials whose answer the method did not trust; None where it never says.
+        Fraction of the trials not rated as reliable; None without ratings.
     refused
-        Share of the trials that it gave no answer to.
+        Fraction of the trials without a result.
     seconds
         Median time.
     ratio
@@ -97,9 +94,9 @@ def summarise(
     rows
         As `tsis.matching.trials.run_trials` returns them.
     rivals
-        Methods among which the best is what all are compared with.
+        Methods; all methods are compared with the best of these.
     failure
-        Error from which a trial counts as failed, in the unit of the points.
+        Least error of a failed trial, in the unit of the points.
     seed
         Of the bootstrap.
 
@@ -121,12 +118,12 @@ def summarise_pooled(
 ) -> list[TrialSummary]:
     """One summary a kind of distortion and method, over all shapes and levels.
 
-    The rival is the best of each level by itself, which no single rival can beat.
+    The rival is the best at each level.
 
     Parameters
     ----------
     rows, rivals, failure, seed
-        As for `summarise`; the kind is the last part of the group's name.
+        As for `summarise`. The kind is the last part of the group's name.
 
     Raises
     ------
@@ -150,18 +147,11 @@ def summarise_pooled(
 
 
 def ratio_of_means(
-    errors: NDArray[np.float64], others: NDArray[np.float64], *, rng: np.random.Generator, draws: int = DRAWS
+    errors: Floats, others: Floats, *, rng: np.random.Generator, draws: int = DRAWS
 ) -> ErrorRatio | None:
-    """Ratio of two means over the same trials, with the bootstrap's interval of 95 %; None where the rival never errs.
+    """Ratio of the mean ``errors`` to those of a rival on the same trials, with its bootstrap interval of 95 %.
 
-    Parameters
-    ----------
-    errors, others
-        Errors of the method and of its rival, trial by trial, shape (trials,).
-    rng
-        Source of the draws.
-    draws
-        How many.
+    None where the rival never errs.
 
     Examples
     --------
@@ -206,7 +196,7 @@ def _summary(
     errors = np.array([row.error for row in rows])
     failed = errors > failure
     entries = [bool(wrong) and row.reliable == "yes" for wrong, row in zip(failed, rows, strict=True)]
-    says = any(row.reliable for row in rows)
+    rated = any(row.reliable for row in rows)
     other = {row.trial: row.error for row in against}
     shared = [row for row in rows if row.trial in other]
     ratio = None
@@ -221,8 +211,8 @@ def _summary(
         median=float(np.median(errors)),
         mean=float(errors.mean()),
         failures=float(failed.mean()),
-        unannounced=float(np.mean(entries)) if says else None,
-        withheld=float(np.mean([row.reliable == "no" for row in rows])) if says else None,
+        unannounced=float(np.mean(entries)) if rated else None,
+        withheld=float(np.mean([row.reliable == "no" for row in rows])) if rated else None,
         refused=float(np.mean([bool(row.refused) for row in rows])),
         seconds=float(np.median([row.seconds for row in rows])),
         ratio=ratio,

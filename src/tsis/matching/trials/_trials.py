@@ -1,4 +1,4 @@
-"""Trials that matching methods are judged on: the public ones, the hotel sequence, and generated ones."""
+"""Trials of matching methods: the public ones, the hotel sequence, and generated ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import scipy.io
 
 from tsis.errors import FileInputError, InputError
 from tsis.files import one_line, printable_path, read_arrays, read_bytes
-from tsis.matching._fit import UNMATCHED
+from tsis.matching._fit import UNMATCHED, Floats
 from tsis.matching.trials._distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
 from tsis.matching.trials._shapes import SHAPES
 from tsis.model import require_array, require_integer, require_number, require_one_of
@@ -20,45 +20,43 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from tsis.matching.trials._distort import Family
 
 
 PUBLIC_FILE, SEQUENCE_FILE = "chui_rangarajan_trials1-70.npz", "cmum.mat"
-# SciPy's reader of MATLAB files, which is compiled, ends the process on some that are damaged: it gets this one alone.
+# SciPy's compiled reader of MATLAB files ends the process on some damaged ones: it reads only this file.
 SEQUENCE_SHA256 = "d428f3a01bee927dfeb71deaeb5229dbcf0cd2da07d3842e820a84f23ec50091"
-LARGEST_BYTES = 64 * 2**20  # of a file, and of what it unpacks to
+LARGEST_BYTES = 64 * 2**20  # of a file, and of its decompressed content
 PUBLIC_SHAPES = ("fish", "chinese")
 FAMILIES: tuple[Family, ...] = tuple(PUBLIC_LEVELS)
-LEVEL_LABELS: dict[Family, tuple[str, tuple[float, ...]]] = {
-    "deformation": ("degree of deformation", tuple(item.bending for item in PUBLIC_LEVELS["deformation"])),
-    "noise": ("standard deviation of the noise", tuple(item.noise_sd for item in PUBLIC_LEVELS["noise"])),
-    "outliers": ("outliers / points", tuple(item.outlier_ratio for item in PUBLIC_LEVELS["outliers"])),
-    "rotation": ("rotation / degrees", tuple(item.rotation_deg for item in PUBLIC_LEVELS["rotation"])),
-    "occlusion": ("share occluded", tuple(item.occluded for item in PUBLIC_LEVELS["occlusion"])),
+# Of each family: its label, its field of `Distortion`, and its name in the public file.
+_FAMILIES: dict[Family, tuple[str, str, str]] = {
+    "deformation": ("degree of deformation", "bending", "def"),
+    "noise": ("standard deviation of the noise", "noise_sd", "noise"),
+    "outliers": ("outliers / points", "outlier_ratio", "outlier"),
+    "rotation": ("rotation / degrees", "rotation_deg", "rot"),
+    "occlusion": ("fraction occluded", "occluded", "occlusion"),
 }
-_PREFIX: dict[Family, str] = {
-    "deformation": "def",
-    "noise": "noise",
-    "outliers": "outlier",
-    "rotation": "rot",
-    "occlusion": "occlusion",
+LEVEL_LABELS: dict[Family, tuple[str, tuple[float, ...]]] = {
+    family: (label, tuple(getattr(item, name) for item in PUBLIC_LEVELS[family]))
+    for family, (label, name, _) in _FAMILIES.items()
 }
 SEPARATIONS = tuple(range(10, 101, 10))  # frames
-HIDDEN_FRACTIONS = (0.0, 0.1, 0.2, 0.3)  # share of the landmarks of the first frame that the second lacks
+HIDDEN_FRACTIONS = (0.0, 0.1, 0.2, 0.3)  # of the landmarks of the first frame, which the second lacks
 GENERATED_POINTS = 100
 
 
 def matching_error(trial: Trial, transformed: ArrayLike) -> float:
-    """Root-mean-square distance of the moved source points from their true, noise-free targets.
+    """Root-mean-square distance of the transformed source points from their true, noise-free targets.
 
     Parameters
     ----------
     trial
         Source and target with the true matches; points without a partner do not count.
     transformed
-        The source after a method moved it, shape (n, d), in the unit of the trial.
+        The source after the transform of a method, shape (n, d), in the unit of the trial.
 
     Returns
     -------
@@ -88,7 +86,7 @@ def matching_error(trial: Trial, transformed: ArrayLike) -> float:
 def public_trials(
     folder: Path, *, shape: str, family: Family, level: int, count: int | None = None, seed: int = 0
 ) -> Iterator[Trial]:
-    """Trials of Chui and Rangarajan, targets shuffled; a trial's order does not depend on which others are asked for.
+    """Trials of Chui and Rangarajan, with shuffled targets; the order in a trial does not depend on other trials.
 
     Parameters
     ----------
@@ -97,9 +95,9 @@ def public_trials(
     shape
         ``"fish"`` (98 points) or ``"chinese"`` (105 points).
     family, level
-        What is distorted, and how much, from 1.
+        Kind of distortion, and its level from 1.
     count
-        The first so many trials of the 70; None for all.
+        Number of trials, the first of the 70; None for all.
     seed
         Of the shuffling.
 
@@ -110,7 +108,7 @@ def public_trials(
     """
     require_one_of("shape", shape, PUBLIC_SHAPES)
     public_distortion(family, level)
-    key = f"{shape}_{_PREFIX[family]}_{level}"
+    key = f"{shape}_{_FAMILIES[family][2]}_{level}"
     stored = _public_arrays(folder / PUBLIC_FILE, (f"{key}_x1", f"{key}_target", f"{key}_target_clean"))
     models, targets = stored[f"{key}_x1"], stored[f"{key}_target"]
     cleans = stored.get(f"{key}_target_clean", targets)
@@ -135,11 +133,11 @@ def hotel_trials(
     separation
         Frames between the two, in [1, 100].
     hidden
-        Share of the landmarks of the first frame that is taken out of the second at random, in [0, 0.9].
+        Fraction of the landmarks of the first frame that the second lacks, at random, in [0, 0.9].
     count
-        At most so many pairs, evenly spread over the sequence; None for all.
+        Largest number of pairs, evenly spread over the sequence; None for all.
     seed
-        Of the landmarks taken out and of the shuffling.
+        Of the missing landmarks and of the shuffling.
 
     Raises
     ------
@@ -165,25 +163,10 @@ def hotel_trials(
 def generated_trials(
     *, shape: str, family: Family, level: int, count: int, seed: int = 0, points: int = GENERATED_POINTS
 ) -> Iterator[Trial]:
-    """Trials like the public ones on generated shapes, each trial with a shape of its own.
+    """Trials like the public ones on generated shapes, each trial with a shape of its own of ``points`` points.
 
-    Parameters
-    ----------
-    shape
-        A name of `tsis.matching.trials.SHAPES`.
-    family, level
-        As for `public_trials`.
-    count
-        How many.
-    seed
-        Of shapes, distortions and shuffling; a trial does not depend on how many there are.
-    points
-        Points a shape, at least 10.
-
-    Raises
-    ------
-    InputError
-        When there is no such shape, family or level.
+    ``shape`` is a name of `tsis.matching.trials.SHAPES`; ``family`` and ``level`` are those of `public_trials`. A trial
+    does not depend on their number.
     """
     make = SHAPES[require_one_of("shape", shape, SHAPES)]
     distortion = public_distortion(family, level)
@@ -193,13 +176,13 @@ def generated_trials(
         yield distort(make(points, rng=rng), distortion, rng=rng, name=f"{shape}/{family}/{level}/{number}")
 
 
-def _public_arrays(path: Path, requested: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
-    """Those of the wanted arrays that the file holds."""
+def _public_arrays(path: Path, requested: tuple[str, ...]) -> dict[str, Floats]:
+    """The requested arrays that the file contains."""
     content = read_bytes(path, most=LARGEST_BYTES)
     try:
         stored = read_arrays(content, requested, most=LARGEST_BYTES)
         results = {key: np.asarray(values, dtype=float) for key, values in stored.items()}
-    except ValueError as error:  # among them what a file is refused for
+    except ValueError as error:
         raise _unreadable(path, error) from error
     missing = [key for key in requested[:2] if key not in results]
     if missing:
@@ -209,7 +192,7 @@ def _public_arrays(path: Path, requested: tuple[str, ...]) -> dict[str, NDArray[
     return results
 
 
-def _frames(path: Path, name: str) -> NDArray[np.float64]:
+def _frames(path: Path, name: str) -> Floats:
     """Landmarks of each frame, shape (frames, landmarks, 2)."""
     content = read_bytes(path, most=LARGEST_BYTES)
     result = hashlib.sha256(content).hexdigest()
@@ -246,15 +229,15 @@ def distorted_set(
     Parameters
     ----------
     folder
-        Where the public trials lie; None generates trials of the same kinds.
+        Folder of the public trials; None generates trials of the same kinds.
     families
         Kinds of distortion.
     shapes
         Names of the shapes; None for both public ones, or two generated ones.
     levels
-        From 1; None for all. A kind that has no such level leaves it out.
+        From 1; None for all. A kind without such a level omits it.
     count
-        Trials a shape and level, at least 1; there are 70 public ones.
+        Trials of each shape and level, at least 1; there are 70 public ones.
     seed
         Of the shuffling, and of generated shapes and distortions.
 
@@ -300,20 +283,20 @@ def hotel_set(
     count: int | None = None,
     seed: int = 0,
 ) -> list[Trial]:
-    """Pairs of frames of the hotel sequence at every separation and share of hidden landmarks.
+    """Pairs of frames of the hotel sequence at every separation and fraction of hidden landmarks.
 
     Parameters
     ----------
     folder
-        Where the sequence lies.
+        Folder of the sequence.
     separations
         Frames between two of a pair.
     hidden
-        Shares of the landmarks that the second frame lacks.
+        Fractions of the landmarks that the second frame lacks.
     count
-        At most so many pairs a separation and share; None for all.
+        Largest number of pairs at each separation and fraction; None for all.
     seed
-        Of the shuffling and of which landmarks are hidden.
+        Of the shuffling and of the hidden landmarks.
 
     Raises
     ------

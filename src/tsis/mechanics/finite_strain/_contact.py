@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import legendre
 
-from tsis.mechanics._element import lagrange, lobatto_points
+from tsis.mechanics._element import Floats, Integers, lagrange, lobatto_points
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tsis.mechanics.finite_strain._surfaces import Obstacle
 
 
@@ -28,74 +26,35 @@ SAMPLES = 13  # on an edge, to bracket changes of the pressure's sign
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Linearised:
-    """A contact's part of a Newton step.
+    """A contact's part of a Newton step."""
 
-    Attributes
-    ----------
-    forces
-        Forces on the coordinates (r, z) of its nodes in mN, shape (m,).
-    matrix
-        Tangent in mN/mm, shape (m, m).
-    gap_mm, slope
-        Gaps at its points (k,) and their first derivatives (k, m).
-    """
-
-    forces: NDArray[np.float64]
-    matrix: NDArray[np.float64]
-    gap_mm: NDArray[np.float64]
-    slope: NDArray[np.float64]
+    forces: Floats  # forces on the coordinates (r, z) of its nodes in mN, shape (m,)
+    matrix: Floats  # tangent in mN/mm, shape (m, m)
+    gap_mm: Floats  # gaps at its points (k,)
+    slope: Floats  # their first derivatives (k, m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContactSegment:
-    """One closed part of an element edge.
+    """One closed part of an element edge."""
 
-    Attributes
-    ----------
-    edge
-        Index of the edge.
-    low, high
-        Ends of the closed part, coordinates on the edge in [-1, 1].
-    pressure_kpa
-        Force per reference area at the edge's points ``gauss``, shape (count,).
-    axial
-        Fraction of it along the axis at the same points, positive into the obstacle's body.
-    """
-
-    edge: int
-    low: float
-    high: float
-    pressure_kpa: NDArray[np.float64]
-    axial: NDArray[np.float64]
+    edge: int  # index of the edge
+    low: float  # start of the closed part, coordinate on the edge in [-1, 1]
+    high: float  # its end
+    pressure_kpa: Floats  # force per reference area at the edge's points ``gauss``, shape (count,)
+    axial: Floats  # fraction of it along the axis at the same points, positive into the obstacle's body
 
 
 class SlidingContact:
     """A surface of element edges that may touch an obstacle.
 
-    Parameters
-    ----------
-    reference
-        Reference positions of all nodes, mm.
-    surface
-        Nodes of the sliding surface in order, shape (edges * order + 1,).
-    order
-        Order of the elements, at least 3.
-    obstacle
-        The surface that it slides on.
-    stiffness
-        Pressure per overlap, kPa/mm.
-    steering
-        The same for the open or closed decision in Newton's method; much smaller, of the bodies' own stiffness.
+    ``surface`` has its nodes in order, shape (edges * order + 1,); ``reference`` has the positions of all nodes in mm.
+    The order of the elements is at least 3. The pressure over the overlap is ``stiffness``, kPa/mm; ``steering`` is the
+    same for the open or closed decision in Newton's method: much smaller, of the bodies' own stiffness.
     """
 
     def __init__(
-        self,
-        reference: NDArray[np.float64],
-        surface: NDArray[np.int64],
-        order: int,
-        obstacle: Obstacle,
-        stiffness: float,
-        steering: float,
+        self, reference: Floats, surface: Integers, order: int, obstacle: Obstacle, stiffness: float, steering: float
     ) -> None:
         self.surface, self.order, self.obstacle, self.stiffness = surface, order, obstacle, stiffness
         self.nodes = np.concatenate([surface, obstacle.nodes])
@@ -112,16 +71,14 @@ class SlidingContact:
         edges = np.arange(self._edges)
         self._shapes = self.shapes(np.repeat(edges, self.count), np.tile(self.gauss, self._edges))
 
-    def shapes(self, element: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shapes(self, element: Integers, position: Floats) -> Floats:
         """Matrix from values at the surface's nodes to values at points on its edges, shape (k, nodes)."""
         values, _ = lagrange(self._lobatto, position)
         matrix = np.zeros((len(position), len(self.surface)))
         np.put_along_axis(matrix, element[:, None] * self.order + np.arange(self.order + 1), values, axis=1)
         return matrix
 
-    def area(
-        self, element: NDArray[np.int64], position: NDArray[np.float64], positions: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
+    def area(self, element: Integers, position: Floats, positions: Floats | None = None) -> Floats:
         """Area of the ring per unit of the edge's coordinate in mm^2: reference area, or area at ``positions``."""
         surface = self._reference if positions is None else positions[self.surface]
         values, slopes = lagrange(self._lobatto, position)
@@ -130,23 +87,23 @@ class SlidingContact:
         tangent = (slopes[..., None] * local).sum(axis=1)
         return np.asarray(2 * np.pi * radius * np.linalg.norm(tangent, axis=1))
 
-    def between(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def between(self, position: Floats) -> Floats:
         """Matrix from values at an edge's points ``gauss`` to values at ``position``, shape (k, count)."""
         values, _ = lagrange(self.gauss, position)
         return values
 
-    def energy(self, positions: NDArray[np.float64]) -> float:
+    def energy(self, positions: Floats) -> float:
         """Energy of the springs in mN mm."""
         gaps = self._gaps(positions).reshape(self._edges, -1)
         element, position, area = self._closed_points(gaps, self.count)
         values, _ = lagrange(self.gauss, position)
         return float(self.stiffness / 2 * (area * (values * gaps[element]).sum(axis=1) ** 2).sum())
 
-    def pressure(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def pressure(self, positions: Floats) -> Floats:
         """Pressure in kPa from the overlaps at its points, shape (k,); negative where the contact is open."""
         return -self.stiffness * self._gaps(positions)
 
-    def derivatives(self, positions: NDArray[np.float64], pressure: NDArray[np.float64]) -> Linearised:
+    def derivatives(self, positions: Floats, pressure: Floats) -> Linearised:
         """Forces and tangent by the coordinates of ``nodes``, for a ``pressure`` (k,) that is an unknown of its own.
 
         The pressure of the last linear solution decides where the contact is closed and how it bends the tangent. The
@@ -171,7 +128,7 @@ class SlidingContact:
             slope=gaps.slope,
         )
 
-    def pressed(self, positions: NDArray[np.float64]) -> list[ContactSegment]:
+    def pressed(self, positions: Floats) -> list[ContactSegment]:
         """The closed parts of the surface, from its first node to its last."""
         own, here = positions[self.obstacle.nodes], self._shapes @ positions[self.surface]
         gaps = self.obstacle.gap(own, here).reshape(self._edges, -1)
@@ -187,19 +144,15 @@ class SlidingContact:
             for edge, low, high in zip(*self._closed_parts(gaps), strict=True)
         ]
 
-    def points(
-        self, element: NDArray[np.int64], position: NDArray[np.float64], positions: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def points(self, element: Integers, position: Floats, positions: Floats) -> Floats:
         """Positions of points on the edges, mm, shape (k, 2)."""
         return np.asarray(self.shapes(element, position) @ positions[self.surface])
 
-    def _gaps(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _gaps(self, positions: Floats) -> Floats:
         here = self._shapes @ positions[self.surface]
         return self.obstacle.gap(positions[self.obstacle.nodes], here)
 
-    def _closed_points(
-        self, gaps: NDArray[np.float64], count: int
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    def _closed_points(self, gaps: Floats, count: int) -> tuple[Integers, Floats, Floats]:
         """Edge, coordinate and reference area of ``count`` Gauss points on every closed part."""
         part, low, high = self._closed_parts(gaps)
         gauss, weight = legendre.leggauss(count)
@@ -208,9 +161,7 @@ class SlidingContact:
         element = np.repeat(part, count)
         return element, position, (half[:, None] * weight).ravel() * self.area(element, position)
 
-    def _closed_parts(
-        self, gaps: NDArray[np.float64]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    def _closed_parts(self, gaps: Floats) -> tuple[Integers, Floats, Floats]:
         """Edge and ends of every interval where the polynomial through an edge's gaps is negative."""
         inside = gaps @ self._sampled.T < 0
         at, left = np.nonzero(inside[:, 1:] != inside[:, :-1])
@@ -222,15 +173,13 @@ class SlidingContact:
         first, last = np.lexsort((start, start_at)), np.lexsort((stop, stop_at))
         return start_at[first], start[first], stop[last]
 
-    def _root(
-        self, gaps: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _root(self, gaps: Floats, low: Floats, high: Floats) -> Floats:
         """Roots of the polynomials between ``low`` and ``high``, by regula falsi (Illinois)."""
         if len(low) == 0:
             return low
         powers = gaps @ self._powers.T
 
-        def value(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        def value(x: Floats) -> Floats:
             return np.asarray((powers * x[:, None] ** np.arange(powers.shape[1])).sum(axis=1))
 
         at_low, at_high = value(low), value(high)

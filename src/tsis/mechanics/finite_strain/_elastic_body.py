@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics._element import lame_constants, reference_element
+from tsis.mechanics._element import Floats, Integers, lame_constants, reference_element
 from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
 from tsis.mechanics.finite_strain._neo_hookean import HOOP, RR, RZ, ZR, ZZ
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tsis.mechanics.finite_strain._patches import Solid
 
 
@@ -27,28 +25,19 @@ RADIAL, AXIAL = (RR, RZ, HOOP), (ZR, ZZ)  # components that u_r and u_z act on
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Numbering:
-    """Map from node directions to unknowns.
+    """Map from node directions to unknowns."""
 
-    Attributes
-    ----------
-    of_node
-        Index of the unknown for (u_r, u_z) of every node, shape (nodes, 2); `FIXED` where the node cannot move.
-    skeleton
-        Number of unknowns outside element interiors; they come first.
-    total
-        Number of unknowns.
-    """
+    # Index of the unknown for (u_r, u_z) of every node, shape (nodes, 2); `FIXED` where the node cannot move
+    of_node: Integers
+    skeleton: int  # number of unknowns outside element interiors; they come first
+    total: int  # number of unknowns
 
-    of_node: NDArray[np.int64]
-    skeleton: int
-    total: int
-
-    def displacements(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def displacements(self, unknowns: Floats) -> Floats:
         """Displacements (u_r, u_z) of all nodes in mm."""
         return np.append(unknowns, 0.0)[self.of_node]
 
 
-def number_unknowns(solid: Solid, shared: NDArray[np.int64], shared_count: int) -> Numbering:
+def number_unknowns(solid: Solid, shared: Integers, shared_count: int) -> Numbering:
     """Number the unknowns of a mesh; the ``shared_count`` shared ones come first.
 
     ``shared`` has shape (nodes, 2): `FIXED`, the index of a shared unknown (from 0), or `OWN`.
@@ -65,39 +54,26 @@ def number_unknowns(solid: Solid, shared: NDArray[np.int64], shared_count: int) 
     return Numbering(of_node=of_node, skeleton=first, total=first + interior.size * 2)
 
 
-def _inner(order: int) -> NDArray[np.int64]:
+def _inner(order: int) -> Integers:
     grid = np.arange((order + 1) ** 2).reshape(order + 1, order + 1)
     return np.asarray(grid[1:-1, 1:-1].ravel())
 
 
-def _outer(order: int) -> NDArray[np.int64]:
+def _outer(order: int) -> Integers:
     return np.setdiff1d(np.arange((order + 1) ** 2), _inner(order))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tangent:
-    """A quadratic model of the energy, reduced to the skeleton.
+    """A quadratic model of the energy, reduced to the skeleton."""
 
-    Attributes
-    ----------
-    matrices
-        Condensed tangent of each element, shape (elements, m, m), mN/mm.
-    forces
-        Condensed gradient of each element, shape (elements, m), mN.
-    back, rest
-        Interior displacements are ``rest - back @ (skeleton's)``.
-    gradient
-        Deformation gradient at the integration points.
-    relief
-        Interior forces times ``rest``, mN mm: the interiors' part of the slope of the energy.
-    """
-
-    matrices: NDArray[np.float64]
-    forces: NDArray[np.float64]
-    back: NDArray[np.float64]
-    rest: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    relief: float
+    matrices: Floats  # condensed tangent of each element, shape (elements, m, m), mN/mm
+    forces: Floats  # condensed gradient of each element, shape (elements, m), mN
+    # Interior displacements are ``rest - back @ (skeleton's)``
+    back: Floats
+    rest: Floats
+    gradient: Floats  # deformation gradient at the integration points
+    relief: float  # interior forces times ``rest``, mN mm: the interiors' part of the slope of the energy
 
 
 class ElasticBody:
@@ -106,70 +82,64 @@ class ElasticBody:
     def __init__(self, solid: Solid, numbering: Numbering) -> None:
         self.solid, self.numbering = solid, numbering
         self._operator, self.volume = _operators(solid)
+        self._flat = self._operator.reshape(len(solid.cells), -1, self._operator.shape[-1])
         mu, lam = lame_constants(solid.young_kpa, solid.poisson)
         self._mu, self._lam = mu[:, None], lam[:, None]
         self._inner, self._outer = _inner(solid.order), _outer(solid.order)
         self.element_unknowns = numbering.of_node[solid.cells[:, self._outer]].reshape(len(solid.cells), -1)
 
-    def gradient(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gradient(self, displacements: Floats) -> Floats:
         """Deformation gradient at the integration points, shape (5, elements, points)."""
         result = self._spread(displacements)
         for i in (RR, ZZ, HOOP):
             result[i] += 1
         return result
 
-    def _spread(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _spread(self, displacements: Floats) -> Floats:
         """Derivatives of displacements at the integration points, shape (5, elements, points)."""
-        local = displacements[self.solid.cells]
-        elements, points, _, count = self._operator.shape
-        flat = self._operator.reshape(elements, points * 3, count)
-        derivative = (flat @ local).reshape(elements, points, 3, 2)
-        result = np.empty((5, elements, points))
+        derivative = (self._flat @ displacements[self.solid.cells]).reshape(*self._operator.shape[:3], 2)
+        result = np.empty((5, *self.volume.shape))
         result[RR], result[RZ], result[HOOP] = derivative[:, :, 0, 0], derivative[:, :, 1, 0], derivative[:, :, 2, 0]
         result[ZR], result[ZZ] = derivative[:, :, 0, 1], derivative[:, :, 1, 1]
         return result
 
-    def energy(self, displacements: NDArray[np.float64]) -> float:
+    def energy(self, displacements: Floats) -> float:
         """Strain energy in mN mm; infinite where an element has det F <= 0."""
         density = neo_hookean.energy(self.gradient(displacements), self._mu, self._lam)
         return float(np.sum(density * self.volume))
 
-    def forces(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def forces(self, displacements: Floats) -> Floats:
         """Gradient of the energy by all nodal displacements in mN, shape (elements, nodes an element, 2)."""
         gradient = self.gradient(displacements)
         return self._element_forces(neo_hookean.stress(gradient, self._mu, self._lam) * self.volume)
 
-    def _element_forces(self, stress: NDArray[np.float64]) -> NDArray[np.float64]:
-        elements, points, _, count = self._operator.shape
-        flat = self._operator.reshape(elements, points * 3, count)
-        radial = np.stack([stress[i] for i in RADIAL], axis=-1).reshape(elements, 1, points * 3)
+    def _element_forces(self, stress: Floats) -> Floats:
+        elements = len(self._flat)
+        radial = np.stack([stress[i] for i in RADIAL], axis=-1).reshape(elements, 1, -1)
         axial = np.stack([*(stress[i] for i in AXIAL), np.zeros_like(stress[0])], axis=-1)
-        both = np.concatenate([radial, axial.reshape(elements, 1, points * 3)], axis=1)
-        return np.swapaxes(both @ flat, 1, 2)
+        both = np.concatenate([radial, axial.reshape(elements, 1, -1)], axis=1)
+        return np.swapaxes(both @ self._flat, 1, 2)
 
-    def matrices(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def matrices(self, displacements: Floats) -> Floats:
         """Tangents of all elements in mN/mm, shape (elements, n, n) with unknowns (u_r, u_z) node by node."""
         return self._element_matrices(self.gradient(displacements), None)
 
-    def volumetric_stress(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    def volumetric_stress(self, displacements: Floats) -> Floats:
         """Volumetric stress at the integration points in kPa, shape (elements, points)."""
         return self.volumetric_stress_at(self.gradient(displacements))
 
-    def volumetric_stress_at(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+    def volumetric_stress_at(self, gradient: Floats) -> Floats:
         """Volumetric stress from the deformation gradient."""
         return neo_hookean.volumetric_stress(gradient, self._lam)
 
-    def volumetric_change(
-        self, gradient: NDArray[np.float64], displacements: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def volumetric_change(self, gradient: Floats, displacements: Floats) -> Floats:
         """First-order change of the volumetric stress with more ``displacements``, kPa, shape (elements, points)."""
         return neo_hookean.volumetric_stress_change(gradient, self._spread(displacements), self._lam)
 
-    def _element_matrices(self, gradient: NDArray[np.float64], pull: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    def _element_matrices(self, gradient: Floats, pull: Floats | None) -> Floats:
         tangent = neo_hookean.tangent(gradient, self._mu, self._lam, pull) * self.volume
-        operator = self._operator
+        operator, flat = self._operator, self._flat.swapaxes(1, 2)
         elements, points, _, count = operator.shape
-        flat = operator.reshape(elements, points * 3, count).swapaxes(1, 2)
         result = np.empty((elements, count, 2, count, 2))
         blocks = {(0, 0): (RADIAL, RADIAL), (0, 1): (RADIAL, AXIAL), (1, 1): (AXIAL, AXIAL)}
         for (row, column), (left, right) in blocks.items():
@@ -181,7 +151,7 @@ class ElasticBody:
         result[:, :, 1, :, 0] = np.swapaxes(result[:, :, 0, :, 1], 1, 2)
         return result.reshape(elements, 2 * count, 2 * count)
 
-    def tangent(self, displacements: NDArray[np.float64], pull: NDArray[np.float64] | None = None) -> Tangent:
+    def tangent(self, displacements: Floats, pull: Floats | None = None) -> Tangent:
         """Gradient and tangent, reduced to the skeleton.
 
         ``pull`` is a volumetric stress (elements, points) in kPa that is an unknown of its own in Newton's method. The
@@ -208,7 +178,7 @@ class ElasticBody:
         )
 
 
-def _operators(solid: Solid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _operators(solid: Solid) -> tuple[Floats, Floats]:
     """Operator (elements, points, 3, nodes) to d/dR, d/dZ and 1/R, and the volume of every integration point."""
     ref = reference_element(solid.order)
     nodes = solid.nodes[solid.cells]

@@ -18,8 +18,7 @@ from tsis.model import MN_PER_N
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats
     from tsis.mechanics.finite_strain._potential import Pressures
 
 
@@ -55,7 +54,7 @@ class State:
         Number of Newton steps.
     """
 
-    unknowns: NDArray[np.float64]
+    unknowns: Floats
     pressures: Pressures
     load: Load
     model: Quadratic
@@ -63,12 +62,7 @@ class State:
 
 
 def solve_equilibrium(
-    potential: Potential,
-    start: NDArray[np.float64],
-    pressures: Pressures,
-    load: Load,
-    *,
-    decrement: float = DECREMENT,
+    potential: Potential, start: Floats, pressures: Pressures, load: Load, *, decrement: float = DECREMENT
 ) -> State | None:
     """Newton's method from ``start``; None without convergence to a minimum of the energy."""
     unknowns, slopes = start, [np.inf]
@@ -95,7 +89,7 @@ def solve_equilibrium(
     return None
 
 
-def _upright(potential: Potential, unknowns: NDArray[np.float64], step: NDArray[np.float64]) -> float | None:
+def _upright(potential: Potential, unknowns: Floats, step: Floats) -> float | None:
     """Largest fraction 2**-k of ``step`` with det F > 0 in all elements."""
     fraction = 1.0
     while not potential.upright(unknowns + fraction * step):
@@ -106,12 +100,7 @@ def _upright(potential: Potential, unknowns: NDArray[np.float64], step: NDArray[
 
 
 def find_first_contact(
-    potential: Potential,
-    shifted: Callable[[float], NDArray[np.float64]],
-    travel_mm: float,
-    spring: float,
-    *,
-    below_mn: float,
+    potential: Potential, shifted: Callable[[float], Floats], travel_mm: float, spring: float, *, below_mn: float
 ) -> State:
     """The first contact, roughly: a stiff spring pulls the bodies together.
 
@@ -184,14 +173,12 @@ def follow_load_path(
         yield state
 
 
-def _ahead(
-    potential: Potential, state: State, before: State | None, force_mn: float
-) -> tuple[NDArray[np.float64], Pressures]:
+def _ahead(potential: Potential, state: State, before: State | None, force_mn: float) -> tuple[Floats, Pressures]:
     """Prediction for a larger force: parabola along the tangent through the state before, or the tangent alone."""
     tangent = state.model.solution(potential.travel)
     ahead = force_mn - potential.reaction(state.unknowns, state.load)
 
-    def follow(now: NDArray[np.float64], rate: NDArray[np.float64], then: NDArray[np.float64]) -> NDArray[np.float64]:
+    def follow(now: Floats, rate: Floats, then: Floats) -> Floats:
         if before is None:
             return now + ahead * rate
         back = state.load.force_mn - before.load.force_mn

@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.mechanics._mesh import (
     LayeredMesh,
-    Spheroid,
+    block_outline,
     face_lines,
     graded,
     mesh_around,
@@ -17,12 +17,12 @@ from tsis.mechanics._mesh import (
     mesh_rectangle,
     outer_lines,
     refine,
+    shape_on_axis,
 )
 from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, weld
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Booleans, Floats, Integers
     from tsis.model import Phantom, Probe
 
 
@@ -47,28 +47,28 @@ class RoundedProbe:
         """Arc length of the middle of the rim, mm."""
         return self.radius_mm - self.fillet_mm * (1 - np.pi / 4)
 
-    def points(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, arc_mm: Floats) -> Floats:
         """Points (r, z) of the undeformed outline, z downwards from the apex, mm, shape (k, 2)."""
         return self.bulge(self.flat_points(arc_mm))
 
-    def flat_points(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def flat_points(self, arc_mm: Floats) -> Floats:
         """Points of the outline before the face is domed."""
         flat, fillet = self.radius_mm - self.fillet_mm, self.fillet_mm
         turn = np.clip((arc_mm - flat) / fillet, 0.0, np.pi / 2)
         up = np.maximum(arc_mm - flat - fillet * np.pi / 2, 0.0)
         return np.column_stack([np.minimum(arc_mm, flat) + fillet * np.sin(turn), -fillet * (1 - np.cos(turn)) - up])
 
-    def arc_at(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def arc_at(self, radius_mm: Floats) -> Floats:
         """Arc lengths of the face's material points at ``radius_mm``, mm."""
         flat = self.radius_mm - self.fillet_mm
         beyond = np.clip((radius_mm - flat) / self.fillet_mm, 0.0, 1.0)
         return np.asarray(np.minimum(radius_mm, flat) + self.fillet_mm * np.arcsin(beyond))
 
-    def radius_at(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def radius_at(self, arc_mm: Floats) -> Floats:
         """Material radius at arc lengths on the outline, mm."""
         return self.flat_points(arc_mm)[:, 0]
 
-    def bulge(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def bulge(self, nodes: Floats) -> Floats:
         """Nodes (r, z) of a flat probe after its layers bulge in proportion, the glass staying flat."""
         thickness = self.probe.thickness_mm
         fraction = (thickness - self.probe.sag_mm(np.minimum(nodes[:, 0], self.radius_mm))) / thickness
@@ -115,30 +115,16 @@ class FiniteResolution:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeshedProbe:
-    """The probe's mesh.
+    """The probe's mesh."""
 
-    Attributes
-    ----------
-    solid
-        Nodes with z downwards, the face's apex at z = 0 and the glass at minus the thickness.
-    face
-        Nodes of the face from the axis over the rounded rim up the side, in order.
-    arc_mm
-        Arc length of the face's nodes on the outline, mm.
-    glass
-        Nodes on the glass.
-    side
-        Nodes on the straight side, without the rounded rim.
-    """
-
-    solid: Solid
-    face: NDArray[np.int64]
-    arc_mm: NDArray[np.float64]
-    glass: NDArray[np.int64]
-    side: NDArray[np.int64]
+    solid: Solid  # nodes with z downwards, the face's apex at z = 0 and the glass at minus the thickness
+    face: Integers  # nodes of the face from the axis over the rounded rim up the side, in order
+    arc_mm: Floats  # arc length of the face's nodes on the outline, mm
+    glass: Integers  # nodes on the glass
+    side: Integers  # nodes on the straight side, without the rounded rim
 
 
-def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution: FiniteResolution) -> MeshedProbe:
+def mesh_probe(shape: RoundedProbe, face_lines: Floats, resolution: FiniteResolution) -> MeshedProbe:
     """Mesh a probe in three patches that meet inside its rounded rim.
 
     ``face_lines`` are the element boundaries as fractions of the arc from the axis to the middle of the rounded rim.
@@ -172,11 +158,9 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     core = _shaped(shape, np.stack(np.meshgrid(along * corner, -up, indexing="ij"), axis=-1), order)
     young = np.repeat([layer.young_kpa for layer in probe.layers], counts)
     poisson = np.repeat([layer.poisson for layer in probe.layers], counts)
-    first = probe.layers[0]
-    rows = below.layers
     solid = weld(
         [
-            MeshPatch(mesh=below, young_kpa=np.full(rows, first.young_kpa), poisson=np.full(rows, first.poisson)),
+            MeshPatch.uniform(below, probe.layers[0]),
             MeshPatch(mesh=beside, young_kpa=young, poisson=poisson),
             MeshPatch(mesh=core, young_kpa=young, poisson=poisson),
         ]
@@ -193,17 +177,15 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     )
 
 
-def _shaped(shape: RoundedProbe, nodes: NDArray[np.float64], order: int) -> LayeredMesh:
+def _shaped(shape: RoundedProbe, nodes: Floats, order: int) -> LayeredMesh:
     return LayeredMesh(nodes=shape.bulge(nodes.reshape(-1, 2)).reshape(nodes.shape), order=order)
 
 
-def _between(
-    outer: NDArray[np.float64], inner: NDArray[np.float64], fraction: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _between(outer: Floats, inner: Floats, fraction: Floats) -> Floats:
     return np.asarray(outer[:, None] + fraction[None, :, None] * (inner - outer)[:, None])
 
 
-def _chain(ends: NDArray[np.float64], fractions: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _chain(ends: Floats, fractions: list[Floats]) -> Floats:
     """Node coordinates of pieces between ``ends``, each divided by its ``fractions``; common nodes once."""
     parts = [low + fraction * (high - low) for low, high, fraction in zip(ends[:-1], ends[1:], fractions, strict=True)]
     return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
@@ -211,21 +193,11 @@ def _chain(ends: NDArray[np.float64], fractions: list[NDArray[np.float64]]) -> N
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeshedSlab:
-    """The slab's mesh.
+    """The slab's mesh."""
 
-    Attributes
-    ----------
-    solid
-        Nodes with z downwards from the skin.
-    skin
-        Nodes of the skin that the probe can touch, from the axis outwards, in order.
-    inclusion
-        Mask of the elements in the inclusion.
-    """
-
-    solid: Solid
-    skin: NDArray[np.int64]
-    inclusion: NDArray[np.bool_]
+    solid: Solid  # nodes with z downwards from the skin
+    skin: Integers  # nodes of the skin that the probe can touch, from the axis outwards, in order
+    inclusion: Booleans  # mask of the elements in the inclusion
 
 
 def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> MeshedSlab:
@@ -244,34 +216,21 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     lines = np.concatenate([inside, beyond[1:]])
     depth = graded(thickness, 1.5 * resolution.rim_mm, resolution.growth, thickness / 4)
     extent = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
-    tissue = {"young_kpa": phantom.young_kpa, "poisson": phantom.poisson}
-
-    def tissue_patch(body: LayeredMesh) -> MeshPatch:
-        return MeshPatch(mesh=body, **{name: np.full(body.layers, value) for name, value in tissue.items()})
-
-    inclusion = phantom.inclusion
-    if inclusion is None:
-        solid = weld([tissue_patch(mesh_rectangle(lines, depth, order, a_is_radius=True))])
+    if phantom.inclusion is None:
+        solid = weld([MeshPatch.uniform(mesh_rectangle(lines, depth, order, a_is_radius=True), phantom)])
         return MeshedSlab(
             solid=solid,
             skin=solid.patches[0][: extent * order + 1, 0],
             inclusion=np.zeros(len(solid.cells), dtype=bool),
         )
-    span, _, upright = inclusion.half_axes_mm
-    block = max(0.75 * probe.radius_mm, 1.3 * span)
-    split = int(np.searchsorted(lines, block))
+    spheroid = shape_on_axis(phantom)
+    split = int(np.searchsorted(lines, max(0.75 * probe.radius_mm, 1.3 * spheroid.half_width)))
     near, far = lines[: split + 1], lines[split:]
-    spheroid = Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=span, half_height=upright)
-    boundary = _outline(near, depth, order, cells=max(2, len(near) // 2))
+    boundary = block_outline(near, depth, depth[-1], order, below_cells=max(2, len(near) // 2))
     around = mesh_around(boundary, spheroid, order, layers=resolution.ray_layers)
     within = mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)
-    solid = weld(
-        [
-            tissue_patch(around),
-            tissue_patch(within),
-            tissue_patch(mesh_rectangle(far, depth, order, a_is_radius=True)),
-        ]
-    )
+    beyond_block = mesh_rectangle(far, depth, order, a_is_radius=True)
+    solid = weld([MeshPatch.uniform(body, phantom) for body in (around, within, beyond_block)])
     columns = (len(boundary) - 1) // order
     member = np.zeros(len(solid.cells), dtype=bool)
     member[columns * around.layers : columns * (around.layers + within.layers)] = True
@@ -279,17 +238,3 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
         [solid.patches[0][: split * order + 1, 0], solid.patches[2][1 : (extent - split) * order + 1, 0]]
     )
     return MeshedSlab(solid=solid, skin=skin, inclusion=member)
-
-
-def _outline(near: NDArray[np.float64], depth: NDArray[np.float64], order: int, *, cells: int) -> NDArray[np.float64]:
-    """Outer nodes of the block around the inclusion: along the skin, down its side, back along the chest wall."""
-    edge, bottom = near[-1], depth[-1]
-    top, side = refine(near, order), refine(depth, order)
-    back = refine(np.linspace(edge, 0.0, cells + 1), order)
-    return np.concatenate(
-        [
-            np.column_stack([top, np.zeros_like(top)]),
-            np.column_stack([np.full_like(side, edge), side])[1:],
-            np.column_stack([back, np.full_like(back, bottom)])[1:],
-        ]
-    )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.mechanics._element import Floats
 
 
 RR, RZ, ZR, ZZ, HOOP = range(5)
@@ -21,13 +21,13 @@ ROW = (0, 0, 1, 1)  # of the in-plane components
 COLUMN = (0, 1, 0, 1)
 
 
-def volume_ratio(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+def volume_ratio(gradient: Floats) -> Floats:
     """J, the current volume over the reference volume."""
     plane = gradient[RR] * gradient[ZZ] - gradient[RZ] * gradient[ZR]
     return np.asarray(plane * gradient[HOOP])
 
 
-def energy(gradient: NDArray[np.float64], mu: NDArray[np.float64], lam: NDArray[np.float64]) -> NDArray[np.float64]:
+def energy(gradient: Floats, mu: Floats, lam: Floats) -> Floats:
     """Strain energy per reference volume in kPa (mN/mm^2 = mN mm/mm^3); infinite where det F <= 0."""
     ratio = volume_ratio(gradient)
     upright = (ratio > 0) & (gradient[HOOP] > 0)
@@ -36,18 +36,13 @@ def energy(gradient: NDArray[np.float64], mu: NDArray[np.float64], lam: NDArray[
     return np.where(upright, mu / 2 * (stretch - 2 * log) + lam / 2 * log**2, np.inf)
 
 
-def stress(gradient: NDArray[np.float64], mu: NDArray[np.float64], lam: NDArray[np.float64]) -> NDArray[np.float64]:
+def stress(gradient: Floats, mu: Floats, lam: Floats) -> Floats:
     """First Piola stress in kPa, the derivative of `energy` by the deformation gradient: same shape as ``gradient``."""
     pull = volumetric_stress(gradient, lam) - mu
     return mu * gradient + pull * _inverse_transposed(gradient)
 
 
-def tangent(
-    gradient: NDArray[np.float64],
-    mu: NDArray[np.float64],
-    lam: NDArray[np.float64],
-    pull: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64]:
+def tangent(gradient: Floats, mu: Floats, lam: Floats, pull: Floats | None = None) -> Floats:
     """Derivative of `stress` by the deformation gradient in kPa, shape (5, 5, ...), symmetric in its first two axes.
 
     ``pull`` replaces `volumetric_stress` in the geometric part of the tangent.
@@ -66,19 +61,17 @@ def tangent(
     return np.asarray(result)
 
 
-def volumetric_stress(gradient: NDArray[np.float64], lam: NDArray[np.float64]) -> NDArray[np.float64]:
+def volumetric_stress(gradient: Floats, lam: Floats) -> Floats:
     """``lambda ln J`` in kPa."""
     return np.asarray(lam * np.log(volume_ratio(gradient)))
 
 
-def volumetric_stress_change(
-    gradient: NDArray[np.float64], change: NDArray[np.float64], lam: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def volumetric_stress_change(gradient: Floats, change: Floats, lam: Floats) -> Floats:
     """First-order change of `volumetric_stress` with a ``change`` of the deformation gradient, kPa."""
     return np.asarray(lam * np.einsum("k...,k...->...", _inverse_transposed(gradient), change))
 
 
-def principal_stretches(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+def principal_stretches(gradient: Floats) -> Floats:
     """The three principal stretches, shape (3, ...): larger and smaller in the plane, then the hoop."""
     total = np.einsum("k...,k...->...", gradient[:4], gradient[:4])
     plane = gradient[RR] * gradient[ZZ] - gradient[RZ] * gradient[ZR]
@@ -87,7 +80,7 @@ def principal_stretches(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([larger, np.abs(plane) / larger, np.abs(gradient[HOOP])])
 
 
-def _inverse_transposed(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse_transposed(gradient: Floats) -> Floats:
     plane = gradient[RR] * gradient[ZZ] - gradient[RZ] * gradient[ZR]
     return np.stack(
         [

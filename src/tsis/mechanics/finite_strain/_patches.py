@@ -15,9 +15,9 @@ from tsis.mechanics._mesh import layer_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats, Integers
     from tsis.mechanics._mesh import LayeredMesh
+    from tsis.model import Layer, Phantom
 
 
 SAME_POINT_MM = 1e-7
@@ -28,36 +28,28 @@ class MeshPatch:
     """One logical rectangle of elements and the material of each element layer, shape (layers,)."""
 
     mesh: LayeredMesh
-    young_kpa: NDArray[np.float64]
-    poisson: NDArray[np.float64]
+    young_kpa: Floats
+    poisson: Floats
+
+    @classmethod
+    def uniform(cls, mesh: LayeredMesh, material: Phantom | Layer) -> MeshPatch:
+        """A patch of one material."""
+        young, poisson = (np.full(mesh.layers, value) for value in (material.young_kpa, material.poisson))
+        return cls(mesh=mesh, young_kpa=young, poisson=poisson)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solid:
-    """A body as a list of nodes and elements.
+    """A body as a list of nodes and elements."""
 
-    Attributes
-    ----------
-    nodes
-        Reference positions (r, z) in mm, shape (n, 2).
-    cells
-        Nodes of each element in the order of `reference_element`, shape (elements, (order + 1)**2).
-    order
-        Polynomial order.
-    young_kpa, poisson
-        Material of each element.
-    patches
-        Node indices of each welded patch in its logical grid, shape (na, nb).
-    """
+    nodes: Floats  # reference positions (r, z) in mm, shape (n, 2)
+    cells: Integers  # nodes of each element in the order of `reference_element`, shape (elements, (order + 1)**2)
+    order: int  # polynomial order
+    young_kpa: Floats  # of each element
+    poisson: Floats  # of each element
+    patches: tuple[Integers, ...]  # node indices of each welded patch in its logical grid, shape (na, nb)
 
-    nodes: NDArray[np.float64]
-    cells: NDArray[np.int64]
-    order: int
-    young_kpa: NDArray[np.float64]
-    poisson: NDArray[np.float64]
-    patches: tuple[NDArray[np.int64], ...]
-
-    def shifted(self, first: int) -> tuple[NDArray[np.int64], ...]:
+    def shifted(self, first: int) -> tuple[Integers, ...]:
         """Node indices of the patches, counted from ``first``."""
         return tuple(patch + first for patch in self.patches)
 

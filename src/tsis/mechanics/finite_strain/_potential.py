@@ -12,12 +12,11 @@ from scipy.sparse.linalg import SuperLU, splu
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats, Integers
     from tsis.mechanics.finite_strain._contact import Linearised, SlidingContact
     from tsis.mechanics.finite_strain._elastic_body import ElasticBody, Tangent
 
-    Pressures = tuple[NDArray[np.float64], ...]
+    Pressures = tuple[Floats, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,31 +34,23 @@ class Load:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Quadratic:
-    """The energy's second-order model at one state, factorised.
+    """The energy's second-order model at one state, factorised."""
 
-    Attributes
-    ----------
-    gradient
-        Gradient by the skeleton's unknowns, mN.
-    factors
-        LU factors of the condensed tangent with permuted rows and columns.
-    """
-
-    gradient: NDArray[np.float64]
-    factors: SuperLU
-    permutation: NDArray[np.int64]
+    gradient: Floats  # gradient by the skeleton's unknowns, mN
+    factors: SuperLU  # LU factors of the condensed tangent with permuted rows and columns
+    permutation: Integers
     elements: Tangent
     body: ElasticBody
-    contacts: tuple[tuple[float, NDArray[np.int64], Linearised], ...]
+    contacts: tuple[tuple[float, Integers, Linearised], ...]
 
-    def pressures(self, step: NDArray[np.float64]) -> Pressures:
+    def pressures(self, step: Floats) -> Pressures:
         """Pressures after ``step``, by the linearised gaps, kPa."""
         current = tuple(-stiffness * contact.gap_mm for stiffness, _, contact in self.contacts)
         rates = self.pressures_by(step)
         bulk = self.body.volumetric_stress_at(self.elements.gradient)
         return (bulk + rates[0], *(now + rate for now, rate in zip(current, rates[1:], strict=True)))
 
-    def pressures_by(self, direction: NDArray[np.float64]) -> Pressures:
+    def pressures_by(self, direction: Floats) -> Pressures:
         """Change of the pressures along ``direction``, kPa."""
         padded = np.append(direction, 0.0)
         bulk = self.body.volumetric_change(self.elements.gradient, self.body.numbering.displacements(direction))
@@ -73,26 +64,26 @@ class Quadratic:
         """Whether the energy has a minimum: all pivots are positive."""
         return bool(self.factors.U.diagonal().min() > 0)
 
-    def step(self) -> NDArray[np.float64]:
+    def step(self) -> Floats:
         """Newton's step of all unknowns."""
         return self._complete(self._solve(-self.gradient), self.elements.rest)
 
-    def slope(self, step: NDArray[np.float64]) -> float:
+    def slope(self, step: Floats) -> float:
         """Derivative of the energy along Newton's ``step``, mN mm."""
         return float(self.gradient @ step[: len(self.gradient)]) + self.elements.relief
 
-    def solution(self, unknown: int) -> NDArray[np.float64]:
+    def solution(self, unknown: int) -> Floats:
         """Response of all unknowns to a unit force on one of the skeleton's, mm/mN."""
         force = np.zeros(len(self.gradient))
         force[unknown] = 1.0
         return self._complete(self._solve(force), np.zeros_like(self.elements.rest))
 
-    def _solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _solve(self, right: Floats) -> Floats:
         result = np.empty_like(right)
         result[self.permutation] = self.factors.solve(right[self.permutation])
         return result
 
-    def _complete(self, skeleton: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _complete(self, skeleton: Floats, rest: Floats) -> Floats:
         local = np.append(skeleton, 0.0)[self.body.element_unknowns]
         inside = rest - (self.elements.back @ local[..., None])[..., 0]
         return np.concatenate([skeleton, inside.ravel()])
@@ -119,19 +110,19 @@ class Potential:
         self._rows = (key % skeleton).astype(np.int32)
         self._starts = np.searchsorted(key // skeleton, np.arange(skeleton + 1)).astype(np.int32)
 
-    def displacements(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def displacements(self, unknowns: Floats) -> Floats:
         """Displacements of all nodes, mm."""
         return self.body.numbering.displacements(unknowns)
 
-    def positions(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def positions(self, unknowns: Floats) -> Floats:
         """Positions of all nodes, mm."""
         return np.asarray(self.body.solid.nodes + self.displacements(unknowns))
 
-    def upright(self, unknowns: NDArray[np.float64]) -> bool:
+    def upright(self, unknowns: Floats) -> bool:
         """Whether det F > 0 in all elements."""
         return bool(np.isfinite(self.body.energy(self.displacements(unknowns))))
 
-    def stored(self, unknowns: NDArray[np.float64]) -> float:
+    def stored(self, unknowns: Floats) -> float:
         """Strain energy of the bodies and of the contact's springs, mN mm."""
         strain = self.body.energy(self.displacements(unknowns))
         if not np.isfinite(strain):
@@ -139,21 +130,21 @@ class Potential:
         positions = self.positions(unknowns)
         return strain + sum(contact.energy(positions) for contact in self.contacts)
 
-    def reaction(self, state_unknowns: NDArray[np.float64], load: Load) -> float:
+    def reaction(self, state_unknowns: Floats, load: Load) -> float:
         """Force in mN with which the load drives the travel."""
         return load.force_mn - load.spring * (float(state_unknowns[self.travel]) - load.travel_mm)
 
-    def energy(self, unknowns: NDArray[np.float64], load: Load) -> float:
+    def energy(self, unknowns: Floats, load: Load) -> float:
         """Total energy, mN mm."""
         return self.stored(unknowns) + load.energy(float(unknowns[self.travel]))
 
-    def pressures(self, unknowns: NDArray[np.float64]) -> Pressures:
+    def pressures(self, unknowns: Floats) -> Pressures:
         """Volumetric stress and pressures from the overlaps of the contacts, kPa."""
         positions = self.positions(unknowns)
         bulk = self.body.volumetric_stress(self.displacements(unknowns))
         return (bulk, *(contact.pressure(positions) for contact in self.contacts))
 
-    def quadratic(self, unknowns: NDArray[np.float64], pressures: Pressures, load: Load) -> Quadratic:
+    def quadratic(self, unknowns: Floats, pressures: Pressures, load: Load) -> Quadratic:
         """Gradient and factorised tangent at ``unknowns`` and contact ``pressures``."""
         tangent = self.body.tangent(self.displacements(unknowns), pressures[0])
         positions = self.positions(unknowns)
@@ -184,7 +175,7 @@ class Potential:
         )
 
 
-def _ordering(rows: NDArray[np.int64], columns: NDArray[np.int64], size: int) -> NDArray[np.int64]:
+def _ordering(rows: Integers, columns: Integers, size: int) -> Integers:
     """An elimination order with sparse factors."""
     ones = csc_array((np.ones(len(rows)), (rows, columns)), shape=(size, size))
     ones.data[:] = -1.0

@@ -65,7 +65,7 @@ def press_path(
     probe: Probe, phantom: Phantom, *, forces_n: Sequence[float], resolution: FiniteResolution | None = None
 ) -> tuple[PressField, ...]:
     """Fields of `press_finite` at several ascending forces in newtons, on one load path."""
-    reference = _steps(probe, phantom.without_inclusion(), tuple(forces_n), resolution)
+    reference = press_steps(probe, phantom.without_inclusion(), tuple(forces_n), resolution)
     if phantom.inclusion is None:
         return tuple(step.field for step in reference)
     pairs = press_pairs(probe, phantom, forces_n=forces_n, resolution=resolution)
@@ -79,16 +79,9 @@ def press_pairs(
 
     Their difference is the signal. This costs two load paths; two calls of `press_finite` cost three.
     """
-    with_it = _steps(probe, phantom, tuple(forces_n), resolution)
-    without = _steps(probe, phantom, tuple(forces_n), resolution, contrast=False)
+    with_it = press_steps(probe, phantom, tuple(forces_n), resolution)
+    without = press_steps(probe, phantom, tuple(forces_n), resolution, contrast=False)
     return tuple((item.field, other.field) for item, other in zip(with_it, without, strict=True))
-
-
-def press_steps(
-    probe: Probe, phantom: Phantom, *, forces_n: Sequence[float], resolution: FiniteResolution | None = None
-) -> tuple[FinitePress, ...]:
-    """States of one load path on the phantom's own mesh, with their energy and largest stretch."""
-    return _steps(probe, phantom, tuple(forces_n), resolution)
 
 
 def _plus(field: PressField, with_it: PressField, without: PressField) -> PressField:
@@ -101,14 +94,15 @@ def _plus(field: PressField, with_it: PressField, without: PressField) -> PressF
     )
 
 
-def _steps(
+def press_steps(
     probe: Probe,
     phantom: Phantom,
     forces_n: tuple[float, ...],
-    resolution: FiniteResolution | None,
+    resolution: FiniteResolution | None = None,
     *,
     contrast: bool = True,
 ) -> tuple[FinitePress, ...]:
+    """States of one load path on the phantom's own mesh, with their energy and largest stretch."""
     require_type("probe", probe, Probe)
     require_type("phantom", phantom, Phantom)
     require_ascending_forces(forces_n)

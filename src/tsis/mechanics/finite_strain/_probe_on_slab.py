@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 from numpy.polynomial import legendre
 
 from tsis.errors import MechanicsError
-from tsis.mechanics._element import gauss_points, lagrange
+from tsis.mechanics._element import Booleans, Floats, Integers, gauss_points, lagrange
 from tsis.mechanics._face import FACE_POINTS, hat_areas
 from tsis.mechanics._mesh import face_lines
 from tsis.mechanics.finite_strain import _load_path as load_path
@@ -25,8 +26,6 @@ from tsis.model import MN_PER_N, PressField
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from tsis.mechanics.finite_strain._load_path import State
     from tsis.model import Phantom, Probe
 
@@ -35,26 +34,9 @@ PARTS = 24  # of every closed segment of an element edge, to sum up the force
 PRESSURE_DEGREES_LESS = 2  # than the displacement has; higher degrees of the pressure on an edge are ripple
 
 
-def face_displacement_mm(
-    shape: RoundedProbe,
-    face: SoftFace,
-    displacements: NDArray[np.float64],
-    radius_mm: NDArray[np.float64],
-    *,
-    glass_mm: float,
-) -> NDArray[np.float64]:
-    """Displacement of the face towards the glass at ``radius_mm``, mm; ``glass_mm`` is the glass's own."""
-    weights = face.face.weights(shape.arc_at(radius_mm))[:, 1]
-    return np.asarray(glass_mm - weights @ displacements[face.nodes, 1])
-
-
-def face_pressure_kpa(
-    shape: RoundedProbe,
-    contact: SlidingContact,
-    face: SoftFace,
-    positions: NDArray[np.float64],
-    radius_mm: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _face_pressure_kpa(
+    shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: Floats, radius_mm: Floats
+) -> Floats:
     """Axial force per area of the undeformed face in kPa, as means around each of ``radius_mm``.
 
     The means are weighted by area and by distance to the neighbours, so that their integral is the force. On each
@@ -64,7 +46,7 @@ def face_pressure_kpa(
 
     # The mean of a hat function over the force is a difference of the integrals of "force within a radius".
     # The pressure is constant between two radii, so the force grows with the square of the radius.
-    def primitive(cell: NDArray[np.int64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    def primitive(cell: Integers, at: Floats) -> Floats:
         low, high = radius[cell], radius[cell + 1]
         pressure = (force[cell + 1] - force[cell]) / np.maximum(high**2 - low**2, 1e-12)
         return np.asarray((at - low) * force[cell] + pressure * ((at**3 - low**3) / 3 - low**2 * (at - low)))
@@ -81,8 +63,8 @@ def face_pressure_kpa(
 
 
 def _force_within(
-    shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: Floats
+) -> tuple[Floats, Floats]:
     """Material radii, ascending from 0, and the axial force in mN on the face inside each radius."""
     gauss, weight = gauss_points(4)
     radii, forces = [np.zeros(1)], [np.zeros(1)]
@@ -116,26 +98,76 @@ INNER = 0.9  # of the face's radius; outside it the rounded rim makes the pressu
 RIM_FILLETS = 3.0  # zone around the rim in its radii where strains come from its rounding
 
 
+Result = TypeVar("Result")
+
+
+class LoadedFace(ABC, Generic[Result]):
+    """The face of a probe in sliding contact with another body: its load path, and its fields in each state."""
+
+    shape: RoundedProbe
+    face: SoftFace
+    contact: SlidingContact
+    potential: Potential
+    _touch_mm: float  # travel of the first touch
+    _strained: Booleans  # elements whose stretch is limited
+    _largest_stretch: float
+
+    @abstractmethod
+    def _deformed(self, travel_mm: float) -> Floats:
+        """Unknowns when undeformed bodies move by ``travel_mm``."""
+
+    @abstractmethod
+    def read(self, state: State, force_n: float) -> Result:
+        """Result in a state."""
+
+    def path(self, forces_n: Sequence[float]) -> tuple[Result, ...]:
+        """Results at ascending ``forces_n`` in newtons."""
+        forces = [force * MN_PER_N for force in forces_n]
+        first = load_path.find_first_contact(
+            self.potential, self._deformed, self._touch_mm, SPRING, below_mn=forces[0] / 2
+        )
+        states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
+        return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
+
+    def stretch(self, state: State) -> float:
+        """Largest principal stretch or its inverse."""
+        gradient = self.potential.body.gradient(self.potential.displacements(state.unknowns))[:, self._strained]
+        stretches = neo_hookean.principal_stretches(gradient)
+        return float(max(stretches.max(), (1 / stretches).max()))
+
+    def _refuse(self, state: State) -> str | None:
+        """Reason why a state lies outside the model's range, or None."""
+        stretch = self.stretch(state)
+        if stretch <= self._largest_stretch:
+            return None
+        return f"lengths change {stretch:.2g} times, more than {self._largest_stretch:g}, the limit of this model,"
+
+    def _field(self, state: State, force_n: float, *, glass_moves: bool) -> PressField:
+        """Displacement of the face towards the glass, and its pressure."""
+        displacements = self.potential.displacements(state.unknowns)
+        positions = self.potential.positions(state.unknowns)
+        travel = float(state.unknowns[self.potential.travel])
+        radius = np.linspace(0.0, self.shape.radius_mm, FACE_POINTS)
+        axial = self.face.face.weights(self.shape.arc_at(radius))[:, 1] @ displacements[self.face.nodes, 1]
+        return PressField(
+            radius_mm=radius,
+            face_displacement_mm=(travel if glass_moves else 0.0) - axial,
+            pressure_kpa=_face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
+            approach_mm=travel,
+            force_n=force_n,
+        )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FinitePress:
-    """One state of a press with large deformations.
+    """One state of a press with large deformations."""
 
-    Attributes
-    ----------
-    field
-        Displacement and pressure on the probe's face.
-    stored_mn_mm
-        Strain energy of probe, tissue and the contact's springs, mN mm: the work of the force.
-    stretch
-        Largest principal stretch or its inverse outside the rounded rim.
-    """
-
-    field: PressField
-    stored_mn_mm: float
-    stretch: float
+    field: PressField  # displacement and pressure on the probe's face
+    stored_mn_mm: float  # strain energy of probe, tissue and the contact's springs, mN mm: the work of the force
+    stretch: float  # largest principal stretch or its inverse outside the rounded rim
 
 
-class ProbeOnSlab:
+class ProbeOnSlab(LoadedFace[FinitePress]):
     """A probe on a slab; ``contrast=False`` gives the inclusion the tissue's own material on the same mesh."""
 
     def __init__(self, probe: Probe, phantom: Phantom, resolution: FiniteResolution, *, contrast: bool = True) -> None:
@@ -166,28 +198,15 @@ class ProbeOnSlab:
         curve = SmoothFace(meshed.arc_mm, resolution.order, self.shape.points)
         self.face = SoftFace(curve, meshed.face)
         softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
-        self.contact = SlidingContact(
-            solid.nodes,
-            slab.skin + self._probe_nodes,
-            resolution.order,
-            self.face,
-            STIFFNESS * softer,
-            STEERING * softer,
-        )
+        skin = slab.skin + self._probe_nodes
+        stiffness = (STIFFNESS * softer, STEERING * softer)
+        self.contact = SlidingContact(solid.nodes, skin, resolution.order, self.face, *stiffness)
         self.potential = Potential(body, [self.contact], 0)
         self._touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)
-        self._inner = _away_from_rim(solid.nodes[solid.cells].mean(axis=1), self.shape)
+        self._strained = _away_from_rim(solid.nodes[solid.cells].mean(axis=1), self.shape)
+        self._largest_stretch = LARGEST_STRETCH
 
-    def path(self, forces_n: Sequence[float]) -> tuple[FinitePress, ...]:
-        """States at ascending ``forces_n`` in newtons."""
-        forces = [force * MN_PER_N for force in forces_n]
-        first = load_path.find_first_contact(
-            self.potential, self._deformed, self._touch_mm, SPRING, below_mn=forces[0] / 2
-        )
-        states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
-        return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
-
-    def _deformed(self, travel_mm: float) -> NDArray[np.float64]:
+    def _deformed(self, travel_mm: float) -> Floats:
         """Unknowns when the whole undeformed probe moves by ``travel_mm``."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[: self._probe_nodes, 1]
@@ -196,26 +215,10 @@ class ProbeOnSlab:
 
     def read(self, state: State, force_n: float) -> FinitePress:
         """Field on the face in a state."""
-        displacements = self.potential.displacements(state.unknowns)
-        positions = self.potential.positions(state.unknowns)
-        travel = float(state.unknowns[self.potential.travel])
-        radius = np.linspace(0.0, self.shape.radius_mm, FACE_POINTS)
-        field = PressField(
-            radius_mm=radius,
-            face_displacement_mm=face_displacement_mm(self.shape, self.face, displacements, radius, glass_mm=travel),
-            pressure_kpa=face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
-            approach_mm=travel,
-            force_n=force_n,
-        )
+        field = self._field(state, force_n, glass_moves=True)
         _refuse_pulling(field)
-        return FinitePress(
-            field=field,
-            stored_mn_mm=self.potential.stored(state.unknowns),
-            stretch=largest_stretch(self.potential, state, self._inner),
-        )
-
-    def _refuse(self, state: State) -> str | None:
-        return stretch_problem(largest_stretch(self.potential, state, self._inner), LARGEST_STRETCH)
+        stored = self.potential.stored(state.unknowns)
+        return FinitePress(field=field, stored_mn_mm=stored, stretch=self.stretch(state))
 
 
 def _refuse_pulling(field: PressField) -> None:
@@ -229,21 +232,7 @@ def _refuse_pulling(field: PressField) -> None:
         )
 
 
-def largest_stretch(potential: Potential, state: State, elements: NDArray[np.bool_]) -> float:
-    """Largest principal stretch or its inverse in ``elements``."""
-    gradient = potential.body.gradient(potential.displacements(state.unknowns))[:, elements]
-    stretches = neo_hookean.principal_stretches(gradient)
-    return float(max(stretches.max(), (1 / stretches).max()))
-
-
-def stretch_problem(stretch: float, largest: float) -> str | None:
-    """Reason why a state lies outside the model's range, or None."""
-    if stretch <= largest:
-        return None
-    return f"lengths change {stretch:.2g} times, more than {largest:g}, the limit of this model,"
-
-
-def _away_from_rim(centres: NDArray[np.float64], shape: RoundedProbe) -> NDArray[np.bool_]:
+def _away_from_rim(centres: Floats, shape: RoundedProbe) -> Booleans:
     """Mask of the elements outside the neighbourhood of the rounded rim."""
     probe = shape.probe
     on_probe = np.array([probe.radius_mm, -float(probe.sag_mm(probe.radius_mm))])

@@ -8,32 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from tsis.mechanics._face import FACE_POINTS
 from tsis.mechanics._mesh import LayeredMesh, graded, refine
-from tsis.mechanics.finite_strain import _load_path as load_path
 from tsis.mechanics.finite_strain._contact import SlidingContact
 from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
 from tsis.mechanics.finite_strain._meshes import FiniteResolution, mesh_probe, rounded
 from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, join_meshes, weld
 from tsis.mechanics.finite_strain._potential import Potential
 from tsis.mechanics.finite_strain._press import require_ascending_forces, require_enough_force
-from tsis.mechanics.finite_strain._probe_on_slab import (
-    SPRING,
-    STEERING,
-    STIFFNESS,
-    face_displacement_mm,
-    face_pressure_kpa,
-    largest_stretch,
-    stretch_problem,
-)
+from tsis.mechanics.finite_strain._probe_on_slab import STEERING, STIFFNESS, LoadedFace
 from tsis.mechanics.finite_strain._surfaces import Plate, SmoothFace, SoftFace
-from tsis.model import MN_PER_N, PressField, Probe, require_number, require_type
+from tsis.model import PressField, Probe, require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats, Integers
     from tsis.mechanics.finite_strain._load_path import State
 
 
@@ -42,7 +31,7 @@ CORE = 0.5  # half the core's side as a fraction of the radius
 
 def mesh_ball(
     *, radius_mm: float, young_kpa: float, poisson: float, order: int, cells: int, rings: int
-) -> tuple[Solid, NDArray[np.int64]]:
+) -> tuple[Solid, Integers]:
     """Mesh a ball with its pole (0, 0) on a face and its centre at z = radius; see `SphereResolution`.
 
     Returns the body, and the nodes of its surface from the pole at z = 0 to the other pole.
@@ -196,7 +185,7 @@ def squeeze_path(
         return press.path(forces_n)
 
 
-class SphereOnProbe:
+class SphereOnProbe(LoadedFace[SpherePress]):
     """A sphere between a plate and a probe as one potential energy; units as in `squeeze_sphere`."""
 
     def __init__(
@@ -236,18 +225,10 @@ class SphereOnProbe:
             nodes, surface[::-1][:extent] + self._first, order, Plate(plate, 2 * radius_mm), *stiffness
         )
         self.potential = Potential(body, [self.contact, above], 0)
-        self._everywhere = np.ones(len(solid.cells), dtype=bool)
+        self._touch_mm, self._largest_stretch = TOUCH * radius_mm, LARGEST_STRETCH
+        self._strained = np.ones(len(solid.cells), dtype=bool)
 
-    def path(self, forces_n: Sequence[float]) -> tuple[SpherePress, ...]:
-        """States at ascending ``forces_n`` in newtons."""
-        forces = [force * MN_PER_N for force in forces_n]
-        first = load_path.find_first_contact(
-            self.potential, self._deformed, TOUCH * self._radius, SPRING, below_mn=forces[0] / 2
-        )
-        states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
-        return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
-
-    def _deformed(self, travel_mm: float) -> NDArray[np.float64]:
+    def _deformed(self, travel_mm: float) -> Floats:
         """Unknowns when the plate moves by ``travel_mm`` and the sphere by half of it."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[self._first : self._plate, 1]
@@ -255,32 +236,20 @@ class SphereOnProbe:
         unknowns[self.potential.travel] = travel_mm
         return unknowns
 
-    def _refuse(self, state: State) -> str | None:
-        return stretch_problem(largest_stretch(self.potential, state, self._everywhere), LARGEST_STRETCH)
-
     def read(self, state: State, force_n: float) -> SpherePress:
         """Contact and field in a state."""
-        displacements = self.potential.displacements(state.unknowns)
-        positions = self.potential.positions(state.unknowns)
-        radius = np.linspace(0.0, self.shape.radius_mm, FACE_POINTS)
-        travel = float(state.unknowns[self.potential.travel])
-        edge, peak = self._contact(positions)
+        field = self._field(state, force_n, glass_moves=False)
+        edge, peak = self._contact(self.potential.positions(state.unknowns))
         return SpherePress(
-            approach_mm=travel,
+            approach_mm=field.approach_mm,
             contact_radius_mm=edge,
             peak_pressure_kpa=peak,
-            field=PressField(
-                radius_mm=radius,
-                face_displacement_mm=face_displacement_mm(self.shape, self.face, displacements, radius, glass_mm=0.0),
-                pressure_kpa=face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
-                approach_mm=travel,
-                force_n=force_n,
-            ),
+            field=field,
             stored_mn_mm=self.potential.stored(state.unknowns),
-            stretch=largest_stretch(self.potential, state, self._everywhere),
+            stretch=self.stretch(state),
         )
 
-    def _contact(self, positions: NDArray[np.float64]) -> tuple[float, float]:
+    def _contact(self, positions: Floats) -> tuple[float, float]:
         """Radius of the contact in mm and pressure on the axis in kPa."""
         radii, pressures, areas, edge = [], [], [], 0.0
         for part in self.contact.pressed(positions):
@@ -301,7 +270,7 @@ class SphereOnProbe:
         return edge, float(np.sqrt(max(fit[0], 0.0)))
 
 
-def _lines(probe: Probe, radius_mm: float, size: float) -> NDArray[np.float64]:
+def _lines(probe: Probe, radius_mm: float, size: float) -> Floats:
     """Element boundaries along the face as fractions of its radius: even under the sphere, coarser beyond it."""
     even = int(np.ceil(min(1.4 * radius_mm, 0.8 * probe.radius_mm) / size))
     near = size * np.arange(even + 1)

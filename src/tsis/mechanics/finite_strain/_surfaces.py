@@ -14,12 +14,10 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.interpolate import BSpline, make_interp_spline
 
-from tsis.mechanics._element import lagrange, lobatto_points
+from tsis.mechanics._element import Floats, Integers, lagrange, lobatto_points
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from numpy.typing import NDArray
 
 
 DEGREE = 3
@@ -30,43 +28,23 @@ START_POINTS = 5  # between two nodes: candidates to start the search for the cl
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosestPoints:
-    """Closest points of a curve and the curve's derivatives there.
+    """Closest points of a curve and the curve's derivatives there."""
 
-    Attributes
-    ----------
-    parameter
-        Parameter of each point, shape (k,): the arc length in the reference shape from the axis, mm.
-    gap_mm
-        Signed distance, positive outside the body, shape (k,).
-    normal
-        Outward unit normal, shape (k, 2).
-    slope, bend
-        First and second derivative of the position by the parameter, shape (k, 2).
-    """
-
-    parameter: NDArray[np.float64]
-    gap_mm: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    slope: NDArray[np.float64]
-    bend: NDArray[np.float64]
+    parameter: Floats  # parameter of each point, shape (k,): the arc length in the reference shape from the axis, mm
+    gap_mm: Floats  # signed distance, positive outside the body, shape (k,)
+    normal: Floats  # outward unit normal, shape (k, 2)
+    slope: Floats  # first derivative of the position by the parameter, shape (k, 2)
+    bend: Floats  # second derivative, shape (k, 2)
 
 
 class SmoothFace:
     """The curve of a face from the axis outwards; the body lies at smaller z.
 
-    Parameters
-    ----------
-    parameter
-        Arc length of each node on the outline, ascending from 0 on the axis, mm, shape (n,).
-    order
-        Order of the elements at the face.
-    outline
-        The undeformed outline: points (r, z) in mm at arc lengths, shape (k, 2).
+    ``parameter`` has the arc length of each node on the outline, ascending from 0 on the axis, mm, shape (n,).
+    ``outline`` gives points (r, z) of the undeformed outline in mm at arc lengths, shape (k, 2).
     """
 
-    def __init__(
-        self, parameter: NDArray[np.float64], order: int, outline: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    ) -> None:
+    def __init__(self, parameter: Floats, order: int, outline: Callable[[Floats], Floats]) -> None:
         self.parameter, steps = parameter, np.diff(parameter)
         self.end = float(self.parameter[-1])
         nodes = outline(parameter)
@@ -85,18 +63,18 @@ class SmoothFace:
 
         self._start_shape, self._start_weights = self._shape[0](self._starts), self.weights(self._starts)
 
-    def weights(self, position: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
+    def weights(self, position: Floats, derivative: int = 0) -> Floats:
         """Matrices from nodal r and nodal z to the position (or its slope) at ``position``, shape (k, 2, nodes)."""
         return np.stack([spline(position) for spline in self._derivatives[derivative]], axis=1)
 
-    def closest(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> ClosestPoints:
+    def closest(self, positions: Floats, points: Floats) -> ClosestPoints:
         """Points of the curve closest to ``points`` (k, 2), the curve's nodes lying at ``positions``."""
         nodal = positions - self._nodes
         controls = np.stack([self._controls[i] @ nodal[:, i] for i in (0, 1)], axis=1)
         displaced = BSpline(self._knots, controls, DEGREE)
         shifts = (displaced, displaced.derivative(1), displaced.derivative(2))
 
-        def curve(position: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
+        def curve(position: Floats, nu: int) -> Floats:
             return np.asarray(self._shape[nu](position) + shifts[nu](position))
 
         starts = self._start_shape + np.einsum("skn,nk->sk", self._start_weights, nodal)
@@ -121,9 +99,7 @@ class SmoothFace:
         return ClosestPoints(parameter=arc, gap_mm=gap, normal=normal, slope=slope, bend=curve(arc, 2))
 
 
-def _projection(
-    parameter: NDArray[np.float64], radius: NDArray[np.float64], order: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _projection(parameter: Floats, radius: Floats, order: int) -> tuple[Floats, Floats]:
     """Knots of the spline, and matrices (2, controls, nodes) from nodal (r, z) to its controls.
 
     Least squares over the area of the face; r is odd across the axis and z is even.
@@ -155,65 +131,43 @@ def _projection(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gaps:
-    """Signed gaps of k points and their derivatives by m coordinates.
+    """Signed gaps of k points and their derivatives by m coordinates."""
 
-    Attributes
-    ----------
-    gap_mm
-        Shape (k,).
-    slope
-        First derivatives, shape (k, m).
-    curvature
-        Sum over the points of a weight times the second derivatives, shape (m, m).
-    """
-
-    gap_mm: NDArray[np.float64]
-    slope: NDArray[np.float64]
-    curvature: NDArray[np.float64]
+    gap_mm: Floats  # shape (k,)
+    slope: Floats  # first derivatives, shape (k, m)
+    curvature: Floats  # sum over the points of a weight times the second derivatives, shape (m, m)
 
 
 class Obstacle(Protocol):
     """A surface that other bodies slide on."""
 
-    nodes: NDArray[np.int64]
+    nodes: Integers
 
-    def gap(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gap(self, positions: Floats, points: Floats) -> Floats:
         """Signed distance of ``points`` (k, 2) in mm, positive outside."""
 
-    def normals(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def normals(self, positions: Floats, points: Floats) -> Floats:
         """Outward unit normals at the feet of ``points``, shape (k, 2)."""
 
-    def differentiate(
-        self,
-        positions: NDArray[np.float64],
-        points: NDArray[np.float64],
-        shapes: NDArray[np.float64],
-        force: NDArray[np.float64],
-    ) -> Gaps:
+    def differentiate(self, positions: Floats, points: Floats, shapes: Floats, force: Floats) -> Gaps:
         """Gaps with derivatives by (slave coordinates, own coordinates); ``shapes`` (k, slaves), ``force`` (k,)."""
 
 
 class SoftFace:
     """The face of a deformable body, smoothed."""
 
-    def __init__(self, face: SmoothFace, nodes: NDArray[np.int64]) -> None:
+    def __init__(self, face: SmoothFace, nodes: Integers) -> None:
         self.face, self.nodes = face, nodes
 
-    def gap(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gap(self, positions: Floats, points: Floats) -> Floats:
         """See `Obstacle`."""
         return self.face.closest(positions, points).gap_mm
 
-    def normals(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def normals(self, positions: Floats, points: Floats) -> Floats:
         """See `Obstacle`."""
         return self.face.closest(positions, points).normal
 
-    def differentiate(
-        self,
-        positions: NDArray[np.float64],
-        points: NDArray[np.float64],
-        shapes: NDArray[np.float64],
-        force: NDArray[np.float64],
-    ) -> Gaps:
+    def differentiate(self, positions: Floats, points: Floats, shapes: Floats, force: Floats) -> Gaps:
         """Exact first and second derivatives of the closest-point gap.
 
         With the curve ``y(t)``, its normal n, ``m = |y'|^2``, ``k = n y''`` and ``D = m - g k``: the gap's first
@@ -249,32 +203,21 @@ class SoftFace:
 class Plate:
     """A rigid frictionless plane that faces a body from larger z and moves towards smaller z.
 
-    Parameters
-    ----------
-    node
-        A node without elements; its displacement along z is the plate's travel.
-    height_mm
-        Initial position of the plate, mm.
+    The displacement along z of ``node``, which has no elements, is the travel from the initial ``height_mm``.
     """
 
     def __init__(self, node: int, height_mm: float) -> None:
         self.nodes, self._height = np.array([node]), height_mm
 
-    def gap(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gap(self, positions: Floats, points: Floats) -> Floats:
         """See `Obstacle`."""
         return np.asarray(self._height - positions[0, 1] - points[:, 1])
 
-    def normals(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def normals(self, positions: Floats, points: Floats) -> Floats:
         """See `Obstacle`."""
         return np.tile([0.0, -1.0], (len(points), 1))
 
-    def differentiate(
-        self,
-        positions: NDArray[np.float64],
-        points: NDArray[np.float64],
-        shapes: NDArray[np.float64],
-        force: NDArray[np.float64],
-    ) -> Gaps:
+    def differentiate(self, positions: Floats, points: Floats, shapes: Floats, force: Floats) -> Gaps:
         """The gap is linear in the coordinates."""
         slope = np.zeros((len(points), shapes.shape[1] + 1, 2))
         slope[:, :-1, 1], slope[:, -1, 1] = -shapes, -1.0

@@ -11,20 +11,19 @@ import numpy as np
 from tsis.mechanics._face import Face
 from tsis.mechanics._mesh import (
     LayeredMesh,
+    block_outline,
     face_lines,
     graded,
     mesh_around,
     mesh_inside,
     mesh_rectangle,
     outer_lines,
-    refine,
     two_sided_lines,
 )
 from tsis.mechanics.small_strain._condensation import EMPTY, FIXED, Condensate, condense_layers
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats, Integers
     from tsis.mechanics._mesh import Spheroid
     from tsis.model import Probe
 
@@ -80,7 +79,7 @@ def face_of(radius_mm: float, resolution: Resolution, central_mm: float = np.inf
 
 
 @lru_cache(maxsize=16)
-def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArray[np.float64]:
+def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> Floats:
     """Normal displacement of the face's nodes by normal forces on them in mm/mN, shape (n, n).
 
     The glass is bonded and fixed. The contact is frictionless, so tangential displacements of the face are free and
@@ -114,7 +113,7 @@ def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArra
     return compliance
 
 
-def _bulged(nodes: NDArray[np.float64], probe: Probe) -> NDArray[np.float64]:
+def _bulged(nodes: Floats, probe: Probe) -> Floats:
     """Bend the layers to the dome in proportion to their thickness; the glass stays flat."""
     radius, depth = nodes[..., 0], nodes[..., 1]
     fraction = 1 - probe.sag_mm(radius) / probe.thickness_mm
@@ -124,16 +123,8 @@ def _bulged(nodes: NDArray[np.float64], probe: Probe) -> NDArray[np.float64]:
 class Slab:
     """Tissue of unit modulus around the block that an inclusion may occupy, condensed once.
 
-    Parameters
-    ----------
-    thickness_mm, poisson
-        The slab, bonded to a rigid chest wall below.
-    face
-        The contact face.
-    block_mm
-        Least radius of the block around the axis in which inclusions are meshed.
-    resolution
-        Mesh density.
+    It is bonded to a rigid chest wall below. Inclusions are meshed in a block around the axis, of radius ``block_mm``
+    or more.
     """
 
     def __init__(
@@ -154,13 +145,13 @@ class Slab:
         return len(self.face.radius_mm)
 
     @cached_property
-    def _far(self) -> tuple[Condensate, NDArray[np.int64]]:
+    def _far(self) -> tuple[Condensate, Integers]:
         """Tissue outside the block, and the degrees of freedom of the block's side, shape (depths, 2)."""
         body, dofs = self._strip(self._far_lines, self._contacts)
         return self._condense(body, dofs, np.arange(self._contacts)), dofs[:, -1]
 
     @cached_property
-    def compliance(self) -> NDArray[np.float64]:
+    def compliance(self) -> Floats:
         """Compliance of the face in mm/mN, (n, n), on tissue of 1 kPa, on a mesh without inclusion."""
         far, side = self._far
         body, dofs = self._strip(self._block_lines, 1 + max(int(far.dofs.max()), int(side.max())))
@@ -169,7 +160,7 @@ class Slab:
         faces = np.arange(self._contacts)
         return _inverse(self._condense(body, dofs, faces, start=far).restrict(faces))
 
-    def _strip(self, lines: NDArray[np.float64], first: int) -> tuple[LayeredMesh, NDArray[np.int64]]:
+    def _strip(self, lines: Floats, first: int) -> tuple[LayeredMesh, Integers]:
         """The whole depth between two radii, layered inwards, its displacements numbered from ``first``."""
         body = mesh_rectangle(self._depth, lines[::-1], self.resolution.order, a_is_radius=False)
         depths, radii, _ = body.nodes.shape
@@ -181,8 +172,8 @@ class Slab:
     def _condense(
         self,
         body: LayeredMesh,
-        dofs: NDArray[np.int64],
-        retain: NDArray[np.int64],
+        dofs: Integers,
+        retain: Integers,
         *,
         start: Condensate = EMPTY,
         poisson: float | None = None,
@@ -191,35 +182,22 @@ class Slab:
         ratio = np.full(body.layers, self.poisson if poisson is None else poisson)
         return condense_layers(body, dofs, retain=retain, young_kpa=np.ones(body.layers), poisson=ratio, start=start)
 
-    def _number_contacts(self, radius: NDArray[np.float64], normal: NDArray[np.int64]) -> None:
+    def _number_contacts(self, radius: Floats, normal: Integers) -> None:
         """Give the face's nodes among ``radius`` their shared numbers (in place)."""
         distance = np.abs(radius[:, None] - self.face.radius_mm)
         nearest = distance.argmin(axis=1)
         on_face = distance.min(axis=1) < 1e-9 * self.face.lines[-1]
         normal[on_face] = nearest[on_face]
 
-    def _boundary(self) -> NDArray[np.float64]:
-        """Outer nodes of the block: along the face, down the side, back along the chest wall."""
-        order, edge, bottom = self.resolution.order, self._block_lines[-1], self.thickness_mm
-        top = refine(self._block_lines, order)
-        side = refine(self._depth, order)
-        back = refine(np.linspace(edge, 0.0, self.resolution.below_cells + 1), order)
-        return np.concatenate(
-            [
-                np.column_stack([top, np.zeros_like(top)]),
-                np.column_stack([np.full_like(side, edge), side])[1:],
-                np.column_stack([back, np.full_like(back, bottom)])[1:],
-            ]
-        )
-
-    def _ray_layers(self, boundary: NDArray[np.float64], size: float) -> int:
+    def _ray_layers(self, boundary: Floats, size: float) -> int:
         extent = np.linalg.norm(boundary - [0.0, self.thickness_mm / 2], axis=1).max()
         return max(self.resolution.ray_layers, int(np.ceil(np.log(extent / size) / np.log(self.resolution.ray_ratio))))
 
     def with_inclusion(self, shape: Spheroid, *, poisson: float) -> SlabWithInclusion:
         """Mesh an inclusion into the block and condense everything onto the face and the inclusion's surface."""
         far, side = self._far
-        boundary, order = self._boundary(), self.resolution.order
+        order, below = self.resolution.order, self.resolution.below_cells
+        boundary = block_outline(self._block_lines, self._depth, self.thickness_mm, order, below_cells=below)
         outer = mesh_around(boundary, shape, order, layers=self._ray_layers(boundary, shape.size))
         count, layers, _ = outer.nodes.shape
         first = 1 + max(int(far.dofs.max()), int(side.max()))
@@ -249,21 +227,21 @@ class SlabWithInclusion:
     around: Condensate
     ball: Condensate
     tissue_ball: Condensate
-    faces: NDArray[np.int64]
+    faces: Integers
 
-    def compliance(self, contrast: float) -> NDArray[np.float64]:
+    def compliance(self, contrast: float) -> Floats:
         """Compliance of the face in mm/mN, (n, n), with an inclusion ``contrast`` times as stiff as tissue of 1 kPa."""
         return _inverse((self.around + self.ball * contrast).restrict(self.faces))
 
     @cached_property
-    def tissue_compliance(self) -> NDArray[np.float64]:
+    def tissue_compliance(self) -> Floats:
         """Compliance of tissue without inclusion on the SAME mesh: a baseline without mesh error in the signal."""
         return _inverse((self.around + self.tissue_ball).restrict(self.faces))
 
-    def change(self, contrast: float) -> NDArray[np.float64]:
+    def change(self, contrast: float) -> Floats:
         """Change of the compliance by the inclusion."""
         return self.compliance(contrast) - self.tissue_compliance
 
 
-def _inverse(body: Condensate) -> NDArray[np.float64]:
+def _inverse(body: Condensate) -> Floats:
     return np.asarray(np.linalg.inv(body.stiffness), dtype=float)

@@ -15,12 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtri
 
-from tsis.mechanics._element import stiffness
+from tsis.mechanics._element import Floats, Integers, stiffness
 from tsis.mechanics._mesh import layer_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tsis.mechanics._mesh import LayeredMesh
 
 
@@ -31,8 +29,8 @@ FIXED = -1
 class Condensate:
     """Stiffness in mN/mm, shape (n, n), over the degrees of freedom ``dofs``, shape (n,), ascending."""
 
-    dofs: NDArray[np.int64]
-    stiffness: NDArray[np.float64]
+    dofs: Integers
+    stiffness: Floats
 
     def __add__(self, other: Condensate) -> Condensate:
         """Two bodies joined at their common degrees of freedom."""
@@ -47,7 +45,7 @@ class Condensate:
         """The same body of ``factor`` times the modulus."""
         return Condensate(dofs=self.dofs, stiffness=factor * self.stiffness)
 
-    def restrict(self, dofs: NDArray[np.int64]) -> Condensate:
+    def restrict(self, dofs: Integers) -> Condensate:
         """Eliminate all degrees of freedom but ``dofs``; no force acts on the eliminated ones."""
         selected = np.isin(self.dofs, dofs)
         out, stay = np.flatnonzero(~selected), np.flatnonzero(selected)
@@ -57,7 +55,7 @@ class Condensate:
         return Condensate(dofs=self.dofs[stay], stiffness=_eliminate(self.stiffness[order[:, None], order], out.size))
 
 
-def _eliminate(matrix: NDArray[np.float64], first: int) -> NDArray[np.float64]:
+def _eliminate(matrix: Floats, first: int) -> Floats:
     """Schur complement after the ``first`` degrees of freedom are eliminated."""
     # Direct calls of LAPACK: for matrices this small, wrappers cost as much as the computation.
     factor, failed = dpotrf(matrix[:first, :first], lower=1)
@@ -73,27 +71,18 @@ EMPTY = Condensate(dofs=np.zeros(0, dtype=np.int64), stiffness=np.zeros((0, 0)))
 
 def condense_layers(
     mesh: LayeredMesh,
-    dofs: NDArray[np.int64],
+    dofs: Integers,
     *,
-    retain: NDArray[np.int64],
-    young_kpa: NDArray[np.float64],
-    poisson: NDArray[np.float64],
+    retain: Integers,
+    young_kpa: Floats,
+    poisson: Floats,
     start: Condensate = EMPTY,
 ) -> Condensate:
     """Condense a body from its first layer to its last.
 
-    Parameters
-    ----------
-    mesh
-        The body.
-    dofs
-        Index of each displacement, shape (na, nb, 2); `FIXED` where it is zero, equal indices where tied.
-    retain
-        Degrees of freedom to retain, in addition to those of the last layer's far side.
-    young_kpa, poisson
-        Material of each layer, shape (layers,).
-    start
-        A neighbour already condensed, attached to the first layers.
+    ``dofs`` has the index of each displacement, shape (na, nb, 2): `FIXED` where it is zero, equal where tied. The
+    result has the indices ``retain`` and those of the last layer's far side. ``young_kpa`` and ``poisson`` have one
+    value a layer. ``start`` is a condensed neighbour, attached to the first layers.
     """
     count = (mesh.order + 1) ** 2
     elements = np.stack([mesh.layer(index, mesh.nodes) for index in range(mesh.layers)])
@@ -114,25 +103,14 @@ def condense_layers(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CondensationStep:
-    """Assembly of one element layer into a matrix whose first rows are eliminated.
+    """Assembly of one element layer into a matrix whose first rows are eliminated."""
 
-    Attributes
-    ----------
-    size, eliminated
-        Number of rows of the matrix and of eliminated rows.
-    element_slots
-        Index of each entry of the layer's elements in the flat matrix; ``size**2`` where it is fixed.
-    condensed_slots
-        Index of each entry of the stiffness from the previous step.
-    dofs
-        Degrees of freedom after the step, ascending.
-    """
-
-    size: int
-    eliminated: int
-    element_slots: NDArray[np.int64]
-    condensed_slots: NDArray[np.int64]
-    dofs: NDArray[np.int64]
+    size: int  # number of rows of the matrix
+    eliminated: int  # number of eliminated rows
+    # Index of each entry of the layer's elements in the flat matrix; ``size**2`` where it is fixed
+    element_slots: Integers
+    condensed_slots: Integers  # index of each entry of the stiffness from the previous step
+    dofs: Integers  # degrees of freedom after the step, ascending
 
 
 @lru_cache(maxsize=64)
@@ -169,7 +147,7 @@ def _steps(
     return tuple(steps)
 
 
-def _without_interior(matrices: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+def _without_interior(matrices: Floats, order: int) -> Floats:
     """Eliminate the nodes inside each element."""
     rim = _rim(order)
     inside = np.setdiff1d(np.arange(2 * (order + 1) ** 2), rim)
@@ -181,7 +159,7 @@ def _without_interior(matrices: NDArray[np.float64], order: int) -> NDArray[np.f
 
 
 @cache
-def _rim(order: int) -> NDArray[np.int64]:
+def _rim(order: int) -> Integers:
     """Indices of the displacements on an element's sides."""
     inner = np.zeros((order + 1, order + 1, 2), dtype=bool)
     inner[1:-1, 1:-1] = True

@@ -19,8 +19,9 @@ from tsis.mechanics.small_strain import _disc_contact as disc_contact
 from tsis.model import MN_PER_N, require_array, require_number
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from tsis.mechanics._element import Booleans, Floats
     from tsis.mechanics._face import Face
     from tsis.model import Probe
 
@@ -31,54 +32,24 @@ MOST_STALLED_EXCHANGES = 3  # exchanges of all wrong nodes without progress befo
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ContactDiagnostics:
-    """Diagnostics of `unilateral_contact`.
+    """Diagnostics of `unilateral_contact`."""
 
-    Attributes
-    ----------
-    closed
-        Whether each node touches, shape (n,).
-    gap_mm
-        Remaining gap at each node, shape (n,), mm; zero where closed.
-    iterations
-        Number of linear solves.
-    """
-
-    closed: NDArray[np.bool]
-    gap_mm: NDArray[np.float64]
-    iterations: int
+    closed: Booleans  # whether each node touches, shape (n,)
+    gap_mm: Floats  # remaining gap at each node, shape (n,), mm; zero where closed
+    iterations: int  # number of linear solves
 
 
 def unilateral_contact(
     compliance: ArrayLike, gap_mm: ArrayLike, approach_mm: float
-) -> tuple[NDArray[np.float64], ContactDiagnostics]:
-    """Nodal forces when two bodies approach each other and may touch but not pull.
+) -> tuple[Floats, ContactDiagnostics]:
+    """Nodal forces in mN, shape (n,), when two bodies approach each other and may touch but not pull.
 
-    Solves ``f >= 0`` and ``gap = C f + gap_mm - approach_mm >= 0`` with ``f * gap = 0`` node by node. Block principal
-    pivoting (Judice and Pires 1994) solves for the closed nodes and exchanges those with a negative force or gap. When
-    this makes no progress, it exchanges only the last of them, which always terminates.
-
-    Parameters
-    ----------
-    compliance
-        Displacement of the nodes by nodal forces, both bodies added, mm/mN; symmetric positive definite, shape (n, n).
-    gap_mm
-        Gap of the undeformed bodies at first touch, mm, shape (n,).
-    approach_mm
-        Travel since first touch, mm, in [-1e6, 1e6].
-
-    Returns
-    -------
-    force : ndarray
-        Nodal forces, mN, shape (n,), >= 0.
-    diagnostics : ContactDiagnostics
-        The closed nodes and the gaps.
-
-    Raises
-    ------
-    InputError
-        When the shapes do not match.
-    MechanicsError
-        When there is no solution, which a positive definite compliance excludes.
+    Solves ``f >= 0`` and ``gap = C f + gap_mm - approach_mm >= 0`` with ``f * gap = 0`` node by node. The compliance of
+    both bodies, mm/mN, (n, n), is symmetric positive definite; ``gap_mm``, (n,), is the undeformed gap at first touch,
+    ``approach_mm`` the travel since then, in [-1e6, 1e6]. Block principal pivoting (Judice and Pires 1994) solves for
+    the closed nodes and exchanges those with a negative force or gap. When this makes no progress, it exchanges only
+    the last of them, which always terminates. Raises `InputError` when the shapes do not match, `MechanicsError`
+    without solution.
 
     Examples
     --------
@@ -130,8 +101,8 @@ class PartialContact:
         Radius of the contact; the face's radius when it covers the face, NaN when it opens inside.
     """
 
-    force: NDArray[np.float64]
-    pressure_kpa: NDArray[np.float64]
+    force: Floats
+    pressure_kpa: Floats
     approach_mm: float
     radius_mm: float
 
@@ -154,59 +125,36 @@ class PartialContact:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FullContact:
-    """All contacts that cover the face: ``shape + force * unit`` at a force of at least ``force_mn``.
+    """All contacts that cover the face: ``shape + force * unit`` at a force of at least ``force_mn``."""
 
-    Attributes
-    ----------
-    unit
-        Contact by one newton.
-    shape
-        Self-equilibrated contact by a dome's gap; None when the face is flat.
-    force_mn
-        Force at which the contact covers the face, mN; 0 when the face is flat.
-    """
-
-    unit: PartialContact
-    shape: PartialContact | None
-    force_mn: float
+    unit: PartialContact  # contact by one newton
+    shape: PartialContact | None  # self-equilibrated contact by a dome's gap; None when the face is flat
+    force_mn: float  # force at which the contact covers the face, mN; 0 when the face is flat
 
 
 class FaceContact:
     """The contact face of one probe, with all values that do not depend on the tissue.
 
-    Parameters
-    ----------
-    probe, face
-        The probe and the mesh of its face.
-    radius_mm
-        Radii from 0 to the edge around which pressures are averaged, shape (k,).
+    Pressures are averaged around the radii ``radius_mm``, shape (k,), from 0 to the edge.
     """
 
-    def __init__(self, probe: Probe, face: Face, radius_mm: NDArray[np.float64]) -> None:
+    def __init__(self, probe: Probe, face: Face, radius_mm: Floats) -> None:
         self.probe, self.face, self.radius_mm = probe, face, radius_mm
         self.is_domed = probe.face_curvature_mm is not None
         self.inner = radius_mm < EDGE_FRACTION * probe.radius_mm
         self._closed_pressure = face.averages(radius_mm) @ np.linalg.inv(face.mass())
 
-    def touch(
-        self, compliance: NDArray[np.float64], force_mn: float, split: disc_contact.Elastic | None = None
-    ) -> PartialContact:
-        """The contact under ``force_mn``.
+    def touch(self, compliance: Floats, force_mn: float, split: disc_contact.Elastic | None = None) -> PartialContact:
+        """The contact under ``force_mn`` > 0.
 
-        Parameters
-        ----------
-        compliance
-            Compliance of both bodies together on the face's nodes, mm/mN, shape (n, n).
-        force_mn
-            Total force, mN, > 0.
-        split
-            The same with the tissue's half-space split off; a domed face needs it.
+        ``compliance`` is that of both bodies on the face's nodes, mm/mN, (n, n); ``split`` is the same with the
+        tissue's half-space split off, which a domed face needs.
         """
         touch = self._closed(compliance, force_mn) if split is None else self._domed(compliance, split, force_mn)
         pull = -PULL * force_mn / (np.pi * self.probe.radius_mm**2)
         return touch if touch.pressure_kpa[self.inner].min() >= pull else self._opening(compliance, force_mn)
 
-    def covering(self, compliance: NDArray[np.float64], split: disc_contact.Elastic | None = None) -> FullContact:
+    def covering(self, compliance: Floats, split: disc_contact.Elastic | None = None) -> FullContact:
         """The contacts that cover the face, also with tension; arguments as for `touch`."""
         unit = self._closed(compliance, MN_PER_N)
         if split is None:
@@ -215,11 +163,11 @@ class FaceContact:
         force_mn = float(whole.force.sum())
         return FullContact(unit=unit, shape=self._of_disc(whole) + unit * (-force_mn / MN_PER_N), force_mn=force_mn)
 
-    def closed_pressure(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+    def closed_pressure(self, force: Floats) -> Floats:
         """Mean pressures from nodal forces of a contact that covers the face; ``force`` may have columns."""
         return self._closed_pressure @ force
 
-    def _closed(self, compliance: NDArray[np.float64], force_mn: float) -> PartialContact:
+    def _closed(self, compliance: Floats, force_mn: float) -> PartialContact:
         """The contact when the whole face travels by one amount."""
         force = np.asarray(np.linalg.solve(compliance, np.ones(len(compliance))), dtype=float)
         approach = force_mn / force.sum()
@@ -231,7 +179,7 @@ class FaceContact:
             radius_mm=self.probe.radius_mm,
         )
 
-    def _domed(self, compliance: NDArray[np.float64], split: disc_contact.Elastic, force_mn: float) -> PartialContact:
+    def _domed(self, compliance: Floats, split: disc_contact.Elastic, force_mn: float) -> PartialContact:
         edge = self.probe.radius_mm
         whole = disc_contact.on_disc(split, self._whole_disc, edge)
         rest = force_mn - float(whole.force.sum())
@@ -255,23 +203,23 @@ class FaceContact:
         )
 
     @cached_property
-    def _whole_disc_means(self) -> NDArray[np.float64]:
+    def _whole_disc_means(self) -> Floats:
         return self._disc_means(self.probe.radius_mm)
 
-    def _disc_means(self, disc_mm: float) -> NDArray[np.float64]:
+    def _disc_means(self, disc_mm: float) -> Floats:
         """Mean pressures from 1 kPa of each term on a disc of radius ``disc_mm``, shape (k, terms)."""
         angle, weight = disc_contact.disc_points(self.radius_mm, disc_mm, 3)
         inside = disc_mm * np.sin(angle)
         area = 2 * np.pi * inside * disc_mm * np.cos(angle) * weight
         return means(self.radius_mm, inside, area, disc_contact.regular_terms(angle))
 
-    def _opening(self, compliance: NDArray[np.float64], force_mn: float) -> PartialContact:
+    def _opening(self, compliance: Floats, force_mn: float) -> PartialContact:
         """Contact anywhere: pressures >= 0 and linear between the nodes, gaps closed in their mean."""
         area, nodal, gap = self._opening_loads
         unit = nodal / area  # nodal forces of 1 mN on each node's hat
         response = unit.T @ compliance @ unit
 
-        def push(approach: float) -> NDArray[np.float64]:
+        def push(approach: float) -> Floats:
             return unilateral_contact(response, gap / area, approach)[0]
 
         if self.is_domed:
@@ -292,7 +240,7 @@ class FaceContact:
         )
 
     @cached_property
-    def _opening_loads(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _opening_loads(self) -> tuple[Floats, Floats, Floats]:
         """Area of each node's hat, its nodal forces at 1 kPa (n, n), and the gap weighted by it."""
         inside, ring = ring_points(self.face.radius_mm)
         weighted = ring[:, None] * hats(self.face.radius_mm, inside)

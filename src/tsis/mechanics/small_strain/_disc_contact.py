@@ -19,13 +19,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import MechanicsError
-from tsis.mechanics._element import gauss_points
+from tsis.mechanics._element import Floats, gauss_points
 from tsis.model import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from numpy.typing import NDArray
 
     from tsis.mechanics._face import Face
 
@@ -42,26 +40,14 @@ TINY = 1e-300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DiscContact:
-    """A contact over a disc.
+    """A contact over a disc."""
 
-    Attributes
-    ----------
-    radius_mm
-        Radius of the disc; the pressure vanishes there.
-    terms
-        Factors of the pressure's terms, kPa, shape (terms,).
-    force
-        Forces on the face's nodes, mN, shape (n,).
-    approach_mm
-        Travel since first touch.
-    """
+    radius_mm: float  # radius of the disc; the pressure vanishes there
+    terms: Floats  # factors of the pressure's terms, kPa, shape (terms,)
+    force: Floats  # forces on the face's nodes, mN, shape (n,)
+    approach_mm: float  # travel since first touch
 
-    radius_mm: float
-    terms: NDArray[np.float64]
-    force: NDArray[np.float64]
-    approach_mm: float
-
-    def pressure_kpa(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def pressure_kpa(self, radius_mm: Floats) -> Floats:
         """Pressure at ``radius_mm``, zero outside the contact."""
         angle = np.arcsin(np.minimum(radius_mm / self.radius_mm, 1.0))
         return regular_terms(angle) @ self.terms
@@ -69,40 +55,22 @@ class DiscContact:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Elastic:
-    """Two bodies in contact.
+    """Two bodies in contact."""
 
-    Attributes
-    ----------
-    half_space
-        Compliance ``(1 - nu**2) / E`` of the exact half-space, 1/kPa.
-    smooth
-        Compliance of both bodies less that of the half-space on the face's nodes, mm/mN, shape (n, n).
-    """
-
-    half_space: float
-    smooth: NDArray[np.float64]
+    half_space: float  # compliance ``(1 - nu**2) / E`` of the exact half-space, 1/kPa
+    smooth: Floats  # compliance of both bodies less that of the half-space on the face's nodes, mm/mN, shape (n, n)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loads:
-    """Loads by each term of the pressure on a disc; the last column belongs to the term that is infinite at its edge.
+    """Loads by each term of the pressure on a disc; the last column is the term that is infinite at its edge."""
 
-    Attributes
-    ----------
-    nodal
-        Nodal forces from 1 kPa, shape (n, terms + 1).
-    total
-        Total force from 1 kPa, shape (terms + 1,).
-    gap
-        Undeformed gap weighted by the term, mm mN/kPa, shape (terms + 1,).
-    """
-
-    nodal: NDArray[np.float64]
-    total: NDArray[np.float64]
-    gap: NDArray[np.float64]
+    nodal: Floats  # nodal forces from 1 kPa, shape (n, terms + 1)
+    total: Floats  # total force from 1 kPa, shape (terms + 1,)
+    gap: Floats  # undeformed gap weighted by the term, mm mN/kPa, shape (terms + 1,)
 
 
-def loads(face: Face, gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64]], radius_mm: float) -> Loads:
+def loads(face: Face, gap_mm: Callable[[Floats], Floats], radius_mm: float) -> Loads:
     """Integrate the terms over a disc, in the angle arcsin(r / a), which makes the edge smooth."""
     cells = int(np.count_nonzero(face.lines < radius_mm))
     angle, weight = disc_points(face.lines, radius_mm, max(FEWEST, POINTS // cells))
@@ -116,9 +84,7 @@ def loads(face: Face, gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64
     )
 
 
-def disc_points(
-    lines: NDArray[np.float64], radius_mm: float, points: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def disc_points(lines: Floats, radius_mm: float, points: int) -> tuple[Floats, Floats]:
     """Gauss points and weights in the angle arcsin(r / a), between the ``lines`` on the disc."""
     ends = np.arcsin(np.append(lines[lines < radius_mm], radius_mm) / radius_mm)
     x, w = gauss_points(points)
@@ -126,7 +92,7 @@ def disc_points(
     return (ends[:-1, None] + half * (x + 1)).ravel(), (half * w).ravel()
 
 
-def regular_terms(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def regular_terms(angle: Floats) -> Floats:
     """The terms that are finite at the disc's edge, in the angle arcsin(r / a), shape (len(angle), terms)."""
     return np.asarray(np.cos(angle)[:, None] * _polynomials(angle))
 
@@ -145,12 +111,7 @@ def on_disc(contact: Elastic, on: Loads, radius_mm: float) -> DiscContact:
 
 
 def under_force(
-    contact: Elastic,
-    face: Face,
-    gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    force_mn: float,
-    *,
-    largest: DiscContact,
+    contact: Elastic, face: Face, gap_mm: Callable[[Floats], Floats], force_mn: float, *, largest: DiscContact
 ) -> DiscContact:
     """The contact under ``force_mn``, less than the force of ``largest``, the contact of the whole face."""
     # Secant method in the logarithms, where Hertz's law is a line; `largest` is the first point.
@@ -173,7 +134,7 @@ def under_force(
 
 
 @cache
-def half_space_response() -> NDArray[np.float64]:
+def half_space_response() -> Floats:
     """Work of each term's pressure (rows) on each regular term's displacement, for a = 1 and (1 - nu**2) / E = 1.
 
     It is 8 times the integral of the product of their Abel transforms from 0 to a; shape (terms + 1, terms).
@@ -184,7 +145,7 @@ def half_space_response() -> NDArray[np.float64]:
     return np.asarray(8 * transforms.T @ (weight[:, None] * regular))
 
 
-def displaced_outside(disc: DiscContact, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+def displaced_outside(disc: DiscContact, radius_mm: Floats) -> Floats:
     """Displacement of a half-space of (1 - nu**2) / E = 1 / kPa outside the contact, at ``radius_mm``, mm."""
     t, weight = _unit_points(4 * TERMS)
     angle, angle_weight = np.pi * t / 2, np.pi * weight / 2
@@ -194,7 +155,7 @@ def displaced_outside(disc: DiscContact, radius_mm: NDArray[np.float64]) -> NDAr
     return np.asarray(4 / np.pi * (1 / distance) @ (angle_weight * np.cos(angle) * transform))
 
 
-def _abel_transforms(t: NDArray[np.float64]) -> NDArray[np.float64]:
+def _abel_transforms(t: Floats) -> Floats:
     """Integral of r p(r) / sqrt(r**2 - t**2) from t to a for each term p, with a = 1; shape (len(t), terms)."""
     x, weight = _unit_points(2 * TERMS + 2)
     angle, weight = np.pi * x / 2, np.pi * weight / 2
@@ -202,12 +163,12 @@ def _abel_transforms(t: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((1 - t[:, None] ** 2) * np.einsum("tak,a->tk", _polynomials(there), weight * np.cos(angle) ** 2))
 
 
-def _unit_points(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _unit_points(count: int) -> tuple[Floats, Floats]:
     """Gauss points and weights on [0, 1]."""
     x, w = gauss_points(count)
     return (x + 1) / 2, w / 2
 
 
-def _polynomials(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _polynomials(angle: Floats) -> Floats:
     """Chebyshev polynomials of 1 - 2 s**2 with s = sin(``angle``), along a new last axis."""
     return np.asarray(np.cos(2 * angle[..., None] * np.arange(TERMS)))

@@ -16,7 +16,7 @@ from tsis.mechanics.small_strain._press import STRAIN_LIMIT, half_space_complian
 from tsis.model import MN_PER_N, Probe, require_number, require_type
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.mechanics._element import Floats
 
 
 POINTS = 481
@@ -42,8 +42,8 @@ class Indentation:
     force_n: float
     depth_mm: float
     contact_radius_mm: float
-    radius_mm: NDArray[np.float64]
-    face_displacement_mm: NDArray[np.float64]
+    radius_mm: Floats
+    face_displacement_mm: Floats
 
     @property
     def contact_area_mm2(self) -> float:
@@ -110,7 +110,7 @@ def _indent(probe: Probe, sphere_radius_mm: float, force_n: float, resolution: R
         half_space=softness, smooth=compliance - softness * half_space_compliance(face, skin.poisson, resolution)
     )
 
-    def gap(radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gap(radius: Floats) -> Floats:
         return np.asarray(radius**2 / (2 * sphere_radius_mm))
 
     extent = min(probe.radius_mm, STEEPEST * sphere_radius_mm)

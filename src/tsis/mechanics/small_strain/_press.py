@@ -19,8 +19,7 @@ from tsis.mechanics.small_strain._disc_contact import Elastic
 from tsis.model import MN_PER_N, PressField
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats
     from tsis.mechanics._face import Face
     from tsis.mechanics._mesh import Spheroid
     from tsis.mechanics.small_strain._contact import PartialContact
@@ -61,42 +60,24 @@ class FacePress:
         Travel of the glass.
     """
 
-    pressure_kpa: NDArray[np.float64]
-    face_displacement_mm: NDArray[np.float64]
+    pressure_kpa: Floats
+    face_displacement_mm: Floats
     approach_mm: float
 
     def __add__(self, other: FacePress) -> FacePress:
-        return FacePress(
-            pressure_kpa=self.pressure_kpa + other.pressure_kpa,
-            face_displacement_mm=self.face_displacement_mm + other.face_displacement_mm,
-            approach_mm=self.approach_mm + other.approach_mm,
-        )
+        return FacePress(**{name: getattr(self, name) + getattr(other, name) for name in FacePress.__slots__})
 
     def __sub__(self, other: FacePress) -> FacePress:
-        return FacePress(
-            pressure_kpa=self.pressure_kpa - other.pressure_kpa,
-            face_displacement_mm=self.face_displacement_mm - other.face_displacement_mm,
-            approach_mm=self.approach_mm - other.approach_mm,
-        )
+        return FacePress(**{name: getattr(self, name) - getattr(other, name) for name in FacePress.__slots__})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FullContactPress:
-    """All presses that cover the face: ``shape + force_n * unit``, from ``force_n`` on.
+    """All presses that cover the face: ``shape + force_n * unit``, from ``force_n`` on."""
 
-    Attributes
-    ----------
-    unit
-        Press by one newton.
-    shape
-        Self-equilibrated press by a dome's gap; None when the face is flat.
-    force_n
-        Force at which the contact covers the face; 0 when the face is flat.
-    """
-
-    unit: FacePress
-    shape: FacePress | None
-    force_n: float
+    unit: FacePress  # press by one newton
+    shape: FacePress | None  # self-equilibrated press by a dome's gap; None when the face is flat
+    force_n: float  # force at which the contact covers the face; 0 when the face is flat
 
 
 class PressKernel:
@@ -136,15 +117,9 @@ class PressKernel:
         self.probe_compliance = probe_compliance(probe, self.face, resolution)
         self.contact = FaceContact(probe, self.face, self.radius_mm)
         self._at_radius = self.face.interpolation(self.radius_mm)
-        self._slab = self._slab_of(thickness_mm, block_radius_mm(probe, thickness_mm) if block_mm is None else block_mm)
-
-    def _slab_of(self, thickness_mm: float, block_mm: float) -> Slab:
-        return Slab(
-            thickness_mm=thickness_mm,
-            poisson=self.poisson,
-            face=self.face,
-            block_mm=block_mm,
-            resolution=self._resolution,
+        block = block_radius_mm(probe, thickness_mm) if block_mm is None else block_mm
+        self._slab = Slab(
+            thickness_mm=thickness_mm, poisson=poisson, face=self.face, block_mm=block, resolution=resolution
         )
 
     def slab(self, *, diameter_mm: float, depth_mm: float, poisson: float) -> SlabWithInclusion:
@@ -155,7 +130,7 @@ class PressKernel:
         """Mesh a spheroid into the slab."""
         return self._slab.with_inclusion(shape, poisson=poisson)
 
-    def press(self, tissue_kpa: float, force_mn: float, change: NDArray[np.float64] | None = None) -> FacePress:
+    def press(self, tissue_kpa: float, force_mn: float, change: Floats | None = None) -> FacePress:
         """Press tissue of ``tissue_kpa`` with ``force_mn`` > 0.
 
         ``change`` is the change of the compliance of tissue of 1 kPa by an inclusion. The tissue itself is solved on a
@@ -164,7 +139,7 @@ class PressKernel:
         both, split = self._bodies(tissue_kpa, change)
         return self._face_press(self.contact.touch(both, force_mn, split))
 
-    def covering(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> FullContactPress:
+    def covering(self, tissue_kpa: float, change: Floats | None = None) -> FullContactPress:
         """All presses whose contact covers the face; arguments as for `press`."""
         result = self.contact.covering(*self._bodies(tissue_kpa, change))
         return FullContactPress(
@@ -173,9 +148,7 @@ class PressKernel:
             force_n=result.force_mn / MN_PER_N,
         )
 
-    def _bodies(
-        self, tissue_kpa: float, change: NDArray[np.float64] | None
-    ) -> tuple[NDArray[np.float64], Elastic | None]:
+    def _bodies(self, tissue_kpa: float, change: Floats | None) -> tuple[Floats, Elastic | None]:
         """Compliance of both bodies together, and split for a domed face."""
         both = self.probe_compliance + self.tissue_compliance(tissue_kpa, change)
         return both, self.split(both, tissue_kpa) if self.contact.is_domed else None
@@ -187,28 +160,28 @@ class PressKernel:
             approach_mm=touch.approach_mm,
         )
 
-    def face_displacement(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+    def face_displacement(self, force: Floats) -> Floats:
         """Displacement of the face from nodal forces; ``force`` may have columns."""
         return np.asarray(self._at_radius @ (self.probe_compliance @ force))
 
-    def tissue_compliance(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    def tissue_compliance(self, tissue_kpa: float, change: Floats | None = None) -> Floats:
         """Compliance of the face's nodes on tissue; ``change`` is an inclusion's at 1 kPa."""
         reference = self._slab.compliance
         return np.asarray((reference if change is None else reference + change) / tissue_kpa)
 
-    def split(self, both: NDArray[np.float64], tissue_kpa: float) -> Elastic:
+    def split(self, both: Floats, tissue_kpa: float) -> Elastic:
         """The compliance of ``both`` bodies with the tissue's half-space split off, for contact over a disc."""
         return Elastic(
             half_space=(1 - self.poisson**2) / tissue_kpa, smooth=both - self._half_space_compliance / tissue_kpa
         )
 
     @cached_property
-    def _half_space_compliance(self) -> NDArray[np.float64]:
+    def _half_space_compliance(self) -> Floats:
         return (1 - self.poisson**2) * half_space_compliance(self.face, self.poisson, self._resolution)
 
 
 @lru_cache(maxsize=16)
-def half_space_compliance(face: Face, poisson: float, resolution: Resolution) -> NDArray[np.float64]:
+def half_space_compliance(face: Face, poisson: float, resolution: Resolution) -> Floats:
     """Compliance of a face's nodes on a half-space of ``E / (1 - nu**2)`` = 1 kPa, from a very thick slab, (n, n)."""
     edge = float(face.lines[-1])
     endless = Slab(thickness_mm=ENDLESS * edge, poisson=poisson, face=face, block_mm=edge / 2, resolution=resolution)
@@ -239,8 +212,7 @@ def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolutio
 
 
 def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Resolution) -> FacePress:
-    tissue = phantom.young_kpa
-    reference = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm), np.inf, resolution)
+    tissue, reference = phantom.young_kpa, _reference_kernel(probe, phantom, resolution)
     if phantom.inclusion is None:
         return reference.press(tissue, force_mn)
     kernel, change = _kernel_and_change(probe, phantom, phantom.inclusion, resolution)
@@ -266,36 +238,37 @@ def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Res
     return float(digit * np.floor(0.999 * valid / digit))
 
 
-def compliances(probe: Probe, phantom: Phantom, resolution: Resolution) -> tuple[PressKernel, NDArray[np.float64]]:
+def compliances(probe: Probe, phantom: Phantom, resolution: Resolution) -> tuple[PressKernel, Floats]:
     """The kernel of a press and the compliance of the phantom's tissue on its face's nodes, mm/mN."""
     if phantom.inclusion is None:
-        block = block_radius_mm(probe, phantom.thickness_mm)
-        kernel, change = _kernel(probe, phantom, block, np.inf, resolution), None
+        kernel, change = _reference_kernel(probe, phantom, resolution), None
     else:
         kernel, change = _kernel_and_change(probe, phantom, phantom.inclusion, resolution)
     return kernel, kernel.tissue_compliance(phantom.young_kpa, change)
 
 
+def _reference_kernel(probe: Probe, phantom: Phantom, resolution: Resolution) -> PressKernel:
+    block = block_radius_mm(probe, phantom.thickness_mm)
+    return _kernel(probe, phantom.thickness_mm, phantom.poisson, block, np.inf, resolution)
+
+
 def _kernel_and_change(
     probe: Probe, phantom: Phantom, inclusion: Inclusion, resolution: Resolution
-) -> tuple[PressKernel, NDArray[np.float64]]:
+) -> tuple[PressKernel, Floats]:
     """A kernel whose mesh suits the inclusion, and the inclusion's change of the compliance of tissue of 1 kPa."""
     shape = shape_on_axis(phantom)
     width = 2 * shape.half_width
     central = central_cell_mm(width, inclusion.depth_mm, shape.centre_depth)
     # Deep inclusions use the kernel without inclusion: their cell is wider than all cells of the face.
     central = np.inf if central >= resolution.largest * probe.radius_mm else central
-    kernel = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm, width), central, resolution)
+    block = block_radius_mm(probe, phantom.thickness_mm, width)
+    kernel = _kernel(probe, phantom.thickness_mm, phantom.poisson, block, central, resolution)
     slab = kernel.slab_around(shape, poisson=inclusion.poisson)
     return kernel, slab.change(inclusion.young_kpa / phantom.young_kpa)
 
 
-def _kernel(probe: Probe, phantom: Phantom, block_mm: float, central_mm: float, resolution: Resolution) -> PressKernel:
-    return _cached_kernel(probe, phantom.thickness_mm, phantom.poisson, block_mm, central_mm, resolution)
-
-
 @lru_cache(maxsize=8)
-def _cached_kernel(
+def _kernel(
     probe: Probe, thickness_mm: float, poisson: float, block_mm: float, central_mm: float, resolution: Resolution
 ) -> PressKernel:
     return PressKernel(

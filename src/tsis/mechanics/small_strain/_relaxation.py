@@ -21,8 +21,7 @@ from tsis.mechanics.small_strain._press import compliances, strain_problem
 from tsis.model import MN_PER_N, Phantom, Probe, Relaxation, require_array, require_number, require_type
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats
     from tsis.mechanics.small_strain._press import PressKernel
 
 
@@ -47,11 +46,11 @@ class RelaxingPress:
         Travel of the glass.
     """
 
-    time_s: NDArray[np.float64]
-    force_n: NDArray[np.float64]
-    radius_mm: NDArray[np.float64]
-    pressure_kpa: NDArray[np.float64]
-    face_displacement_mm: NDArray[np.float64]
+    time_s: Floats
+    force_n: Floats
+    radius_mm: Floats
+    pressure_kpa: Floats
+    face_displacement_mm: Floats
     approach_mm: float
 
 
@@ -189,13 +188,7 @@ def _course_of(
 class _Course:
     """Nodal forces in time, for a face whose nodes travel by ``travel_mm``."""
 
-    def __init__(
-        self,
-        probe: NDArray[np.float64],
-        tissue: NDArray[np.float64],
-        relaxation: Relaxation,
-        travel_mm: NDArray[np.float64],
-    ) -> None:
+    def __init__(self, probe: Floats, tissue: Floats, relaxation: Relaxation, travel_mm: Floats) -> None:
         self._softness, self._vectors = eigh(probe, tissue)  # of each spring of the probe; the tissue's is 1
         self._travel = self._vectors.T @ travel_mm
         ratio, times = relaxation.instantaneous_ratio, np.array(relaxation.times_s)
@@ -214,7 +207,7 @@ class _Course:
         """Time constant of the slowest exponential, longer than the tissue's own under a soft probe."""
         return float(-1 / self._rates.max())
 
-    def forces(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
+    def forces(self, time_s: Floats, ramp_s: float) -> Floats:
         """Forces on the nodes, mN, shape (t, n)."""
         memory = np.einsum("nij,tnj->tni", self._modes, self._drive * self._memory(time_s, ramp_s))
         fraction = np.minimum(time_s / ramp_s, 1.0) if ramp_s else np.ones_like(time_s)
@@ -222,7 +215,7 @@ class _Course:
         stretch = self._give * (fraction[:, None] * self._travel + self._softness * relaxed)
         return np.asarray((self._ratio * stretch - relaxed) @ self._vectors.T)
 
-    def _memory(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
+    def _memory(self, time_s: Floats, ramp_s: float) -> Floats:
         """Solution of ``dx/dt = rate * x + drive(t)`` over the drive at the end of the travel, shape (t, n, terms)."""
         rate, time = self._rates, time_s[:, None, None]
         if not ramp_s:
@@ -233,11 +226,11 @@ class _Course:
         return np.asarray(at_end * np.exp(rate * rest) + np.expm1(rate * rest) / rate)
 
 
-def _on_face(kernel: PressKernel, nodal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _on_face(kernel: PressKernel, nodal: Floats) -> tuple[Floats, Floats]:
     return kernel.contact.closed_pressure(nodal.T).T, kernel.face_displacement(nodal.T).T
 
 
-def _refuse_opening(kernel: PressKernel, pressure: NDArray[np.float64], approach_mm: float) -> None:
+def _refuse_opening(kernel: PressKernel, pressure: Floats, approach_mm: float) -> None:
     inner = pressure[:, kernel.contact.inner]
     if inner.size and inner.min() < 0:
         raise MechanicsError(

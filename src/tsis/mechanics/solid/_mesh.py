@@ -10,8 +10,7 @@ import numpy as np
 from tsis.errors import MechanicsError, import_extra
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats
     from tsis.model import Inclusion, Phantom, Probe
 
 
@@ -20,30 +19,22 @@ ROUNDING_MM = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Symmetry:
-    """Mirror symmetry of a phantom in a frame rotated about the probe's axis.
+    """Mirror symmetry of a phantom in a frame rotated about the probe's axis."""
 
-    Attributes
-    ----------
-    angle
-        Angle of the frame's x axis from the phantom's, radians.
-    mirrors
-        Mirrored coordinates of the frame: ``""``, ``"y"`` (half model) or ``"xy"`` (quarter).
-    """
-
-    angle: float
-    mirrors: str
+    angle: float  # angle of the frame's x axis from the phantom's, radians
+    mirrors: str  # mirrored coordinates of the frame: ``""``, ``"y"`` (half model) or ``"xy"`` (quarter)
 
     @property
     def copies(self) -> int:
         """Number of modelled parts in the whole: 1, 2 or 4."""
         return int(2 ** len(self.mirrors))
 
-    def rotated(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def rotated(self, x_mm: Floats, y_mm: Floats) -> tuple[Floats, ...]:
         """Points of the phantom in the rotated frame."""
         cosine, sine = np.cos(self.angle), np.sin(self.angle)
         return cosine * x_mm + sine * y_mm, cosine * y_mm - sine * x_mm
 
-    def folded(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def folded(self, x_mm: Floats, y_mm: Floats) -> tuple[Floats, ...]:
         """The mirror images of the points in the modelled part."""
         x, y = self.rotated(x_mm, y_mm)
         return np.abs(x) if "x" in self.mirrors else x, np.abs(y) if "y" in self.mirrors else y

@@ -17,8 +17,7 @@ from tsis.model import MN_PER_N, Phantom, PressField, PressMap, Probe, require_n
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Booleans, Floats
     from tsis.mechanics.small_strain import Resolution
     from tsis.mechanics.solid._tie import FaceChange
 
@@ -108,12 +107,12 @@ class _Points:
     A cell across the rim with its centre outside has the values at the rim.
     """
 
-    radius_mm: NDArray[np.float64]
-    covered: NDArray[np.float64]
+    radius_mm: Floats
+    covered: Floats
     key: tuple[bytes, bytes]
 
 
-def _points(axis: NDArray[np.float64], edge: float) -> _Points:
+def _points(axis: Floats, edge: float) -> _Points:
     ones = np.ones(2)
     disc = PressField(
         radius_mm=np.array([0.0, edge]), face_displacement_mm=ones, pressure_kpa=ones, approach_mm=0.0, force_n=0.0
@@ -187,7 +186,7 @@ def _check_inside(probe: Probe, phantom: Phantom) -> None:
             )
 
 
-def _check_model(probe: Probe, phantom: Phantom, result: PressMap, inner: NDArray[np.bool]) -> None:
+def _check_model(probe: Probe, phantom: Phantom, result: PressMap, inner: Booleans) -> None:
     problem = strain_problem(result.approach_mm, probe, phantom.thickness_mm)
     if problem is not None:
         raise MechanicsError(f"{problem}: choose a smaller force_n or stiffer tissue")

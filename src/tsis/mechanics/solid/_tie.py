@@ -13,8 +13,7 @@ from tsis.mechanics.solid._mesh import FEATURE, inclusion_name, layer_name, soli
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats
     from tsis.mechanics.solid._mesh import SolidResolution, Symmetry
     from tsis.model import Phantom, Probe
 
@@ -25,23 +24,13 @@ INSIDE = 1e-6  # of the face's radius: offset of points on mirrors and skin into
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FaceChange:
-    """Change on the face by the inclusions under a force of 1 mN.
+    """Change on the face by the inclusions under a force of 1 mN."""
 
-    Attributes
-    ----------
-    face_displacement_mm, pressure_kpa
-        Changes at the requested points.
-    approach_mm
-        Change of the glass's travel.
-    unknowns, iterations
-        Size of the linear system, and iterations for tissue without inclusion.
-    """
-
-    face_displacement_mm: NDArray[np.float64]
-    pressure_kpa: NDArray[np.float64]
-    approach_mm: float
-    unknowns: int
-    iterations: int
+    face_displacement_mm: Floats  # at the requested points
+    pressure_kpa: Floats  # at the requested points
+    approach_mm: float  # change of the glass's travel
+    unknowns: int  # size of the linear system
+    iterations: int  # for tissue without inclusion
 
 
 class TiedSolid:
@@ -77,7 +66,7 @@ class TiedSolid:
             ]
         )
 
-    def change(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], report: Callable[[str], None]) -> FaceChange:
+    def change(self, x_mm: Floats, y_mm: Floats, report: Callable[[str], None]) -> FaceChange:
         """Change by the inclusions at points of the face in the phantom's frame."""
         probe, with_it, reference = (self._stiffness(part) for part in ("probe", "with", "without"))
         report(f"factorising {self._space.ndof} unknowns")
@@ -165,7 +154,7 @@ class TiedSolid:
         pressure.vec.data = mass.Inverse(on_face, inverse="sparsecholesky") * load
         return pressure
 
-    def _points(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> Any:
+    def _points(self, x_mm: Floats, y_mm: Floats) -> Any:
         """Points of the face in the mesh."""
         x, y = self.symmetry.folded(x_mm, y_mm)
         step = INSIDE * self.probe.radius_mm

@@ -33,8 +33,7 @@ from tsis.model import Probe, require_number, require_type
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats
     from tsis.mechanics.finite_strain import FiniteResolution
     from tsis.mechanics.small_strain import Resolution
     from tsis.mechanics.surrogate._presses import Slabs
@@ -48,25 +47,11 @@ FORMAT_VERSION = 5
 
 
 def solve_all(
-    box: Box,
-    slabs: Callable[[float], Slabs],
-    degrees: Degrees,
-    progress: Callable[[int, int], None] | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Solve at all Chebyshev points of a box.
+    box: Box, slabs: Callable[[float], Slabs], degrees: Degrees, progress: Callable[[int, int], None] | None = None
+) -> tuple[Floats, Floats]:
+    """Solve at all Chebyshev points of a box: ``baseline`` and ``change`` of a `Surrogate` of the slabs' rows.
 
-    Parameters
-    ----------
-    box, degrees
-        Ranges and numbers of points.
-    slabs
-        Function from a thickness in mm to the slabs.
-    progress
-        Called with (slabs solved, slabs in all).
-
-    Returns
-    -------
-    ``baseline`` and ``change`` of a `Surrogate` whose outputs are the rows of the slabs.
+    ``slabs`` gives the slabs of a thickness in mm. ``progress`` is called with (slabs solved, slabs in all).
     """
     thicknesses, tissues = _tissue_points(box, degrees.thickness, degrees.tissue)
     factors = _nonzero(chebyshev.points(box.contrast_factor, degrees.contrast))
@@ -93,9 +78,7 @@ def solve_all(
         return np.stack(list(reference), axis=1), np.stack(change, axis=4)
 
 
-def profiles(
-    box: Box, reference: NDArray[np.float64], change: NDArray[np.float64], first: int
-) -> tuple[Surrogate, Surrogate, Surrogate]:
+def profiles(box: Box, reference: Floats, change: Floats, first: int) -> tuple[Surrogate, Surrogate, Surrogate]:
     """Pressure, displacement and approach of the press whose outputs start at ``first``."""
     ends = np.array([0, FACE_POINTS, 2 * FACE_POINTS, PRESS_OUTPUTS]) + first
     pressure, displacement, approach = (
@@ -115,16 +98,14 @@ class SurrogatePoint:
     tissue_young_kpa: float
     thickness_mm: float
 
-    def evaluate(self, surrogate: Surrogate) -> NDArray[np.float64]:
+    def evaluate(self, surrogate: Surrogate) -> Floats:
         """Outputs of a surrogate at this point, shape (outputs,)."""
         at_tissue = surrogate.at_tissue(self.tissue_young_kpa, self.thickness_mm)
         rows = at_tissue(np.array([self.diameter_mm]), np.array([self.depth_mm]), np.array([self.young_kpa]))
         return np.asarray(rows[0])
 
 
-def largest_error(
-    box: Box, slabs: Callable[[float], Slabs], error: Callable[[SurrogatePoint, NDArray[np.float64]], float]
-) -> float:
+def largest_error(box: Box, slabs: Callable[[float], Slabs], error: Callable[[SurrogatePoint, Floats], float]) -> float:
     """Largest ``error(point, row)`` over fresh presses in a box; ``row`` has the outputs."""
     ranges = np.array([box.diameter_mm, box.depth_mm, box.young_kpa, box.tissue_young_kpa])
     # Shallow inclusions, the smallest and the largest, are the hardest; a few even points would miss these corners.
@@ -132,7 +113,7 @@ def largest_error(
     unit = np.vstack([corners, scipy.stats.qmc.Halton(4, scramble=False).random(CHECKS - len(corners))])
     thicknesses = [float(np.quantile(box.thickness_mm, fraction)) for fraction in (0.2, 0.7)]
 
-    def measured(thickness: float, at_thickness: Slabs, values: NDArray[np.float64]) -> float:
+    def measured(thickness: float, at_thickness: Slabs, values: Floats) -> float:
         diameter, depth, young, tissue = values.tolist()
         factor = float(_nonzero(contrast_factor(young / tissue)))
         scaled = at_thickness.changes((diameter, depth), np.array([factor]), [tissue])[0]
@@ -152,9 +133,7 @@ def largest_error(
         return max(pool.map(measured, itertools.cycle(thicknesses), kernels, points))
 
 
-def cached_arrays(
-    kind: str, key: str, solve: Callable[[], dict[str, NDArray[np.float64]]]
-) -> dict[str, NDArray[np.float64]]:
+def cached_arrays(kind: str, key: str, solve: Callable[[], dict[str, Floats]]) -> dict[str, Floats]:
     """Arrays from the disk cache; ``solve`` computes missing ones."""
     arrays = read_cached_arrays(kind, key)
     if arrays is None:
@@ -163,12 +142,25 @@ def cached_arrays(
     return arrays
 
 
+def surrogate_key(
+    version: int,
+    probe: Probe,
+    box: Box,
+    degrees: Degrees,
+    resolution: Resolution | FiniteResolution,
+    others: dict[str, Any],
+) -> str:
+    """Hash of the content of a surrogate."""
+    values = {"box": asdict(box), "degrees": asdict(degrees), "resolution": asdict(resolution), **others}
+    return content_key({"format": version, "probe": mechanical_content(probe), **values})
+
+
 def mechanical_content(probe: Probe) -> dict[str, Any]:
     """All values of a probe that its presses depend on, as JSON values."""
     return asdict(replace(probe.unlit(), name="", assumed=()))
 
 
-def _nonzero(factor: Any) -> NDArray[np.float64]:
+def _nonzero(factor: Any) -> Floats:
     """Contrast factors without values near 0, which the change is divided by."""
     return np.where(np.abs(factor) < SMALLEST_FACTOR, SMALLEST_FACTOR, factor)
 
@@ -220,24 +212,15 @@ def build_surrogate(
     force_n = require_number("force_n", force_n, 1e-3, 50.0, hint="newtons")
     box, degrees = box or Box(), degrees or Degrees()
     slabs, resolution = slabs_of(probe, box, force_n, strain, resolution)
-    key = content_key(
-        {
-            "format": FORMAT_VERSION,
-            "probe": mechanical_content(probe),
-            "force_n": force_n,
-            "strain": strain,
-            "box": asdict(box),
-            "degrees": asdict(degrees),
-            "resolution": asdict(resolution),
-        }
-    )
+    press = {"force_n": force_n, "strain": strain}
+    key = surrogate_key(FORMAT_VERSION, probe, box, degrees, resolution, press)
 
-    def solve() -> dict[str, NDArray[np.float64]]:
+    def solve() -> dict[str, Floats]:
         reference, change = solve_all(box, slabs, degrees, progress)
         pressure = profiles(box, reference, change, 0)[0]
         inside = slice(0, int(CHECKED_FRACTION * (FACE_POINTS - 1)) + 1)
 
-        def error(point: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
+        def error(point: SurrogatePoint, fresh: Floats) -> float:
             return float(np.abs(point.evaluate(pressure) - fresh[:FACE_POINTS])[inside].max() / fresh[inside].mean())
 
         return {"plain": reference, "change": change, "error": np.array(largest_error(box, slabs, error))}

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.files import content_key
 from tsis.mechanics._face import hats
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import (
@@ -20,9 +19,9 @@ from tsis.mechanics.surrogate._build import (
     PRESS_OUTPUTS,
     cached_arrays,
     largest_error,
-    mechanical_content,
     profiles,
     solve_all,
+    surrogate_key,
 )
 from tsis.mechanics.surrogate._polynomial import Box, Degrees, Surrogate
 from tsis.mechanics.surrogate._presses import FACE_POINTS, SmallStrainSlabs, full_contact_rows
@@ -31,8 +30,7 @@ from tsis.model import MN_PER_N, Probe, require_number, require_type
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats
     from tsis.mechanics.surrogate._build import SurrogatePoint
     from tsis.mechanics.surrogate._presses import Slabs
 
@@ -87,7 +85,7 @@ class FullContactSurrogate:
         Hash of its content: probe, box, degrees, step and resolution.
     """
 
-    radius_mm: NDArray[np.float64]
+    radius_mm: Floats
     unit: FullContactProfiles
     shape: FullContactProfiles | None
     by_poisson: FullContactParts
@@ -95,7 +93,7 @@ class FullContactSurrogate:
     error: float
     key: str
 
-    def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def interpolation(self, radius_mm: Floats) -> Floats:
         """Matrix from profiles to values at ``radius_mm``, linear between its radii; (len(radius_mm), n)."""
         return hats(self.radius_mm, radius_mm)
 
@@ -133,17 +131,8 @@ def build_full_contact_surrogate(
     require_type("probe", probe, Probe)
     poisson_step = require_number("poisson_step", poisson_step, 1e-4, 0.1, hint="a difference of Poisson's ratio")
     box, degrees, resolution = box or Box(), degrees or FULL_CONTACT_DEGREES, resolution or Resolution()
-    key = content_key(
-        {
-            "format": FORMAT_VERSION,
-            "probe": mechanical_content(probe),
-            "box": asdict(box),
-            "degrees": asdict(degrees),
-            "poisson_degrees": asdict(POISSON_DEGREES),
-            "poisson_step": poisson_step,
-            "resolution": asdict(resolution),
-        }
-    )
+    by_poisson = {"poisson_degrees": asdict(POISSON_DEGREES), "poisson_step": poisson_step}
+    key = surrogate_key(FORMAT_VERSION, probe, box, degrees, resolution, by_poisson)
 
     solve = partial(_solve, probe, box, degrees, poisson_step, resolution, progress)
     result = cached_arrays("covered", key, solve) if cached else solve()
@@ -167,14 +156,14 @@ def _solve(
     poisson_step: float,
     resolution: Resolution,
     progress: Callable[[int, int], None] | None,
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     def slabs_at(poisson: float) -> Callable[[float], Slabs]:
         return partial(SmallStrainSlabs, probe, replace(box, poisson=poisson), resolution, full_contact_rows)
 
     coarse = _at_most(POISSON_DEGREES, degrees)
     total, solved = _slab_count(degrees) + 2 * _slab_count(coarse), 0
 
-    def solve(poisson: float, counts: Degrees) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def solve(poisson: float, counts: Degrees) -> tuple[Floats, Floats]:
         nonlocal solved
         before = solved
         solved += _slab_count(counts)
@@ -204,7 +193,7 @@ def _at_most(degrees: Degrees, limit: Degrees) -> Degrees:
 
 
 def _parts(
-    box: Box, reference: NDArray[np.float64], change: NDArray[np.float64]
+    box: Box, reference: Floats, change: Floats
 ) -> tuple[FullContactProfiles, FullContactProfiles | None, Surrogate | None]:
     """Unit, shape and covering force; see `full_contact_rows` for the order of the outputs."""
     unit = _profiles(box, reference, change, 0)
@@ -214,25 +203,19 @@ def _parts(
     return unit, _profiles(box, reference, change, PRESS_OUTPUTS), force
 
 
-def _profiles(box: Box, reference: NDArray[np.float64], change: NDArray[np.float64], first: int) -> FullContactProfiles:
+def _profiles(box: Box, reference: Floats, change: Floats, first: int) -> FullContactProfiles:
     pressure, displacement, approach = profiles(box, reference, change, first)
     return FullContactProfiles(pressure_kpa=pressure, face_displacement_mm=displacement, approach_mm=approach)
 
 
-def _error(
-    probe: Probe,
-    box: Box,
-    slabs: Callable[[float], Slabs],
-    reference: NDArray[np.float64],
-    change: NDArray[np.float64],
-) -> float:
+def _error(probe: Probe, box: Box, slabs: Callable[[float], Slabs], reference: Floats, change: Floats) -> float:
     """Largest error of the pressures, as a fraction of the mean pressure at 1 N."""
     unit, shape, _ = _parts(box, reference, change)
     parts = [(0, unit)] if shape is None else [(0, unit), (PRESS_OUTPUTS, shape)]
     inside = int(CHECKED_FRACTION * (FACE_POINTS - 1)) + 1
     mean_kpa = MN_PER_N / (np.pi * probe.radius_mm**2)
 
-    def error(point: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
+    def error(point: SurrogatePoint, fresh: Floats) -> float:
         errors = [point.evaluate(part.pressure_kpa)[:inside] - fresh[start : start + inside] for start, part in parts]
         return float(np.abs(errors).max() / mean_kpa)
 

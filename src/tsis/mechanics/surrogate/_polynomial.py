@@ -18,7 +18,7 @@ from tsis.mechanics.surrogate import _chebyshev as chebyshev
 from tsis.model import require_number
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.mechanics._element import Floats
 
 
 CHUNK = 512  # inclusions evaluated at a time; the intermediate array fits into the processor's cache
@@ -125,10 +125,10 @@ class Surrogate:
     """
 
     box: Box
-    baseline: NDArray[np.float64]
-    change: NDArray[np.float64]
+    baseline: Floats
+    change: Floats
 
-    def mapped(self, matrix: NDArray[np.float64]) -> Surrogate:
+    def mapped(self, matrix: Floats) -> Surrogate:
         """Surrogate with linearly mapped outputs; ``matrix`` has shape (new, old)."""
         return replace(self, baseline=self.baseline @ matrix.T, change=self.change @ matrix.T)
 
@@ -152,12 +152,12 @@ class Surrogate:
             change=(mix @ self.change.reshape(-1, mix.size, outputs)).reshape(*positions, outputs),
         )
 
-    def baseline_at(self, tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
+    def baseline_at(self, tissue_young_kpa: float, thickness_mm: float) -> Floats:
         """Outputs without inclusion, shape (outputs,)."""
         mix = self._mix(self.baseline.shape[:2], tissue_young_kpa, thickness_mm)
         return np.asarray(mix @ self.baseline.reshape(mix.size, -1))
 
-    def _mix(self, points: tuple[int, ...], tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
+    def _mix(self, points: tuple[int, ...], tissue_young_kpa: float, thickness_mm: float) -> Floats:
         """Weights of the points along tissue and thickness, flat."""
         tissue = chebyshev.weights_at(log_range(self.box.tissue_young_kpa), points[0], float(np.log(tissue_young_kpa)))
         slab = chebyshev.weights_at(log_range(self.box.thickness_mm), points[1], float(np.log(thickness_mm)))
@@ -170,10 +170,10 @@ class TissueSurrogate:
 
     box: Box
     tissue_young_kpa: float
-    baseline: NDArray[np.float64]
-    change: NDArray[np.float64]
+    baseline: Floats
+    change: Floats
 
-    def nodes(self) -> NDArray[np.float64]:
+    def nodes(self) -> Floats:
         """Inclusions (diameter, depth, modulus) at the points of ``change``, shape (d * h * g, 3)."""
         nd, nh, ng, _ = self.change.shape
         axes = (
@@ -183,16 +183,14 @@ class TissueSurrogate:
         )
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
-    def through(self, reference: NDArray[np.float64], values: NDArray[np.float64]) -> TissueSurrogate:
+    def through(self, reference: Floats, values: Floats) -> TissueSurrogate:
         """Surrogate of another quantity: ``reference`` (k,) without inclusion and ``values`` (n, k) at `nodes`."""
         diameter, depth, young = self.nodes().T
         size = signal_scale(diameter, depth, contrast_factor(young / self.tissue_young_kpa))
         change = ((values - reference) / size[:, None]).reshape(*self.change.shape[:3], -1)
         return replace(self, baseline=reference, change=change)
 
-    def __call__(
-        self, diameter_mm: NDArray[np.float64], depth_mm: NDArray[np.float64], young_kpa: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def __call__(self, diameter_mm: Floats, depth_mm: Floats, young_kpa: Floats) -> Floats:
         """Outputs for inclusions, three arrays of shape (n,); shape (n, outputs)."""
         box, (nd, nh, ng, outputs) = self.box, self.change.shape
         factor = contrast_factor(np.asarray(young_kpa) / self.tissue_young_kpa)
@@ -229,7 +227,7 @@ class PressSurrogate:
         Hash of its content: probe, box, force, degrees and resolution.
     """
 
-    radius_mm: NDArray[np.float64]
+    radius_mm: Floats
     force_n: float
     pressure_kpa: Surrogate
     face_displacement_mm: Surrogate
@@ -237,6 +235,6 @@ class PressSurrogate:
     error: float
     key: str
 
-    def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def interpolation(self, radius_mm: Floats) -> Floats:
         """Matrix from profiles to values at ``radius_mm``, linear between its radii; (len(radius_mm), n)."""
         return hats(self.radius_mm, radius_mm)

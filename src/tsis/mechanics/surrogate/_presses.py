@@ -18,13 +18,12 @@ from tsis.model import MN_PER_N, Inclusion, Phantom
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from tsis.mechanics._element import Floats
     from tsis.mechanics.small_strain import FacePress
     from tsis.mechanics.surrogate._polynomial import Box
     from tsis.model import PressField, Probe
 
-    RowOfPress = Callable[[PressKernel, float, NDArray[np.float64] | None], NDArray[np.float64]]
+    RowOfPress = Callable[[PressKernel, float, Floats | None], Floats]
 
 FACE_POINTS = 121  # of each profile, which is linear between them
 
@@ -32,12 +31,10 @@ FACE_POINTS = 121  # of each profile, which is linear between them
 class Slabs(Protocol):
     """Slabs of one thickness; `rows_at_force` and `full_contact_rows` define the outputs of a row."""
 
-    def without_inclusion(self, tissues: list[float]) -> NDArray[np.float64]:
+    def without_inclusion(self, tissues: list[float]) -> Floats:
         """Rows of tissue of each modulus in kPa, shape (tissues, outputs)."""
 
-    def changes(
-        self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
-    ) -> NDArray[np.float64]:
+    def changes(self, sphere: tuple[float, float], factors: Floats, tissues: list[float]) -> Floats:
         """Signal of a sphere (diameter, depth) over its `signal_scale`, shape (factors, tissues, outputs)."""
 
 
@@ -77,13 +74,11 @@ class SmallStrainSlabs:
             points=FACE_POINTS,
         )
 
-    def without_inclusion(self, tissues: list[float]) -> NDArray[np.float64]:
+    def without_inclusion(self, tissues: list[float]) -> Floats:
         """See `Slabs`."""
         return np.array([self._row(self._kernel, tissue, None) for tissue in tissues])
 
-    def changes(
-        self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
-    ) -> NDArray[np.float64]:
+    def changes(self, sphere: tuple[float, float], factors: Floats, tissues: list[float]) -> Floats:
         """See `Slabs`."""
         diameter, depth = sphere
         slab = self._kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=self._kernel.poisson)
@@ -98,7 +93,7 @@ class SmallStrainSlabs:
 def rows_at_force(force_n: float) -> RowOfPress:
     """Rows of presses at one force: pressures, displacements, approach."""
 
-    def row(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    def row(kernel: PressKernel, tissue: float, change: Floats | None) -> Floats:
         result = kernel.press(tissue, force_n * MN_PER_N, change)
         problem = None if change is not None else strain_problem(result.approach_mm, kernel.probe, kernel.thickness_mm)
         if problem is not None:
@@ -108,7 +103,7 @@ def rows_at_force(force_n: float) -> RowOfPress:
     return row
 
 
-def full_contact_rows(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def full_contact_rows(kernel: PressKernel, tissue: float, change: Floats | None) -> Floats:
     """Row of all presses that cover the face: unit; of a dome also shape and covering force."""
     result = kernel.covering(tissue, change)
     if result.shape is None:
@@ -125,18 +120,16 @@ class FiniteStrainSlabs:
         self._probe, self._force_n, self._resolution = probe, force_n, resolution
         self._thickness_mm, self._poisson = thickness_mm, box.poisson
 
-    def without_inclusion(self, tissues: list[float]) -> NDArray[np.float64]:
+    def without_inclusion(self, tissues: list[float]) -> Floats:
         """See `Slabs`."""
         press = partial(press_finite, self._probe, force_n=self._force_n, resolution=self._resolution)
         return np.array([_row_of(press(self._phantom(tissue, None))) for tissue in tissues])
 
-    def changes(
-        self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
-    ) -> NDArray[np.float64]:
+    def changes(self, sphere: tuple[float, float], factors: Floats, tissues: list[float]) -> Floats:
         """See `Slabs`."""
         return np.array([[self._change(sphere, float(factor), tissue) for tissue in tissues] for factor in factors])
 
-    def _change(self, sphere: tuple[float, float], factor: float, tissue: float) -> NDArray[np.float64]:
+    def _change(self, sphere: tuple[float, float], factor: float, tissue: float) -> Floats:
         diameter, depth = sphere
         inclusion = Inclusion(
             diameter_mm=diameter,
@@ -153,11 +146,11 @@ class FiniteStrainSlabs:
         return Phantom(young_kpa=tissue, thickness_mm=self._thickness_mm, poisson=self._poisson, inclusion=inclusion)
 
 
-def _row(press: FacePress) -> NDArray[np.float64]:
+def _row(press: FacePress) -> Floats:
     return np.concatenate([press.pressure_kpa, press.face_displacement_mm, [press.approach_mm]])
 
 
-def _row_of(field: PressField) -> NDArray[np.float64]:
+def _row_of(field: PressField) -> Floats:
     """A row at fewer radii; each pressure is a mean of means, so that they sum up to the force."""
     fine = field.radius_mm
     coarse = np.linspace(0.0, fine[-1], FACE_POINTS)

@@ -23,7 +23,9 @@ from tsis.optics.irradiance._fit import POWERS, RINGS, powers
 from tsis.optics.rays import face_grid, on_face, slopes
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tsis.optics._inputs import Floats
 
 
 SMALL = 0.35  # of the second displacement: 0.28 mm in layers of 10 mm, the depth of a dent by tissue
@@ -71,9 +73,9 @@ class Irradiance:
     """
 
     radius_mm: float
-    nodes_mm: NDArray[np.float64]
-    displacement_mm: NDArray[np.float64]
-    terms: NDArray[np.float64]
+    nodes_mm: Floats
+    displacement_mm: Floats
+    terms: Floats
     lift_per_mm: float
     depletion: float
     mean_per_mm2: float
@@ -101,7 +103,7 @@ class Irradiance:
         displacement_mm: ArrayLike = 0.0,
         slope_x: ArrayLike = 0.0,
         slope_y: ArrayLike = 0.0,
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Light on a dented face over a grid, relative to the mean on the undented face, >= 0.
 
         Parameters
@@ -125,7 +127,7 @@ class Irradiance:
         light = (tilted * _parabola_weights(self.displacement_mm, displacement)).sum(axis=0)
         return np.asarray(np.maximum(light, 0.0) * np.exp(self.lift_per_mm * displacement))
 
-    def remaining(self, light: NDArray[np.float64], fraction: NDArray[np.float64]) -> float:
+    def remaining(self, light: Floats, fraction: Floats) -> float:
         """Remaining fraction of ``light`` over an even grid of the face when contact absorbs ``fraction`` of it."""
         return float(1 / (1 + self.depletion * (light * fraction).sum() / light.sum()))
 
@@ -173,7 +175,7 @@ class Irradiance:
             depletion=self.depletion,
         )
 
-    def _log_growth(self, displacement_mm: float) -> NDArray[np.float64]:
+    def _log_growth(self, displacement_mm: float) -> Floats:
         """Logarithm of the relative change of light on the level face by a displacement, shape (n, n)."""
         weights = _parabola_weights(self.displacement_mm, np.array(displacement_mm))
         raised = np.einsum("h,hij->ij", weights, self.terms[:, 0])
@@ -181,7 +183,7 @@ class Irradiance:
         return np.asarray(np.log(ratio) + self.lift_per_mm * displacement_mm)
 
 
-def _parabola_weights(nodes: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _parabola_weights(nodes: Floats, at: Floats) -> Floats:
     """Weights of values at three displacements in the parabola through them, shape (3, *at.shape)."""
     inside = np.clip(at, 0.0, 1.25 * nodes[-1])
     others = [[nodes[j] for j in range(3) if j != i] for i in range(3)]
@@ -191,7 +193,7 @@ def _parabola_weights(nodes: NDArray[np.float64], at: NDArray[np.float64]) -> ND
 
 def leaving_light(
     light: Irradiance, pressed: PressField | PressMap, *, saturation_kpa: float, bins: int, by: LightMap | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Light that leaves through contact in each bin, and the mean displacement where it leaves, shape (bins, bins).
 
     The light is a fraction of the lamps' power, as in the tracer's map, and weights the displacement. ``by`` replaces
@@ -199,7 +201,7 @@ def leaving_light(
     """
     points = bins * max(1, FINE_POINTS // bins)
     spacing = 2 * light.radius_mm / points
-    side: NDArray[np.float64] = (np.arange(points, dtype=float) + 0.5) * spacing - light.radius_mm
+    side: Floats = (np.arange(points, dtype=float) + 0.5) * spacing - light.radius_mm
     from_axis = np.hypot(side, side[:, None])
     displacement, pressure = on_face(pressed, side, np.minimum(from_axis, light.radius_mm))
     slope_x, slope_y = slopes(displacement, side)

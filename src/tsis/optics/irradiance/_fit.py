@@ -8,9 +8,8 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tsis.model import Probe
+    from tsis.optics._inputs import Floats
 
 
 RINGS = (0.1, 0.2, 0.3, 0.4)  # slopes of the recorded tilted faces
@@ -21,20 +20,18 @@ SUBPOINTS = 4  # of a bin's mean, along each side
 STIFFNESS = 1e-4  # weight of the splines' second differences, relative to the counts
 
 
-def watched_slopes() -> NDArray[np.float64]:
+def watched_slopes() -> Floats:
     """Slopes (x, y) of the recorded tilted faces, shape (k, 2)."""
     angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
     return np.concatenate([size * np.column_stack([np.cos(angles), np.sin(angles)]) for size in RINGS])
 
 
-def powers(slope_x: NDArray[np.float64], slope_y: NDArray[np.float64]) -> NDArray[np.float64]:
+def powers(slope_x: Floats, slope_y: Floats) -> Floats:
     """The `POWERS` of slopes, along a new first axis."""
     return np.stack([slope_x**i * slope_y**j for i, j in POWERS])
 
 
-def slope_terms(
-    level: NDArray[np.float64], flux: NDArray[np.float64], tilted: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def slope_terms(level: Floats, flux: Floats, tilted: Floats) -> Floats:
     """Coefficients of the `POWERS` of the slopes, from light (..., n, n), flux (..., 2, n, n) and tilted faces.
 
     Let p be a direction's horizontal part over its drop. A face tilted by s receives ``max(0, 1 + p s)`` of the falling
@@ -47,7 +44,7 @@ def slope_terms(
     return np.concatenate([level[..., None, :, :], flux, np.einsum("tk,...kij->...tij", fit, even)], axis=-3)
 
 
-def symmetries(probe: Probe) -> list[NDArray[np.float64]]:
+def symmetries(probe: Probe) -> list[Floats]:
     """Rotations by right angles and mirrors that map the lamps onto themselves, as 2 x 2 matrices."""
     rotation, mirror = np.array([[0.0, -1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
     candidates = [np.linalg.matrix_power(rotation, k) @ flip for k in range(4) for flip in (np.eye(2), mirror)]
@@ -57,19 +54,14 @@ def symmetries(probe: Probe) -> list[NDArray[np.float64]]:
     kind = [(probe.led_height_mm(led), led.aim_deg, led.half_angle_deg, led.diameter_mm, led.power) for led in lit]
     equal = np.array([[item == other for other in kind] for item in kind])
 
-    def is_symmetry(matrix: NDArray[np.float64]) -> bool:
+    def is_symmetry(matrix: Floats) -> bool:
         difference = np.abs((position @ matrix.T)[:, None, :] - position[None, :, :]).max(axis=2)
         return bool(((difference < 1e-9) & equal).any(axis=1).all())
 
     return [matrix for matrix in candidates if is_symmetry(matrix)]
 
 
-def symmetrised(
-    level: NDArray[np.float64],
-    flux: NDArray[np.float64],
-    tilted: NDArray[np.float64],
-    matrices: list[NDArray[np.float64]],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def symmetrised(level: Floats, flux: Floats, tilted: Floats, matrices: list[Floats]) -> tuple[Floats, Floats, Floats]:
     """Means over symmetries of the maps, the flux and the slopes."""
     slopes, count = watched_slopes(), level.shape[-1]
     x, y = np.meshgrid(*2 * [np.arange(count) - (count - 1) / 2])
@@ -95,7 +87,7 @@ def symmetrised(
     return first, second, third
 
 
-def smooth(maps: NDArray[np.float64], radius_mm: float, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+def smooth(maps: Floats, radius_mm: float, nodes: Floats) -> Floats:
     """Values at ``nodes`` (along x and y) of cubic splines whose means over bins fit ``maps`` (..., n, n).
 
     The fit omits bins across the wall; nodes beyond the wall have the value at the wall.
@@ -119,7 +111,7 @@ def smooth(maps: NDArray[np.float64], radius_mm: float, nodes: NDArray[np.float6
     return np.asarray(result.reshape(*maps.shape[:-2], *x.shape))
 
 
-def _splines(at: NDArray[np.float64], radius_mm: float) -> NDArray[np.float64]:
+def _splines(at: Floats, radius_mm: float) -> Floats:
     """Cubic B-splines over the face's width, shape (len(at), count)."""
     ends = np.linspace(-radius_mm, radius_mm, INTERVALS + 1)
     knots = np.concatenate([[-radius_mm] * 3, ends, [radius_mm] * 3])

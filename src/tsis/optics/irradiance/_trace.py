@@ -31,9 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
-    from numpy.typing import NDArray
-
     from tsis.model import PressField, PressMap
+    from tsis.optics._inputs import Floats
     from tsis.optics.rays import Batches
 
 
@@ -123,7 +122,7 @@ def _traced(
     parts = len(RAISED) + 1 + len(DENTS)
     steps = iter(range(1, parts + 1))
 
-    def traced(pressed: PressField | PressMap, rays: float, slopes: NDArray[np.float64]) -> Batches:
+    def traced(pressed: PressField | PressMap, rays: float, slopes: Floats) -> Batches:
         view = scene(probe, pressed, saturation_kpa=SATURATION_KPA, aperture=0.0, **medium)
         result = trace_batches(view, probe, rays=rays, seed=seed, bins=BINS, slopes=slopes)
         progress(next(steps), parts)
@@ -153,7 +152,7 @@ def _traced(
     return replace(light, lift_per_mm=float(np.dot(depths, logs) / np.dot(depths, depths)))
 
 
-def _smoothed(probe: Probe, raised: NDArray[np.float64], levels: list[Batches]) -> Irradiance:
+def _smoothed(probe: Probe, raised: Floats, levels: list[Batches]) -> Irradiance:
     """The light on evenly raised faces, from their rays."""
     matrices, nodes = symmetries(probe), np.linspace(-probe.radius_mm, probe.radius_mm, NODES)
     terms = []
@@ -183,6 +182,6 @@ def _check_lit(light: float) -> None:
         raise InputError("leds must light the face of the probe; hardly any ray reaches it from inside")
 
 
-def _grouped(batches: NDArray[np.float64]) -> NDArray[np.float64]:
+def _grouped(batches: Floats) -> Floats:
     """Means of groups of batches, shape (groups, ...)."""
     return np.asarray(batches.reshape(GROUPS, -1, *batches.shape[1:]).mean(axis=1))

@@ -12,8 +12,7 @@ from scipy import sparse
 from tsis.optics.propagation._guide import interfaces_um
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.optics._inputs import Complexes, Floats
     from tsis.optics.propagation._guide import Dent, ThinGuide
 
 
@@ -27,26 +26,15 @@ class Axis:
 
     The absorber is a perfectly matched layer: lengths in it are stretched by ``1 + i s``, with ``s`` growing as the
     fourth power of the depth, so waves decay there with little reflection.
-
-    Attributes
-    ----------
-    low_um
-        Start of the first cell, µm.
-    step_um
-        Size of a cell, µm.
-    cells
-        Number of cells, absorbers included.
-    absorber_cells
-        Number of absorbing cells at each end.
     """
 
-    low_um: float
-    step_um: float
-    cells: int
-    absorber_cells: int
+    low_um: float  # start of the first cell, µm
+    step_um: float  # size of a cell, µm
+    cells: int  # number of cells, absorbers included
+    absorber_cells: int  # number of absorbing cells at each end
 
     @property
-    def nodes_um(self) -> NDArray[np.float64]:
+    def nodes_um(self) -> Floats:
         """Ends of the cells, µm, shape (cells + 1,)."""
         return np.asarray(self.low_um + self.step_um * np.arange(self.cells + 1), dtype=float)
 
@@ -57,7 +45,7 @@ class Axis:
         return slice(self.absorber_cells + border, self.cells + 1 - self.absorber_cells - border)
 
     @property
-    def stretch(self) -> NDArray[np.complex128]:
+    def stretch(self) -> Complexes:
         """Complex stretch of each cell, shape (cells,)."""
         middle = np.arange(self.cells) + 0.5
         into = np.maximum(self.absorber_cells - np.minimum(middle, self.cells - middle), 0.0)
@@ -72,18 +60,11 @@ def axis(low_um: float, high_um: float, *, step_um: float, absorber_um: float) -
     return Axis(low_um=low_um - beyond * step, step_um=step, cells=cells + 2 * beyond, absorber_cells=beyond)
 
 
-def permittivity(
-    guide: ThinGuide, dent: Dent, x_um: NDArray[np.float64], z_um: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Mean square of the index in each cell of the grid with these nodes; the dent's middle is at ``z_um = 0``.
+def permittivity(guide: ThinGuide, dent: Dent, x_um: Floats, z_um: Floats) -> Floats:
+    """Mean square of the index in each cell, shape (cells along z, cells along x), around a dent at ``z_um = 0``.
 
     For a field along y the mean over the cell is effective, so results do not jump when an interface passes a node. The
     mean is exact across the layers, and over a few sections of a cell along them.
-
-    Returns
-    -------
-    NDArray[np.float64]
-        Shape (cells along z, cells along x).
     """
     outside = guide.index_outside**2
     jumps = np.diff(np.concatenate(([outside], guide.index**2, [outside])))
@@ -98,9 +79,7 @@ def permittivity(
     return result
 
 
-def _cell_means(
-    at_um: NDArray[np.float64], jumps: NDArray[np.float64], x_um: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _cell_means(at_um: Floats, jumps: Floats, x_um: Floats) -> Floats:
     """Means of ``jumps`` at the interfaces over the cells of x, shape (sections, cells)."""
     total = sum(
         jump * np.maximum(x_um - position[:, np.newaxis], 0.0) for jump, position in zip(jumps, at_um.T, strict=True)
@@ -113,21 +92,17 @@ MASS = np.array([[5.0, 1.0], [1.0, 5.0]]) / 12
 ENDS = (0, 1)  # of a cell
 
 
-def tridiagonal(of_cells: NDArray[np.complex128], element: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Assemble ``element`` times a value of each cell along one axis.
+def tridiagonal(of_cells: Complexes, element: Floats) -> Complexes:
+    """Assemble ``element`` times a value of each cell along one axis: a symmetric tridiagonal matrix.
 
-    Returns
-    -------
-    NDArray[np.complex128]
-        A symmetric tridiagonal matrix as two rows, diagonal and off-diagonal, shape (2, cells + 1); the last element of
-        the second row is zero.
+    Its two rows, shape (2, cells + 1), are the diagonal and the off-diagonal, which ends with a zero.
     """
     none = np.zeros_like(of_cells[:1])
     along = np.concatenate((of_cells, none))
     return np.array([element[0, 0] * (along + np.concatenate((none, of_cells))), element[0, 1] * along])
 
 
-def times(matrix: NDArray[np.complex128], vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def times(matrix: Complexes, vectors: Complexes) -> Complexes:
     """Multiply a `tridiagonal` matrix with columns, shape (cells + 1, columns)."""
     diagonal, off = matrix[..., np.newaxis]
     result = np.asarray(diagonal * vectors)
@@ -148,17 +123,11 @@ def links(step_x_um: float, step_z_um: float, wavenumber_squared: float) -> tupl
     return 2 * straight, aslant
 
 
-def helmholtz_matrix(
-    layer: Axis, along: Axis, wavenumber_squared: NDArray[np.float64]
-) -> sparse.csc_array[np.complex128]:
+def helmholtz_matrix(layer: Axis, along: Axis, wavenumber_squared: Floats) -> sparse.csc_array[np.complex128]:
     """Matrix of ``-laplace - k**2`` on the whole grid, absorbers included.
 
-    Parameters
-    ----------
-    layer, along
-        The axes x and z. The node of x index i and z index j has the number ``j * len(x) + i``.
-    wavenumber_squared
-        ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x).
+    ``wavenumber_squared`` is ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x). The node of x
+    index i and z index j has the number ``j * len(x) + i``.
     """
     columns = layer.cells + 1
     corner = columns * np.arange(along.cells)[:, np.newaxis] + np.arange(layer.cells)

@@ -12,7 +12,9 @@ from tsis.model import require_integer, require_number, require_one_of
 from tsis.optics import _inputs as inputs
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from tsis.optics._inputs import Floats
 
 
 THINNEST_LEFT = 0.05  # remaining fraction of the soft layers under the deepest dent
@@ -40,8 +42,8 @@ class ThinGuide:
         When a value lies outside its range, or no layer yields.
     """
 
-    index: NDArray[np.float64]
-    thickness_um: NDArray[np.float64]
+    index: Floats
+    thickness_um: Floats
     rigid_layers: int = 1
     index_outside: float = 1.0
 
@@ -121,14 +123,14 @@ class Dent:
         sunk = min(self.depth_um, self.tip_radius_um)
         return float(np.sqrt(sunk * (2 * self.tip_radius_um - sunk)))
 
-    def at(self, distance_um: ArrayLike) -> NDArray[np.float64]:
+    def at(self, distance_um: ArrayLike) -> Floats:
         """Depth of the pressed face, µm, at signed distances from the dent's middle along the guide, any shape."""
         distance = np.abs(np.asarray(distance_um, dtype=float))
         sagitta = self.tip_radius_um - np.sqrt(np.maximum(self.tip_radius_um**2 - distance**2, 0.0))
         return np.where(distance < self.tip_radius_um, np.maximum(self.depth_um - sagitta, 0.0), 0.0)
 
 
-def interfaces_um(guide: ThinGuide, dent: Dent, distance_um: ArrayLike) -> NDArray[np.float64]:
+def interfaces_um(guide: ThinGuide, dent: Dent, distance_um: ArrayLike) -> Floats:
     """Depths of all interfaces below the flat face, µm, at distances from the dent's middle.
 
     The rigid layers do not move. The soft layers between them and the tip are compressed in proportion to their

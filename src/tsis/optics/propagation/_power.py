@@ -15,8 +15,7 @@ import numpy as np
 from tsis.optics.propagation._grid import links
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.optics._inputs import Complexes, Floats
     from tsis.optics.propagation._grid import Axis
     from tsis.optics.propagation._section_modes import SectionModes
 
@@ -33,13 +32,13 @@ class Powers:
         Out of the pressed side and out of the far side, on the grid or beyond its ends.
     """
 
-    guided: NDArray[np.float64]
-    reflected: NDArray[np.float64]
-    top: NDArray[np.float64]
-    bottom: NDArray[np.float64]
+    guided: Floats
+    reflected: Floats
+    top: Floats
+    bottom: Floats
 
     @property
-    def balance_error(self) -> NDArray[np.float64]:
+    def balance_error(self) -> Floats:
         """Deviation of the sum of the fractions from 1, shape (launched,)."""
         return np.asarray(np.abs(self.guided + self.reflected + self.top + self.bottom - 1))
 
@@ -53,16 +52,16 @@ class Count:
     modes: SectionModes
     outside_squared: float
 
-    def launched(self, count: int) -> NDArray[np.float64]:
+    def launched(self, count: int) -> Floats:
         """Power of each of the first ``count`` modes at amplitude 1, shape (count,)."""
         return self.modes.flow(np.eye(len(self.modes.separation), count, dtype=complex), self.step_um, self._rows)
 
-    def guided(self, amplitudes: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def guided(self, amplitudes: Complexes) -> Floats:
         """Power of the guided modes among outward waves, shape (columns,)."""
         selected = np.where(np.arange(len(amplitudes)) < self.modes.guided, 1.0, 0.0)
         return self.modes.flow(selected[:, np.newaxis] * amplitudes, self.step_um, self._rows)
 
-    def through_sides(self, field: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def through_sides(self, field: Complexes) -> tuple[Floats, Floats]:
         """Power out of the top and of the bottom at each node of z of a field (z, x, columns), shape (z, columns)."""
         straight, aslant = self._links
         results = []
@@ -73,7 +72,7 @@ class Count:
             results.append(-np.imag(field[:, row].conj() * layer))
         return results[0], results[1]
 
-    def beyond_end(self, amplitudes: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def beyond_end(self, amplitudes: Complexes) -> tuple[Floats, Floats]:
         """Power out of the top and of the bottom of the infinite flat guide after the last node.
 
         ``amplitudes`` are those of all outward modes on the last node, shape (modes, columns).
@@ -106,9 +105,7 @@ class Count:
         return links(self.transverse.step_um, self.step_um, self.outside_squared)
 
 
-def outward(
-    modes: SectionModes, step_um: float, here: NDArray[np.complex128], there: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def outward(modes: SectionModes, step_um: float, here: Complexes, there: Complexes) -> Complexes:
     """Amplitudes on the node ``here`` of the waves that run from it towards the next node ``there``."""
     onward = modes.onward(step_um)[:, np.newaxis]
     return np.asarray((modes.amplitudes(here) - onward * modes.amplitudes(there)) / (1 - onward**2))

@@ -19,7 +19,7 @@ from tsis.optics.propagation._section_modes import SectionModes, section_modes
 from tsis.optics.propagation._solvers import LAUNCH_NODES, march, memory_bytes, solve_launched
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.optics._inputs import Booleans, Complexes, Floats
 
 
 Method = Literal["bpm", "fdfd"]
@@ -70,24 +70,24 @@ class Propagation:
     dent: Dent
     method: Method
     wavelength_um: float
-    x_um: NDArray[np.float64]
-    z_um: NDArray[np.float64]
-    index: NDArray[np.float64]
-    n_eff: NDArray[np.float64]
-    clear: NDArray[np.bool]
+    x_um: Floats
+    z_um: Floats
+    index: Floats
+    n_eff: Floats
+    clear: Booleans
     guided_count: int
-    field: NDArray[np.complex128]
+    field: Complexes
     powers: Powers
-    top_per_um: NDArray[np.float64]
-    bottom_per_um: NDArray[np.float64]
+    top_per_um: Floats
+    bottom_per_um: Floats
 
     @property
-    def interfaces_um(self) -> NDArray[np.float64]:
+    def interfaces_um(self) -> Floats:
         """Depths of all interfaces, µm, at ``z_um``, the pressed face first, shape (z, layers + 1)."""
         return interfaces_um(self.guide, self.dent, self.z_um)
 
     @property
-    def intensity(self) -> NDArray[np.float64]:
+    def intensity(self) -> Floats:
         """Mean over the launched modes of the squared field, 1 for unit power on a µm at the index 1; shape (z, x)."""
         wavenumber = 2 * np.pi / self.wavelength_um * self.n_eff
         return np.asarray(np.abs(self.field) ** 2 @ (wavenumber / len(wavenumber)))
@@ -233,8 +233,8 @@ def _refuse_missing_modes(guide: ThinGuide, flat: SectionModes, modes: int) -> N
 
 
 def _balance(
-    layer: Axis, along: Axis, flat: SectionModes, field: NDArray[np.complex128], outside_squared: float
-) -> tuple[Powers, NDArray[np.float64], NDArray[np.float64]]:
+    layer: Axis, along: Axis, flat: SectionModes, field: Complexes, outside_squared: float
+) -> tuple[Powers, Floats, Floats]:
     """The powers, and the fraction that leaves through either side per µm."""
     count = field.shape[-1]
     first, last = along.inner.start, along.inner.stop - 1
@@ -264,7 +264,7 @@ def _balance(
     return powers, top / along.step_um, bottom / along.step_um
 
 
-def _march_correction(guided: NDArray[np.complex128], leaving: NDArray[np.float64]) -> NDArray[np.float64]:
+def _march_correction(guided: Complexes, leaving: Floats) -> Floats:
     """Factor on the flow out of the sides that compensates the march's loss of power, shape (columns,).
 
     The march preserves the sum of the squared field, not the power, so light at steep angles has too little power. The

@@ -10,8 +10,7 @@ import numpy as np
 from tsis.optics.propagation._grid import MASS, STIFFNESS, times, tridiagonal
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.optics._inputs import Booleans, Complexes, Floats
     from tsis.optics.propagation._grid import Axis
 
 
@@ -24,43 +23,32 @@ class SectionModes:
     """Modes of a section, the guided ones first, each kind with the largest ``beta`` first.
 
     They are modes of the grid, not of the continuous guide: on the grid they pass the flat guide unchanged.
-
-    Attributes
-    ----------
-    separation
-        ``beta**2`` in 1/µm², shape (modes,).
-    profile
-        Columns over the nodes of x with ``profile.T @ mass @ profile = 1``, shape (nodes, modes).
-    mass
-        Tridiagonal mass matrix across the layers, shape (2, nodes).
-    clear
-        Whether a guided mode is clear of cut-off, shape (guided,).
     """
 
-    separation: NDArray[np.complex128]
-    profile: NDArray[np.complex128]
-    mass: NDArray[np.complex128]
-    clear: NDArray[np.bool]
+    separation: Complexes  # ``beta**2`` in 1/µm², shape (modes,)
+    profile: Complexes  # columns over the nodes of x with ``profile.T @ mass @ profile = 1``, shape (nodes, modes)
+    mass: Complexes  # tridiagonal mass matrix across the layers, shape (2, nodes)
+    clear: Booleans  # whether a guided mode is clear of cut-off, shape (guided,)
 
     @property
     def guided(self) -> int:
         """Number of guided modes."""
         return len(self.clear)
 
-    def amplitudes(self, field: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def amplitudes(self, field: Complexes) -> Complexes:
         """Amplitude of every mode in the columns of a field over x, shape (modes, columns)."""
         return np.asarray(self.profile.T @ times(self.mass, field))
 
-    def onward(self, step_um: float) -> NDArray[np.complex128]:
+    def onward(self, step_um: float) -> Complexes:
         """Phase factor of each mode from node to node along z, shape (modes,)."""
         fraction = self.separation * step_um**2 / 12
         return np.asarray(np.exp(1j * np.arccos((1 - 5 * fraction) / (1 + fraction))))
 
-    def effective_index(self, wavelength_um: float) -> NDArray[np.float64]:
+    def effective_index(self, wavelength_um: float) -> Floats:
         """Effective index of each guided mode, shape (guided,)."""
         return np.sqrt(self.separation[: self.guided].real) * wavelength_um / (2 * np.pi)
 
-    def flow(self, amplitudes: NDArray[np.complex128], step_um: float, rows: slice) -> NDArray[np.float64]:
+    def flow(self, amplitudes: Complexes, step_um: float, rows: slice) -> Floats:
         """Power of forward waves with these amplitudes, shape (modes, columns), between the nodes ``rows``.
 
         A wave of amplitude 1 has the power ``beta``; shape (columns,).
@@ -71,17 +59,11 @@ class SectionModes:
         return np.asarray(np.imag(here.conj() * times(self.mass, there))[rows].sum(axis=0))
 
 
-def section_modes(layer: Axis, wavenumber_squared: NDArray[np.float64], *, faded_um: float) -> SectionModes:
+def section_modes(layer: Axis, wavenumber_squared: Floats, *, faded_um: float) -> SectionModes:
     """Find all modes of a section.
 
-    Parameters
-    ----------
-    layer
-        The axis x.
-    wavenumber_squared
-        ``(k0 n)**2`` of each cell, 1/µm², shape (cells,); the first cell lies in the medium outside.
-    faded_um
-        Distance from the guide to the absorber, µm, over which a mode clear of cut-off decays.
+    ``wavenumber_squared`` is ``(k0 n)**2`` of each cell, 1/µm²; the first cell lies in the medium outside. ``faded_um``
+    is the distance from the guide to the absorber over which a mode clear of cut-off decays.
     """
     size = layer.stretch * layer.step_um
     mass = tridiagonal(size, MASS)
@@ -96,6 +78,6 @@ def section_modes(layer: Axis, wavenumber_squared: NDArray[np.float64], *, faded
     return SectionModes(separation=separation, profile=profile / norm, mass=mass, clear=decay * faded_um > CLEAR)
 
 
-def _dense(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _dense(matrix: Complexes) -> Complexes:
     diagonal, off = matrix
     return np.asarray(np.diag(diagonal) + np.diag(off[:-1], 1) + np.diag(off[:-1], -1))

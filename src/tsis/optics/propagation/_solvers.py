@@ -16,47 +16,27 @@ from scipy.sparse.linalg import splu
 from tsis.optics.propagation._grid import MASS, STIFFNESS, helmholtz_matrix, times, tridiagonal
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from scipy import sparse
 
+    from tsis.optics._inputs import Complexes, Floats
     from tsis.optics.propagation._grid import Axis
     from tsis.optics.propagation._section_modes import SectionModes
 
 
-def march(
-    layer: Axis,
-    along: Axis,
-    wavenumber_squared: NDArray[np.float64],
-    start: NDArray[np.complex128],
-    reference: float,
-) -> NDArray[np.complex128]:
-    """March the columns of ``start`` through all sections.
+def march(layer: Axis, along: Axis, wavenumber_squared: Floats, start: Complexes, reference: float) -> Complexes:
+    """March the columns of ``start``, fields on the first node of z, through all sections: shape (z, x, columns).
 
     With ``X = (k**2 + d2/dx2) / reference**2 - 1`` it uses ``sqrt(1 + X) - 1 = (X / 2) / (1 + X / 4)`` and the
     trapezoidal rule, which preserves ``u.T @ mass @ u`` exactly in a flat guide without absorber.
-
-    Parameters
-    ----------
-    layer, along
-        Axes x and z.
-    wavenumber_squared
-        ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x).
-    start
-        Fields on the first node of z, shape (nodes of x, columns).
-    reference
-        Wave number, 1/µm, near those of the waves of interest.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        Shape (nodes of z, nodes of x, columns).
+    ``wavenumber_squared`` is ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x); ``reference`` is
+    a wave number near those of the waves of interest, 1/µm.
     """
     size = layer.stretch * layer.step_um
     mass, stiffness = tridiagonal(size, MASS), tridiagonal(1 / size, STIFFNESS)
     field = np.empty((along.cells + 1, *start.shape), dtype=complex)
     field[0] = start
     half = 0.25j * reference * along.step_um
-    factors: tuple[NDArray[np.complex128], ...] = ()
+    factors: tuple[Complexes, ...] = ()
     passed = None
     explicit = mass
     for number, section in enumerate(wavenumber_squared):
@@ -81,24 +61,17 @@ def memory_bytes(nodes: int, columns: int) -> float:
     return nodes * (BYTES_A_NODE * math.log2(nodes) + 48.0 * columns)
 
 
-def solve(matrix: sparse.csc_array[np.complex128], source: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def solve(matrix: sparse.csc_array[np.complex128], source: Complexes) -> Complexes:
     """Solve for all sources, shape (nodes, sources), with one factorisation; the matrix is symmetric."""
     factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return np.asarray(factors.solve(source))
 
 
-def solve_launched(
-    layer: Axis, along: Axis, wavenumber_squared: NDArray[np.float64], modes: SectionModes, count: int
-) -> NDArray[np.complex128]:
-    """Field of each of the first ``count`` modes, launched at the left end with amplitude 1.
+def solve_launched(layer: Axis, along: Axis, wavenumber_squared: Floats, modes: SectionModes, count: int) -> Complexes:
+    """Field (z, x, count) of each of the first ``count`` modes, launched at the left end with amplitude 1.
 
     The launched wave exists right of a line and is absent left of it; the source is the matrix times that jump. The
     field left of the line is the reflected light.
-
-    Returns
-    -------
-    NDArray[np.complex128]
-        Shape (nodes of z, nodes of x, count), absorbers included.
     """
     matrix = helmholtz_matrix(layer, along, wavenumber_squared)
     rows, start = layer.cells + 1, along.inner.start + LAUNCH_NODES - 1

@@ -9,9 +9,8 @@ import numpy as np
 from tsis.compiled import inlined
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tsis.model import Probe
+    from tsis.optics._inputs import Floats
 
 
 # Fractional parts of the powers of 1/g, where g^5 = g + 1: the most even additive sequence in four dimensions.
@@ -22,11 +21,11 @@ STRIDES = tuple(int((_GOLDEN**-power % 1.0) * 2**53) << 11 for power in (1, 2, 3
 class Lamps(NamedTuple):
     """Lit lamps, one a row: position (x, y, z), axis (x, y, z), radius, exponent and fraction of the power."""
 
-    position: NDArray[np.float64]
-    axis: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    exponent: NDArray[np.float64]
-    power_fraction: NDArray[np.float64]
+    position: Floats
+    axis: Floats
+    radius: Floats
+    exponent: Floats
+    power_fraction: Floats
 
 
 def lamps(probe: Probe) -> Lamps:

@@ -12,22 +12,20 @@ from scipy.ndimage import distance_transform_edt
 from tsis.model import MN_PER_N, PressField, PressMap
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.optics._inputs import Floats
 
 
 CELLS = 120  # of the grid along the face's radius
 MARGIN = 3  # of its points beyond the wall
 
 
-def face_grid(radius_mm: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def face_grid(radius_mm: float) -> tuple[Floats, Floats]:
     """Coordinates along one side of the tracer's grid, mm, and distances from the axis, limited to the wall's."""
-    side: NDArray[np.float64] = radius_mm / CELLS * np.arange(-CELLS - MARGIN, CELLS + MARGIN + 1.0)
+    side: Floats = radius_mm / CELLS * np.arange(-CELLS - MARGIN, CELLS + MARGIN + 1.0)
     return side, np.minimum(np.hypot(side, side[:, None]), radius_mm)
 
 
-def on_face(
-    pressed: PressField | PressMap, side: NDArray[np.float64], from_axis: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def on_face(pressed: PressField | PressMap, side: Floats, from_axis: Floats) -> tuple[Floats, Floats]:
     """Displacement and pressure at the tracer's grid, constant beyond the face's edge."""
     if isinstance(pressed, PressField):
         # Mirrored through the axis, so that the face is smooth there.
@@ -38,7 +36,7 @@ def on_face(
     outside = np.hypot(pressed.x_mm, pressed.y_mm[:, None]) > from_axis.max()
     nearest = distance_transform_edt(outside, return_distances=False, return_indices=True)
 
-    def at_grid(values: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    def at_grid(values: Floats, order: int) -> Floats:
         along_y, along_x = (min(order, count - 1) for count in values.shape)
         spline = RectBivariateSpline(pressed.y_mm, pressed.x_mm, values[tuple(nearest)], kx=along_y, ky=along_x, s=0)
         y, x = (np.clip(side, ends[0], ends[-1]) for ends in (pressed.y_mm, pressed.x_mm))
@@ -47,9 +45,7 @@ def on_face(
     return at_grid(pressed.face_displacement_mm, 3), at_grid(pressed.pressure_kpa, 1)
 
 
-def slopes(
-    displacement_mm: NDArray[np.float64], side: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def slopes(displacement_mm: Floats, side: Floats) -> tuple[Floats, Floats]:
     """Derivatives of a displacement by x and y on an even square grid."""
     step = float(side[1] - side[0])
     return np.gradient(displacement_mm, step, axis=1), np.gradient(displacement_mm, step, axis=0)
@@ -99,9 +95,7 @@ def hertz_dent(
     )
 
 
-def tip_press(
-    radius_mm: NDArray[np.float64], displacement_mm: NDArray[np.float64], *, contact_radius_mm: float, force_n: float
-) -> PressField:
+def tip_press(radius_mm: Floats, displacement_mm: Floats, *, contact_radius_mm: float, force_n: float) -> PressField:
     """A sphere pressed on the middle of a face: a given displacement with the pressure of Hertz."""
     peak_kpa = 1.5 * force_n * MN_PER_N / (np.pi * contact_radius_mm**2)
     inside = np.maximum(1 - (radius_mm / contact_radius_mm) ** 2, 0.0)

@@ -11,8 +11,7 @@ from tsis.optics.rays._emission import STRIDES, emitted, scrambled, unit
 from tsis.optics.rays._surface import contact_fraction, height_and_slopes, way_to_surface
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.optics._inputs import Floats
     from tsis.optics.rays._emission import Lamps
     from tsis.optics.rays._scene import Scene
 
@@ -112,11 +111,11 @@ _STRIDES = np.array(STRIDES, dtype=np.uint64)
 class Record(NamedTuple):
     """Results of rays: the tally, maps (5, n, n), light on tilted faces (k, n, n), points of a path (m, 4)."""
 
-    totals: NDArray[np.float64]
-    maps: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    tilted: NDArray[np.float64]
-    path: NDArray[np.float64]
+    totals: Floats
+    maps: Floats
+    slopes: Floats
+    tilted: Floats
+    path: Floats
 
 
 @fused
@@ -193,7 +192,7 @@ def follow(scene: Scene, position: Vector, direction: Vector, weight: float, cha
 
 @inlined
 def _enter(
-    scene: Scene, position: Vector, direction: Vector, weight: float, totals: NDArray[np.float64]
+    scene: Scene, position: Vector, direction: Vector, weight: float, totals: Floats
 ) -> tuple[int, Vector, Vector, float]:
     """Entry through the side wall: the medium (-1 for a missed probe), and position, direction and power inside."""
     x, y, z = position
@@ -289,7 +288,7 @@ def _bin(scene: Scene, record: Record, position: Vector) -> tuple[int, int]:
 
 
 @inlined
-def _note(path: NDArray[np.float64], points: int, position: Vector, weight: float) -> int:
+def _note(path: Floats, points: int, position: Vector, weight: float) -> int:
     if points >= len(path):
         return points
     path[points, 0], path[points, 1], path[points, 2], path[points, 3] = position[0], position[1], position[2], weight

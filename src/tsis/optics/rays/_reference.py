@@ -16,19 +16,16 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import brentq
 
 from tsis.optics import _angles as snell
-from tsis.optics._asperities import real_contact
-from tsis.optics.rays._face import face_grid, on_face
-from tsis.optics.rays._scene import media
+from tsis.optics.rays._scene import media, pressed_face
 from tsis.optics.rays._trace import Tally
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from numpy.typing import NDArray
-
     from tsis.model import Led, PressField, PressMap, Probe
+    from tsis.optics._inputs import Floats
 
-    Vector = NDArray[np.float64]
+    Vector = Floats
 
 SAMPLES = 200  # along a ray between two walls
 AWAY_MM = 1e-9  # offset from a ray's start, so that the start is no intersection
@@ -52,7 +49,7 @@ class ReferenceSurface:
     pull: float
     face: RectBivariateSpline
 
-    def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def height(self, x: Floats, y: Floats) -> Floats:
         """Height at positions of any shape, mm."""
         return np.asarray(self.level + self.pull * self.face(x, y, grid=False))
 
@@ -167,11 +164,7 @@ def reference_probe(
     absorption_per_mm: float = 0.0,
 ) -> ReferenceProbe:
     """A probe under the press ``pressed``."""
-    side, from_axis = face_grid(probe.radius_mm)
-    height, fraction = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
-    if pressed is not None:
-        displacement, pressure = on_face(pressed, side, from_axis)
-        height, fraction = height + displacement, real_contact(pressure, saturation_kpa)
+    side, height, fraction = pressed_face(probe, pressed, saturation_kpa)
     face = RectBivariateSpline(side, side, height.T)
     indices, levels = media(probe)
     pulls = np.maximum(1 - levels / probe.thickness_mm, 0.0)

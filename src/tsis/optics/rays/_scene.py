@@ -13,8 +13,7 @@ from tsis.optics.rays import _surface as rays_surface
 from tsis.optics.rays._face import face_grid, on_face
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from tsis.optics._inputs import Floats
     from tsis.optics.rays._surface import Heights
 
 
@@ -31,10 +30,10 @@ class Scene(NamedTuple):
     """
 
     radius: float
-    level: NDArray[np.float64]
-    pull: NDArray[np.float64]
-    indices: NDArray[np.float64]
-    thinnest: NDArray[np.float64]  # lowest index from the face up to each medium
+    level: Floats
+    pull: Floats
+    indices: Floats
+    thinnest: Floats  # lowest index from the face up to each medium
     outside: float
     absorption: float
     face: Heights
@@ -56,11 +55,7 @@ def scene(
     require_type("probe", probe, Probe)
     if pressed is not None and not isinstance(pressed, PressField | PressMap):
         raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
-    side, from_axis = face_grid(probe.radius_mm)
-    height, fraction = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
-    if pressed is not None:
-        displacement, pressure = on_face(pressed, side, from_axis)
-        height, fraction = height + displacement, real_contact(pressure, saturation_kpa)
+    side, height, fraction = pressed_face(probe, pressed, saturation_kpa)
     thickness = probe.thickness_mm
     rest = float(thickness - height.max())
     if rest < THINNEST * thickness:
@@ -83,7 +78,19 @@ def scene(
     )
 
 
-def media(probe: Probe) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def pressed_face(
+    probe: Probe, pressed: PressField | PressMap | None, saturation_kpa: float
+) -> tuple[Floats, Floats, Floats]:
+    """Coordinates along one side of the tracer's grid, and there the face's height and its real contact."""
+    side, from_axis = face_grid(probe.radius_mm)
+    height = probe.sag_mm(from_axis)
+    if pressed is None:
+        return side, height, np.zeros(from_axis.shape)
+    displacement, pressure = on_face(pressed, side, from_axis)
+    return side, height + displacement, real_contact(pressure, saturation_kpa)
+
+
+def media(probe: Probe) -> tuple[Floats, Floats]:
     """Refractive indices from the face up and the levels between them; neighbours of equal index are one medium."""
     parts = [(layer.refractive_index, layer.thickness_mm) for layer in probe.layers]
     parts.append((probe.glass.refractive_index, probe.glass.thickness_mm))

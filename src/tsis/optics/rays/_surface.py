@@ -10,7 +10,7 @@ from scipy import ndimage
 from tsis.compiled import fused, inlined
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.optics._inputs import Floats
 
 
 SMALLEST_STEP_MM = 0.1  # a ray that cuts a surface over a shorter distance misses it
@@ -24,15 +24,15 @@ class Heights(NamedTuple):
 
     start: float
     spacing: float
-    coefficients: NDArray[np.float64]  # of the quadratic spline through the heights
-    contact_fraction: NDArray[np.float64]
+    coefficients: Floats  # of the quadratic spline through the heights
+    contact_fraction: Floats
     lowest: float
     highest: float
     steepest: float
     touched: bool
 
 
-def heights(side_mm: NDArray[np.float64], height_mm: NDArray[np.float64], fraction: NDArray[np.float64]) -> Heights:
+def heights(side_mm: Floats, height_mm: Floats, fraction: Floats) -> Heights:
     """The smooth surface through heights on an even square grid."""
     spacing = float(side_mm[1] - side_mm[0])
     coefficients = np.ascontiguousarray(ndimage.spline_filter(height_mm, order=2, mode="mirror"))

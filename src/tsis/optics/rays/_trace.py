@@ -18,9 +18,10 @@ from tsis.optics.rays._scene import APERTURE, scene
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from tsis.model import PressField, PressMap, Probe
+    from tsis.optics._inputs import Floats
     from tsis.optics.rays._scene import Scene
 
 
@@ -100,17 +101,17 @@ class TracedLight:
     out_of_range: float
     meetings: float
     rays: int
-    x_mm: NDArray[np.float64]
-    y_mm: NDArray[np.float64]
-    arriving: NDArray[np.float64]
-    lost: NDArray[np.float64]
-    coupled: NDArray[np.float64]
-    flux_x: NDArray[np.float64]
-    flux_y: NDArray[np.float64]
-    batches: NDArray[np.float64]
+    x_mm: Floats
+    y_mm: Floats
+    arriving: Floats
+    lost: Floats
+    coupled: Floats
+    flux_x: Floats
+    flux_y: Floats
+    batches: Floats
 
     @property
-    def coupled_error(self) -> NDArray[np.float64]:
+    def coupled_error(self) -> Floats:
         """Standard error of ``coupled`` in each bin, shape (n, n)."""
         spread = self.batches[:, rays_kernel.COUPLED].std(axis=0, ddof=1)
         return np.asarray(spread / np.sqrt(len(self.batches)))
@@ -192,9 +193,9 @@ def trace_rays(
 class Batches:
     """Records of all batches: totals (b, tallies), maps (b, 5, n, n) and tilted faces (b, k, n, n)."""
 
-    totals: NDArray[np.float64]
-    maps: NDArray[np.float64]
-    tilted: NDArray[np.float64]
+    totals: Floats
+    maps: Floats
+    tilted: Floats
     rays: int
 
 
@@ -258,22 +259,14 @@ def _light(probe: Probe, view: Scene, batches: Batches) -> TracedLight:
     )
 
 
-def _tally(totals: NDArray[np.float64]) -> Tally:
-    return Tally(
-        missed=float(totals[rays_kernel.MISSED]),
-        reflected=float(totals[rays_kernel.REFLECTED]),
-        side=float(totals[rays_kernel.SIDE]),
-        glass=float(totals[rays_kernel.GLASS]),
-        face=float(totals[rays_kernel.FACE]),
-        contact=float(totals[rays_kernel.CONTACT]),
-        absorbed=float(totals[rays_kernel.ABSORBED]),
-        cut_off=float(totals[rays_kernel.CUT]),
-    )
+def _tally(totals: Floats) -> Tally:
+    ends = totals[rays_kernel.MISSED : rays_kernel.CUT + 1]  # in the order of the fields
+    return Tally(**dict(zip(Tally.__slots__, ends.tolist(), strict=True)))
 
 
 def trace_paths(
     probe: Probe, pressed: PressField | PressMap | None = None, *, rays: int = 40, seed: int = 1, lamp: int = 0
-) -> tuple[NDArray[np.float64], ...]:
+) -> tuple[Floats, ...]:
     """The paths of some rays of one lamp.
 
     Parameters
@@ -310,14 +303,14 @@ def trace_paths(
     chosen = require_integer("lamp", lamp, 0, len(shining.power_fraction) - 1)
     rng = np.random.default_rng(require_integer("seed", seed, 0, LARGEST_SEED))
 
-    def path() -> NDArray[np.float64]:
+    def path() -> Floats:
         position, direction = emitted(shining, chosen, *rng.random(4).tolist())
         return follow_path(view, position, direction, chance=int(rng.integers(2**63)))
 
     return tuple(path() for _ in range(count))
 
 
-def follow_path(view: Scene, position: ArrayLike, direction: ArrayLike, *, chance: int = 1) -> NDArray[np.float64]:
+def follow_path(view: Scene, position: ArrayLike, direction: ArrayLike, *, chance: int = 1) -> Floats:
     """The path of one ray of power 1, shape (points, 4)."""
     points = np.empty((LONGEST, 4))
     record = rays_kernel.Record(

@@ -20,8 +20,7 @@ from tsis.optics.slab._phase import EPSILON, propagate_layer
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from tsis.optics._inputs import Complexes, Floats, Integers
     from tsis.optics.slab._layers import SlabLayers
 
 
@@ -34,26 +33,15 @@ class Waves:
 
     Where the mode decays, g is real and each wave decays from its own end, so there is no cancellation of large terms.
     Where it oscillates, g is imaginary and the waves travel up and down.
-
-    Attributes
-    ----------
-    layers
-        The stack.
-    rate
-        g of each region, complex, (layers + 2,).
-    from_lower, from_upper
-        a and b of each region, complex; a is 0 in the half-space below and b in the half-space above.
     """
 
-    layers: SlabLayers
-    rate: NDArray[np.complex128]
-    from_lower: NDArray[np.complex128]
-    from_upper: NDArray[np.complex128]
+    layers: SlabLayers  # the stack
+    rate: Complexes  # g of each region, (layers + 2,)
+    from_lower: Complexes  # a of each region; 0 in the half-space below
+    from_upper: Complexes  # b of each region; 0 in the half-space above
 
     @classmethod
-    def between(
-        cls, layers: SlabLayers, q: NDArray[np.float64], lower: NDArray[np.float64], upper: NDArray[np.float64]
-    ) -> Self:
+    def between(cls, layers: SlabLayers, q: Floats, lower: Floats, upper: Floats) -> Self:
         """The waves with the given u and v at the ends of regions, (layers + 2, 2) each, where u'' = -q u."""
         length = layers.thickness_um * layers.per_um
         floor = np.divide(FLATTEST**2, length**2, out=np.zeros_like(length), where=length > 0)
@@ -71,19 +59,17 @@ class Waves:
         )
         return cls(layers=layers, rate=rate, from_lower=from_lower, from_upper=from_upper)
 
-    def wave(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def wave(self, x_um: Floats) -> Floats:
         """U at heights above the lowest face, µm."""
         _, up, down = self._parts(x_um)
         return (up + down).real
 
-    def slope(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(self, x_um: Floats) -> Floats:
         """V = du/dx over k0 p."""
         region, up, down = self._parts(x_um)
         return (self.rate[region] / self.layers.weight[region] * (down - up)).real
 
-    def _parts(
-        self, x_um: NDArray[np.float64]
-    ) -> tuple[NDArray[np.int64], NDArray[np.complex128], NDArray[np.complex128]]:
+    def _parts(self, x_um: Floats) -> tuple[Integers, Complexes, Complexes]:
         faces = self.layers.faces_um
         region = np.searchsorted(faces, x_um, side="right")
         above = np.maximum(x_um - np.concatenate([faces[:1], faces])[region], 0.0)
@@ -103,13 +89,13 @@ def overlap_um(waves: Waves, other: Waves) -> float:
     return float(np.sum((parallel * fading + opposed * beating) / layers.weight).real) / layers.per_um
 
 
-def _through(layers: SlabLayers, rate: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _through(layers: SlabLayers, rate: Complexes) -> Complexes:
     """Factor of a wave across its region; 0 in a half-space."""
     length = layers.thickness_um * layers.per_um
     return np.where(length > 0, np.exp(-rate * length), 0)
 
 
-def _sinhc(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _sinhc(z: Complexes) -> Complexes:
     small = np.abs(z) < 1e-4
     safe = np.where(small, 1, z)
     return np.where(small, 1 + z**2 / 6, np.sinh(safe) / safe)
@@ -127,18 +113,18 @@ class SlabField:
     """A sum of solutions; a single one for a separate mode."""
 
     waves: tuple[Waves, ...]
-    amplitudes: NDArray[np.float64]
+    amplitudes: Floats
 
-    def wave(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def wave(self, x_um: Floats) -> Floats:
         """The continuous transverse field u at heights above the lowest face."""
         return np.asarray(sum(part * wave.wave(x_um) for part, wave in zip(self.amplitudes, self.waves, strict=True)))
 
-    def slope(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(self, x_um: Floats) -> Floats:
         """The continuous slope v = u' / p by k0 x."""
         return np.asarray(sum(part * wave.slope(x_um) for part, wave in zip(self.amplitudes, self.waves, strict=True)))
 
 
-def mode_field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.float64], number: int) -> SlabField:
+def mode_field(layers: SlabLayers, n_eff: Floats, q: Floats, number: int) -> SlabField:
     """Field of one of a few modes that rounding may mix, with unit power.
 
     Parameters
@@ -171,11 +157,11 @@ class _Try:
     """A wave, its amplitudes with earlier waves in a mode orthogonal to earlier modes, and that mode's error."""
 
     wave: Waves
-    row: NDArray[np.float64]
+    row: Floats
     error: float
 
 
-def _orthogonalised(waves: list[Waves], parts: NDArray[np.float64], wave: Waves, jump: float, rounding: float) -> _Try:
+def _orthogonalised(waves: list[Waves], parts: Floats, wave: Waves, jump: float, rounding: float) -> _Try:
     """Make a wave orthogonal to the earlier modes; its error is in roundings of q."""
     power = overlap_um(wave, wave)
     overlaps = np.zeros(parts.shape[1])
@@ -199,7 +185,7 @@ def _best(tries: Iterator[_Try]) -> _Try:
     return best
 
 
-def nearly_degenerate(anchor: NDArray[np.float64], offset: NDArray[np.float64], largest_q: float, mode: int) -> slice:
+def nearly_degenerate(anchor: Floats, offset: Floats, largest_q: float, mode: int) -> slice:
     """The modes around ``mode`` that rounding may mix with each other."""
     near = min(INSEPARABLE, CROWDED / len(anchor)) * largest_q
     first, last = mode, mode + 1
@@ -210,13 +196,13 @@ def nearly_degenerate(anchor: NDArray[np.float64], offset: NDArray[np.float64], 
     return slice(first, last)
 
 
-def _distance(anchor: NDArray[np.float64], offset: NDArray[np.float64], mode: int) -> float:
+def _distance(anchor: Floats, offset: Floats, mode: int) -> float:
     """Difference of the squared effective indices of a mode and the next."""
     a, b = anchor[mode], anchor[mode + 1]
     return float((a - b) * (a + b) + (offset[mode] - offset[mode + 1]))
 
 
-def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves, float]]:
+def _joined(layers: SlabLayers, q: Floats) -> Iterator[tuple[Waves, float]]:
     """Solutions joined in one layer each, first where the mode is largest, with the error of the joint."""
     (lower_below, upper_below), (upper_above, lower_above) = (_propagated(layers, q, side) for side in (1, -1))
     # The size of a solution driven from x is the product of the two that decay on its sides.
@@ -240,9 +226,7 @@ def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves,
         yield Waves.between(layers, q, lower, upper), float(jump)
 
 
-def _propagated(
-    layers: SlabLayers, q: NDArray[np.float64], side: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _propagated(layers: SlabLayers, q: Floats, side: int) -> tuple[Floats, Floats]:
     """(u, v, log of a factor) of the solution that decays outside, at the entry and exit of each region."""
     outside, end = (0, len(q) - 1) if side > 0 else (len(q) - 1, 0)
     length, weight = layers.thickness_um * layers.per_um, layers.weight
@@ -261,12 +245,12 @@ def _propagated(
     return enters, leaves
 
 
-def _decay_length_um(layers: SlabLayers, q: NDArray[np.float64], region: int) -> float:
+def _decay_length_um(layers: SlabLayers, q: Floats, region: int) -> float:
     """Largest change of u by a slope u' within an oscillating region, in terms of v = u' / p."""
     length = layers.thickness_um[region] * layers.per_um
     return float(layers.weight[region] * min(1 / np.sqrt(q[region]), length))
 
 
-def _log_size(layers: SlabLayers, q: NDArray[np.float64], region: int, end: NDArray[np.float64]) -> float:
+def _log_size(layers: SlabLayers, q: Floats, region: int, end: Floats) -> float:
     u, v, log = end
     return float(log + np.log(np.hypot(u, v * _decay_length_um(layers, q, region))))

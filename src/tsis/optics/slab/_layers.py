@@ -12,7 +12,7 @@ from tsis.optics import _inputs as inputs
 from tsis.optics.slab import _phase as slab_phase
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from tsis.optics._inputs import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,8 +31,8 @@ class SlabLayers:
         ``"TE"`` or ``"TM"``.
     """
 
-    index: NDArray[np.float64]
-    thickness_um: NDArray[np.float64]
+    index: Floats
+    thickness_um: Floats
     wavelength_um: float
     polarization: str
 
@@ -71,20 +71,20 @@ class SlabLayers:
         return int(np.argmax(self.index))
 
     @property
-    def weight(self) -> NDArray[np.float64]:
+    def weight(self) -> Floats:
         """Divisor that makes the field's slope continuous: 1 of TE, the squared index of TM."""
         return np.ones_like(self.index) if self.polarization == "TE" else self.index**2
 
-    def weight_at(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    def weight_at(self, x_um: Floats) -> Floats:
         """The weight at heights above the lower face of the first layer; an interface has that of the layer above."""
         return np.asarray(self.weight[np.searchsorted(self.faces_um, x_um, side="right")])
 
     @property
-    def faces_um(self) -> NDArray[np.float64]:
+    def faces_um(self) -> Floats:
         """Heights of the interfaces, (layers + 1,), the first at 0."""
         return np.cumsum(self.thickness_um[:-1])
 
-    def at(self, anchor: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def at(self, anchor: float) -> tuple[Floats, Floats, Floats]:
         """Input of the phase: squares of the indices less ``anchor**2``, weights, thicknesses times k0."""
         return (self.index - anchor) * (self.index + anchor), self.weight, self.thickness_um * self.per_um
 

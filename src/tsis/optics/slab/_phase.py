@@ -22,15 +22,14 @@ Where q < 0 in a layer, kappa is imaginary, and the wave decays as outside, (3.4
 from __future__ import annotations
 
 import math
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from tsis.compiled import compiled
 
-EPSILON = 2.0**-52
+if TYPE_CHECKING:
+    from tsis.optics._inputs import Floats
 
-Floats = NDArray[np.float64]
+EPSILON = 2.0**-52
 
 
 @compiled
