@@ -168,17 +168,15 @@ def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
 def delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], level: float = LEVEL) -> Interval:
     """DeLong's interval of one area, cut to [0, 1].
 
+    Raises `InputError` when a class has fewer than two targets, or the variance is estimated as 0, as it is for areas
+    of 0 and 1.
+
     Parameters
     ----------
     scores, present
         Shape (targets,), as `tsis.detection._roc` takes them.
     level
         Confidence, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When a class has fewer than two targets, or the variance is estimated as 0, as it is for areas of 0 and 1.
 
     Examples
     --------

@@ -51,17 +51,12 @@ class ProportionalBias:
         return float(2 * stdtr(self.degrees_of_freedom, -abs(self.slope) / self.standard_error))
 
     def interval(self, level: float = LEVEL) -> Interval:
-        """Student's interval of the slope.
+        """Student's interval of the slope; `InputError` when the level is no probability.
 
         Parameters
         ----------
         level
             Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability.
         """
         half = float(stdtrit(self.degrees_of_freedom, 0.5 + checked_level(level) / 2)) * self.standard_error
         return Interval(low=self.slope - half, high=self.slope + half, level=level, method="t")
@@ -107,15 +102,12 @@ class BlandAltman:
     def bias_interval(self, level: float = LEVEL) -> Interval:
         """Student's interval of the mean difference.
 
+        Raises `InputError` when the level is no probability, or all differences are equal.
+
         Parameters
         ----------
         level
             Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or all differences are equal.
         """
         half = (
             float(stdtrit(self.targets - 1, 0.5 + checked_level(level) / 2)) * self._spread() / math.sqrt(self.targets)
@@ -125,15 +117,12 @@ class BlandAltman:
     def limits(self, coverage: float = COVERAGE) -> tuple[float, float]:
         """Limits of agreement: bias less and plus 1.96 standard deviations.
 
+        Raises `InputError` when the fraction is out of range.
+
         Parameters
         ----------
         coverage
             Fraction of normal differences between them, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the fraction is out of range.
         """
         away = _normal(coverage) * self.standard_deviation
         return self.bias - away, self.bias + away
@@ -142,6 +131,8 @@ class BlandAltman:
         self, level: float = LEVEL, *, coverage: float = COVERAGE, method: str = "exact"
     ) -> tuple[Interval, Interval]:
         """Interval of the lower and of the upper limit of agreement, each by itself.
+
+        Raises `InputError` when a fraction is out of range, the method is unknown, or all differences are equal.
 
         Parameters
         ----------
@@ -152,11 +143,6 @@ class BlandAltman:
         method
             ``"exact"``: from the noncentral t distribution, exact for normal differences (Carkeet, Optom. Vis. Sci. 92
             (2015) e71). ``"approximate"``: symmetric, of Bland and Altman (1999), too short outwards for few targets.
-
-        Raises
-        ------
-        InputError
-            When a fraction is out of range, the method is unknown, or all differences are equal.
         """
         tail = (1 - checked_level(level)) / 2
         away, spread, n = _normal(coverage), self._spread(), self.targets

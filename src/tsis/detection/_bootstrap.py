@@ -78,6 +78,8 @@ def drawn_areas(
 ) -> NDArray[np.float64]:
     """Areas under the curves of methods in resampled studies, with the same targets for all methods.
 
+    Raises `InputError` when a class is missing, ``rng`` is no generator, or ``draws`` lies outside its range.
+
     Parameters
     ----------
     scores
@@ -91,11 +93,6 @@ def drawn_areas(
     -------
     ndarray
         Shape (draws, methods).
-
-    Raises
-    ------
-    InputError
-        When a class is missing, ``rng`` is no generator, or ``draws`` lies outside its range.
     """
     m, n = both_classes(present, needed_by="a curve")
     draws = checked_draws(rng, draws)

@@ -146,10 +146,7 @@ def brier_interval(
 def probabilities_and_truth(probabilities: ArrayLike, present: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Check probabilities and truth, one of each per target.
 
-    Raises
-    ------
-    InputError
-        When a probability lies outside [0, 1], the truth is no booleans, or the lengths differ.
+    Raises `InputError` when a probability lies outside [0, 1], the truth is no booleans, or the lengths differ.
     """
     values, truth = scored(probabilities, present, name="probabilities")
     outside = (values < 0) | (values > 1)

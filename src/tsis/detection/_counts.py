@@ -21,6 +21,7 @@ class Counts:
     """Counts of decisions by truth.
 
     A rate is a `Proportion` with an interval; `InputError` is raised where the study has no target of its denominator.
+    Raises `InputError` when a number is not whole or negative, or all are 0.
 
     Parameters
     ----------
@@ -32,11 +33,6 @@ class Counts:
         Targets without an inclusion, decided absent.
     false_negatives
         Targets with an inclusion, decided absent.
-
-    Raises
-    ------
-    InputError
-        When a number is not whole or negative, or all are 0.
 
     Examples
     --------
@@ -58,7 +54,7 @@ class Counts:
 
     @classmethod
     def of(cls, decided: ArrayLike, present: ArrayLike) -> Counts:
-        """Count decisions.
+        """Count decisions; `InputError` when either is empty or not boolean, or their lengths differ.
 
         Parameters
         ----------
@@ -66,11 +62,6 @@ class Counts:
             Whether an inclusion was decided present in each target, booleans of shape (targets,).
         present
             Whether it was present, likewise.
-
-        Raises
-        ------
-        InputError
-            When either is empty or not boolean, or their lengths differ.
 
         Examples
         --------

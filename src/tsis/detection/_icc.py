@@ -44,17 +44,12 @@ class MeanSquares:
 
     @classmethod
     def of(cls, ratings: ArrayLike) -> MeanSquares:
-        """Mean squares of a table.
+        """Mean squares of a table; `InputError` when the table is not finite or too small.
 
         Parameters
         ----------
         ratings
             Finite, shape (targets, raters), at least 2 by 2.
-
-        Raises
-        ------
-        InputError
-            When the table is not finite or too small.
 
         Examples
         --------
@@ -130,15 +125,12 @@ class IntraclassCorrelation:
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval from the F distribution; that of the forms 2 is approximate, after Satterthwaite.
 
+        Raises `InputError` when the level is no probability, or raters do not scatter.
+
         Parameters
         ----------
         level
             Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or raters do not scatter.
         """
         tail = (1 - checked_level(level)) / 2
         if self._residual == 0:

@@ -48,17 +48,12 @@ class OperatingPoint:
     rule: str
 
     def decide(self, scores: ArrayLike) -> NDArray[np.bool_]:
-        """Decide which targets have an inclusion.
+        """Decide which targets have an inclusion; `InputError` when the scores are invalid.
 
         Parameters
         ----------
         scores
             Shape (targets,), finite.
-
-        Raises
-        ------
-        InputError
-            When the scores are invalid.
         """
         decided: NDArray[np.bool_] = require_array("scores", scores, ndim=1) >= self.threshold
         return decided

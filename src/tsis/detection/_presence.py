@@ -28,6 +28,8 @@ ABSENCE_FLAG = "no_inclusion"  # concerns the parameters of an inclusion, not it
 class PresenceProbability:
     """Probability of an inclusion, with its prior and caveats.
 
+    Raises `InputError` when a number is no probability.
+
     Parameters
     ----------
     probability
@@ -38,11 +40,6 @@ class PresenceProbability:
         Flags of the estimate that its model is not valid: the probability then compares two poor models.
     evidence
         Natural logarithm of the likelihood ratio before the probability was rounded; None if not saved.
-
-    Raises
-    ------
-    InputError
-        When a number is no probability.
 
     Examples
     --------
@@ -91,17 +88,13 @@ class PresenceProbability:
     def at_prevalence(self, prevalence: float) -> PresenceProbability:
         """The probability for the same frames at another prevalence.
 
-        The ranges of size, depth and modulus remain those of the estimate's prior.
+        The ranges of size, depth and modulus remain those of the estimate's prior. Raises `InputError` when the
+        prevalence is out of range.
 
         Parameters
         ----------
         prevalence
             Fraction of targets with an inclusion, in [1e-9, 1 - 1e-9].
-
-        Raises
-        ------
-        InputError
-            When the prevalence is out of range.
         """
         require_number("prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
         transformed = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))

@@ -19,17 +19,14 @@ MOST_TRIALS = 10**12
 class Proportion:
     """A binomial proportion.
 
+    Raises `InputError` when a number is not whole or out of its range.
+
     Parameters
     ----------
     successes
         From 0 to ``trials``.
     trials
         1 or more.
-
-    Raises
-    ------
-    InputError
-        When a number is not whole or out of its range.
 
     Examples
     --------
@@ -59,7 +56,7 @@ class Proportion:
         return self.successes / self.trials
 
     def interval(self, level: float = LEVEL, method: str = "wilson") -> Interval:
-        """Interval of the true proportion.
+        """Interval of the true proportion; `InputError` when the level is no probability, or the method unknown.
 
         Parameters
         ----------
@@ -68,11 +65,6 @@ class Proportion:
         method
             ``"wilson"``, with a mean coverage near the level, or ``"exact"`` (Clopper and Pearson), which is wider,
             with a coverage of at least the level.
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or the method unknown.
         """
         of = wilson_interval if choice("method", method, ("wilson", "exact")) == "wilson" else exact_interval
         return of(self.successes, self.trials, level)
@@ -142,15 +134,12 @@ SMALLEST_RATIO, LARGEST_RATIO = 1e-40, 1e15  # range of the search for the ends
 class ProportionRatio:
     """Ratio of two proportions, such as a likelihood ratio.
 
+    Raises `InputError` when both proportions are 0.
+
     Parameters
     ----------
     first, second
         Proportions of two groups without common targets; not both 0.
-
-    Raises
-    ------
-    InputError
-        When both proportions are 0.
 
     Examples
     --------
@@ -180,15 +169,12 @@ class ProportionRatio:
     def interval(self, level: float = LEVEL) -> Interval:
         """Koopman's score interval, which is valid for small groups and for proportions of 0 and 1.
 
+        Raises `InputError` when the level is no probability.
+
         Parameters
         ----------
         level
             Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability.
         """
         z = float(ndtri(0.5 + checked_level(level) / 2))
         low = 0.0 if self.first.successes == 0 else 1 / self._upper_end(z, self.second, self.first)
@@ -239,15 +225,12 @@ class ProportionDifference:
     def interval(self, level: float = LEVEL) -> Interval:
         """Newcombe's hybrid interval (1998, method 10), from the Wilson intervals of both proportions.
 
+        Raises `InputError` when the level is no probability.
+
         Parameters
         ----------
         level
             Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability.
         """
         first, second = self.first.interval(level), self.second.interval(level)
         below = math.hypot(self.first.value - first.low, second.high - self.second.value)
@@ -258,17 +241,14 @@ class ProportionDifference:
 def score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float:
     """Score statistic of the proportions under a true ``ratio`` of first to second, in standard errors.
 
+    Raises `InputError` when the ratio is not positive.
+
     Parameters
     ----------
     first, second
         Proportions of independent groups.
     ratio
         The ratio under test, positive.
-
-    Raises
-    ------
-    InputError
-        When the ratio is not positive.
     """
     require_number("ratio", ratio, 1e-300, 1e300)
     m, n, x, y = first.trials, second.trials, first.successes, second.successes

@@ -40,15 +40,12 @@ class FittedValue:
     def interval(self, level: float = LEVEL) -> Interval:
         """Wald's interval; it assumes a normal distribution, and is approximate below some 30 targets of each kind.
 
+        Raises `InputError` when the level is no probability.
+
         Parameters
         ----------
         level
             Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability.
         """
         half = float(ndtri(0.5 + checked_level(level) / 2)) * self.standard_error
         return Interval(low=self.value - half, high=self.value + half, level=level, method="wald")

@@ -57,15 +57,12 @@ class Repeatability:
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval of the repeatability coefficient, exact for normal readings.
 
+        Raises `InputError` when the level is no probability, or readings of a target never differ.
+
         Parameters
         ----------
         level
             Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or readings of a target never differ.
         """
         tail, free = (1 - checked_level(level)) / 2, self.degrees_of_freedom
         if self.within_sd == 0:
@@ -161,15 +158,12 @@ class Reproducibility:
     def repeatability_interval(self, level: float = LEVEL) -> Interval:
         """Interval of the repeatability coefficient, exact for normal readings.
 
+        Raises `InputError` when the level is no probability, or repeats never differ.
+
         Parameters
         ----------
         level
             Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or repeats never differ.
         """
         tail, free = (1 - checked_level(level)) / 2, self.degrees_of_freedom[3]
         self._require_scatter()
@@ -180,17 +174,13 @@ class Reproducibility:
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval of the coefficient between operators, by Graybill and Wang's modified large samples.
 
-        With two or three operators its upper end is large.
+        With two or three operators its upper end is large. Raises `InputError` when the level is no probability, or
+        repeats never differ.
 
         Parameters
         ----------
         level
             Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or repeats never differ.
         """
         tail = (1 - checked_level(level)) / 2
         self._require_scatter()

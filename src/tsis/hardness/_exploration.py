@@ -21,17 +21,14 @@ if TYPE_CHECKING:
 class HardnessPrior:
     """Ranges of the sphere: uniform in the logarithm of the modulus and in Poisson's ratio.
 
+    Raises `InputError` when a range is empty or lies outside.
+
     Parameters
     ----------
     young_kpa
         Least and greatest modulus, within [1, 1e5] kPa.
     poisson
         Least and greatest Poisson's ratio, within [0.45, 0.495].
-
-    Raises
-    ------
-    InputError
-        When a range is empty or lies outside.
 
     Examples
     --------

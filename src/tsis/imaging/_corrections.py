@@ -75,10 +75,7 @@ def flatten(image: TactileImage, flat: TactileImage) -> TactileImage:
 def subtract_background(image: TactileImage, reference: TactileImage) -> TactileImage:
     """Subtract the frame of the untouched probe: the change of grey level by the contact.
 
-    Raises
-    ------
-    ImageMismatchError
-        When size, scale or full scale differ.
+    Raises `ImageMismatchError` when size, scale or full scale differ.
     """
     require_same_frame(image, reference, "reference")
     return replace(image, grey=image.grey - reference.grey)

@@ -54,12 +54,8 @@ def find_lost_light(
 ) -> LostLight:
     """Compute the parts of a press that the field of view crops and full scale clips.
 
-    The arguments are those of `tsis.imaging.render`.
-
-    Raises
-    ------
-    InputError
-        When the blur lies outside its range or the contact model is unknown.
+    The arguments are those of `tsis.imaging.render`. Raises `InputError` when the blur lies outside its range or the
+    contact model is unknown.
 
     Examples
     --------

@@ -65,13 +65,7 @@ class Mode:
 
 
 def named_mode(modes: Iterable[Mode], label: str) -> Mode:
-    """The mode of that label.
-
-    Raises
-    ------
-    UnknownNameError
-        When there is none; the message suggests the nearest.
-    """
+    """The mode of that label; `UnknownNameError` when there is none; the message suggests the nearest."""
     by_label = {mode.label: mode for mode in modes}
     return by_label[require_one_of("mode", label, by_label)]
 

@@ -139,10 +139,7 @@ def read_image(
 def read_colour(path: str | os.PathLike[str]) -> NDArray[Any]:
     """Read a colour image file as stored: shape (rows, columns, 3), red-green-blue, uint8 or uint16, read-only.
 
-    Raises
-    ------
-    FileInputError
-        As `read_image`, and when the file has no colour.
+    Raises `FileInputError` as `read_image`, and when the file has no colour.
     """
     source = as_path(path)
     levels = _decode(source).levels
@@ -248,10 +245,7 @@ QUICK_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)  # half the time of the default for
 def png_bytes(image: TactileImage) -> bytes:
     """Encode a raw frame as a grey PNG, 8 bits when its full scale is at most 255, else 16.
 
-    Raises
-    ------
-    InputError
-        As `whole_levels`: the file would lose information, or could not be read back.
+    Raises `InputError` as `whole_levels`: the file would lose information, or could not be read back.
 
     Examples
     --------
@@ -265,10 +259,7 @@ def png_bytes(image: TactileImage) -> bytes:
 def whole_levels(grey: NDArray[Any], full_scale: float) -> NDArray[Any]:
     """Grey levels as whole numbers of 8 bits when the full scale is at most 255, else of 16.
 
-    Raises
-    ------
-    InputError
-        When they are not whole numbers in [0, full_scale], or more than a readable file may contain.
+    Raises `InputError` when they are not whole numbers in [0, full_scale], or more than a readable file may contain.
     """
     if grey.size > LARGEST_PIXELS:
         raise InputError(f"grey must have at most {LARGEST_PIXELS} pixels to be stored; got {grey.shape}")

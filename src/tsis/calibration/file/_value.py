@@ -233,13 +233,7 @@ new one: tsis calibrate)
                 )
 
     def need(self, kind: type[Part], purpose: str) -> Part:
-        """The part of this type, which ``purpose`` requires.
-
-        Raises
-        ------
-        CalibrationError
-            When it was not measured.
-        """
+        """The part of this type, which ``purpose`` requires; `CalibrationError` when it was not measured."""
         name = next(name for name, part in PARTS.items() if part is kind)
         part = getattr(self, name)
         if not isinstance(part, kind):

@@ -74,10 +74,7 @@ def usable_presses(loading: Loading) -> NDArray[np.bool]:
 def fit_run(loading: Loading) -> LoadingRun:
     """Fit the line of one loading.
 
-    Raises
-    ------
-    CalibrationError
-        When too few presses are usable, or the sum does not rise with the force.
+    Raises `CalibrationError` when too few presses are usable, or the sum does not rise with the force.
     """
     good = usable_presses(loading)
     if int(good.sum()) < FEWEST:

@@ -108,12 +108,8 @@ def total_grey(image: TactileImage, reference: CameraReference, *, method: str =
     """Sum of grey levels above no contact over the bright patch, 0 when nothing stands out of the noise.
 
     It is the argument of `ForceLine.force_n`: y of the source's (5.4). Where grey level follows pressure as in (5.2),
-    it follows the force, the integral of the pressure (5.3).
-
-    Raises
-    ------
-    ImageMismatchError, InputError
-        When the frame does not belong to the reference, is saturated, or the lamps changed.
+    it follows the force, the integral of the pressure (5.3). Raises `ImageMismatchError` or `InputError` when the frame
+    does not belong to the reference, is saturated, or the lamps changed.
     """
     corrected = reference.corrected(image)
     mask = patch_mask(corrected, method=method)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 class GuardLimits:
     """Limits of a usable press.
 
+    Raises `InputError` when a limit lies outside its range or the window of the force is empty.
+
     Parameters
     ----------
     least_force_n, most_force_n
@@ -60,11 +62,6 @@ class GuardLimits:
         Relative change of the light still to come, in [1e-4, 0.5]: that of the settling time of a press.
     release
         Part of a limit below which a live view clears a raised flag, in [0.5, 1].
-
-    Raises
-    ------
-    InputError
-        When a limit lies outside its range or the window of the force is empty.
     """
 
     least_force_n: float = 0.1

@@ -260,12 +260,8 @@ def _clipped(pixels: NDArray[Any], mask: NDArray[np.bool], prepared: Prepared) -
 def prepare_reference(reference: GuardReference, shape: FrameShape) -> Prepared:
     """Average a reference over the blocks of the frames.
 
-    Raises
-    ------
-    ImageMismatchError
-        When the reference's frames are of another size or depth.
-    InputError
-        When the reference patch is not lit.
+    Raises `ImageMismatchError` when the reference's frames are of another size or depth; `InputError` when the
+    reference patch is not lit.
     """
     untouched = reference.untouched
     for frame in (untouched, reference.level):

@@ -29,15 +29,12 @@ PixelBox = tuple[int, int, int, int]
 class ReferencePatch:
     """A rectangle of the frame that the lamps light outside every contact.
 
+    Raises `InputError` when the ends do not ascend or hold too few pixels.
+
     Parameters
     ----------
     first_row, last_row, first_column, last_column
         Its ends in pixels, the last ones excluded; at least 16 pixels together.
-
-    Raises
-    ------
-    InputError
-        When the ends do not ascend or hold too few pixels.
 
     Examples
     --------
@@ -87,13 +84,7 @@ class ReferencePatch:
         return (self.last_row - self.first_row) * (self.last_column - self.first_column)
 
     def of(self, image: TactileImage) -> TactileImage:
-        """The patch of a frame.
-
-        Raises
-        ------
-        InputError
-            When it extends beyond the frame.
-        """
+        """The patch of a frame; `InputError` when it extends beyond the frame."""
         require_image("image", image)
         self.require_inside(image.grey.shape)
         return replace(image, grey=self.cut(image.grey), axis_px=None)

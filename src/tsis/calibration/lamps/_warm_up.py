@@ -51,12 +51,8 @@ class WarmUp:
     def wait_s(self, fraction: float, *, now_s: float = 0.0) -> float:
         """Seconds from ``now_s`` after switching on until the light is within ``fraction`` of that when warm.
 
-        The wait uses the upper ends of the 95 % intervals of amplitude and time constant.
-
-        Raises
-        ------
-        InputError
-            When ``fraction`` lies outside [1e-5, 1] or the time is negative.
+        The wait uses the upper ends of the 95 % intervals of amplitude and time constant. Raises `InputError` when
+        ``fraction`` lies outside [1e-5, 1] or the time is negative.
 
         Examples
         --------

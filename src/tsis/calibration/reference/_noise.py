@@ -62,12 +62,8 @@ class _Point:
 def stack(name: str, images: Sequence[TactileImage], *, least: int) -> NDArray[np.float64]:
     """Grey levels of frames of one size, shape (frames, rows, columns).
 
-    Raises
-    ------
-    CalibrationError
-        When there are fewer than ``least``.
-    ImageMismatchError
-        When sizes or full scales differ.
+    Raises `CalibrationError` when there are fewer than ``least``; `ImageMismatchError` when sizes or full scales
+    differ.
     """
     if len(images) < least:
         raise CalibrationError(f"{name} must hold at least {least} frames; got {len(images)} (take more)")

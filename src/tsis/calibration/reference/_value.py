@@ -119,10 +119,7 @@ class CameraReference:
     def lamp_ratio(self, image: TactileImage) -> float:
         """Brightness of the lamps over that at the reference; 1 without a reference patch.
 
-        Raises
-        ------
-        InputError
-            When it exceeds all drift: the lamps are off, or set otherwise.
+        Raises `InputError` when it exceeds all drift: the lamps are off, or set otherwise.
         """
         self._check(image)
         light = image.grey - self.dark_grey
@@ -140,14 +137,9 @@ class CameraReference:
         """Grey levels of the contact alone, under the reference's lamps and even light; no contact reads zero.
 
         The correction subtracts dark frame and untouched light, and divides by the lamps' drift and the light's
-        pattern. A pixel that is not usable takes the mean of its usable neighbours, or zero.
-
-        Raises
-        ------
-        ImageMismatchError
-            When the frame has another size, scale or full scale.
-        InputError
-            When it is saturated, or the lamps changed.
+        pattern. A pixel that is not usable takes the mean of its usable neighbours, or zero. Raises
+        `ImageMismatchError` when the frame has another size, scale or full scale; `InputError` when it is saturated, or
+        the lamps changed.
         """
         self._check(image)
         clipped = self.clipped(image)

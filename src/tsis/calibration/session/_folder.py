@@ -93,10 +93,7 @@ class SessionFolder:
     def begin(self, terms: SessionSetup) -> None:
         """Create the folder and write the terms.
 
-        Raises
-        ------
-        FileInputError
-            When it contains a session already or cannot be written.
+        Raises `FileInputError` when it contains a session already or cannot be written.
         """
         if self.begun:
             raise FileInputError(
@@ -110,13 +107,7 @@ class SessionFolder:
             raise self._refused(error) from error
 
     def terms(self) -> SessionSetup:
-        """The terms of the session.
-
-        Raises
-        ------
-        FileInputError
-            When they are missing or invalid.
-        """
+        """The terms of the session; `FileInputError` when they are missing or invalid."""
         file = self.path / TERMS
         document = read_object(file, most=LARGEST_TERMS_BYTES)
         if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
@@ -149,12 +140,8 @@ class SessionFolder:
     ) -> int:
         """Store the frames of a step, all or none, and return their number.
 
-        Raises
-        ------
-        CalibrationError
-            When there are none.
-        FileInputError
-            When they cannot be written, or the step was done before.
+        Raises `CalibrationError` when there are none; `FileInputError` when they cannot be written, or the step was
+        done before.
         """
         path = self.path / step.name
         draft = self.path / f".{step.name}-{secrets.token_hex(4)}"
@@ -181,10 +168,7 @@ class SessionFolder:
     def forget(self, step: CalibrationStep) -> None:
         """Remove the frames of a step, if any, so that it can be repeated.
 
-        Raises
-        ------
-        FileInputError
-            When they cannot be removed; the step is still done then.
+        Raises `FileInputError` when they cannot be removed; the step is still done then.
         """
         path = self.path / step.name
         if not path.exists():
@@ -199,12 +183,7 @@ class SessionFolder:
     def shots(self, step: CalibrationStep) -> list[CalibrationFrame]:
         """Read the frames of a step in the order of acquisition.
 
-        Raises
-        ------
-        CalibrationError
-            When the step was not done.
-        FileInputError
-            When a file is missing or damaged.
+        Raises `CalibrationError` when the step was not done; `FileInputError` when a file is missing or damaged.
         """
         index, rows = self._rows(step)
         return [self._shot(index, row) for row in rows]
@@ -293,10 +272,7 @@ def saved_calibration(session: SessionFolder) -> Path | None:
 def save_calibration(session: SessionFolder, calibration: ProbeCalibration) -> Path:
     """Write the calibration into the session's folder, over an earlier one, and return its file.
 
-    Raises
-    ------
-    FileInputError
-        When it cannot be written.
+    Raises `FileInputError` when it cannot be written.
     """
     file = session.path / CALIBRATION_FILE
     content = calibration_bytes(calibration)
@@ -310,12 +286,8 @@ def save_calibration(session: SessionFolder, calibration: ProbeCalibration) -> P
 def archive_calibration(session: SessionFolder) -> Path | None:
     """Rename the calibration after its identity, because its frames change; return the new path, None without one.
 
-    Results may cite it, so it is never removed; a damaged file gets a random name.
-
-    Raises
-    ------
-    FileInputError
-        When it cannot be renamed.
+    Results may cite it, so it is never removed; a damaged file gets a random name. Raises `FileInputError` when it
+    cannot be renamed.
     """
     file = saved_calibration(session)
     if file is None:

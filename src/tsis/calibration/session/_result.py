@@ -42,11 +42,8 @@ LEAST_CORRELATION = 0.97  # of sums and forces; loops of 10 % and curves as F**(
 def read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, reference: CameraReference) -> Loading:
     """Read a loading without presses that are too light for the gauge to detect.
 
-    Raises
-    ------
-    CalibrationError
-        When a frame has no force or repeats the frame before, when the first frame shows contact, or when the sums
-        do not follow the force.
+    Raises `CalibrationError` when a frame has no force or repeats the frame before, when the first frame shows contact,
+    or when the sums do not follow the force.
     """
     assert step.tip_mm is not None
     forces = [shot.force_n for shot in shots]

@@ -132,6 +132,8 @@ STATED = ("name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm
 class SessionSetup:
     """Setup of a calibration session.
 
+    Raises `InputError` when a value has the wrong type or is outside its range.
+
     Parameters
     ----------
     name
@@ -150,11 +152,6 @@ class SessionSetup:
         Reference patch that shows the lamps past the probe: left, top, right, bottom; None without one.
     tips_mm, repeats
         Radii of the tips, all different, and loadings of each.
-
-    Raises
-    ------
-    InputError
-        When a value has the wrong type or is outside its range.
     """
 
     name: str

@@ -32,17 +32,14 @@ LARGEST = 1e6  # mm or kPa
 class TargetEvidence:
     """Estimate of one target as input of a classifier.
 
+    Raises `InputError` when the samples are empty, not positive or of another shape, or the ratio is no number.
+
     Parameters
     ----------
     samples
         Diameters in mm, depths in mm and moduli in kPa of the posterior, shape (draws, 3), positive.
     log_ratio
         Natural logarithm of the likelihood ratio of an inclusion over tissue without inclusion.
-
-    Raises
-    ------
-    InputError
-        When the samples are empty, not positive or of another shape, or the ratio is no number.
     """
 
     samples: NDArray[np.float64]
@@ -106,17 +103,15 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
 class TrainingSet:
     """Targets of known class.
 
+    Raises `InputError` when shapes do not belong together, there are more than 5,000 targets, or a value is out of its
+    range.
+
     Parameters
     ----------
     features
         Diameter, depth, modulus and inverse hyperbolic sine of the log likelihood ratio of each, shape (targets, 4).
     labels
         Classes 0, 1 or 2, shape (targets,).
-
-    Raises
-    ------
-    InputError
-        When shapes do not belong together, there are more than 5,000 targets, or a value is out of its range.
     """
 
     features: NDArray[np.float64]
@@ -163,6 +158,8 @@ CALIBRATIONS = ("sigmoid", "isotonic")
 class ClassifierSettings:
     """How a classifier is fitted.
 
+    Raises `InputError` when a setting lies outside its range.
+
     Parameters
     ----------
     penalty
@@ -176,11 +173,6 @@ class ClassifierSettings:
         Parts by which the probabilities are calibrated, 2 to 20.
     seed
         Shuffles the parts.
-
-    Raises
-    ------
-    InputError
-        When a setting lies outside its range.
     """
 
     penalty: float = 1.0

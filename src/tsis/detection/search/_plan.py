@@ -31,7 +31,8 @@ class ScanPlan:
     """Presses over a rectangle, in strips along its height, alternately up and down.
 
     The area is divided into equal cells, pressed at their centres: no point is farther from a press than half a cell's
-    diagonal. Presses at the edge overhang the area by ``overhang_mm``.
+    diagonal. Presses at the edge overhang the area by ``overhang_mm``. Raises `InputError` when a value lies outside
+    its range.
 
     Parameters
     ----------
@@ -41,11 +42,6 @@ class ScanPlan:
         Cells across and along, 1 or more, at most 100,000 in all.
     radius_mm
         Of the probe's face, in [0.5, 500].
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
 
     Examples
     --------
@@ -118,7 +114,7 @@ class ScanPlan:
         return self.radius_mm - self.strip_spacing_mm / 2, self.radius_mm - self.press_spacing_mm / 2
 
     def duration_s(self, *, press_s: float, speed_mm_s: float) -> float:
-        """Time of all presses and of the path between them.
+        """Time of all presses and of the path between them; `InputError` when a value lies outside its range.
 
         Parameters
         ----------
@@ -126,11 +122,6 @@ class ScanPlan:
             Of a press, settling and lifting included, in [0, 3600].
         speed_mm_s
             Of the probe between presses, in [0.01, 1000].
-
-        Raises
-        ------
-        InputError
-            When a value lies outside its range.
         """
         require_number("press_s", press_s, 0.0, 3600.0, hint="seconds")
         return self.presses * press_s + self.travel_mm / require_number("speed_mm_s", speed_mm_s, 0.01, 1000.0)

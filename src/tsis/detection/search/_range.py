@@ -32,7 +32,7 @@ class DetectionRangeTable:
     """Detection range over a grid of sizes and depths, with linear interpolation and conservative extrapolation.
 
     An inclusion smaller than the smallest, or deeper than the deepest, has the range 0; a larger or shallower one has
-    that of the last in the table.
+    that of the last in the table. Raises `InputError` when shapes or values are wrong.
 
     Parameters
     ----------
@@ -43,11 +43,6 @@ class DetectionRangeTable:
         [0, 500]; 0 where it is not detected.
     probability
         Probability of detection, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When shapes or values are wrong.
 
     Examples
     --------

@@ -177,10 +177,7 @@ class Intake:
     def take(self, connection: int, frame: Frame) -> bool:
         """Count a frame and put it into the ring; False when its connection was abandoned.
 
-        Raises
-        ------
-        ImageMismatchError
-            When its size or full scale differs from the first frame.
+        Raises `ImageMismatchError` when its size or full scale differs from the first frame.
         """
         now_s = self._clock()
         with self._lock:

@@ -109,10 +109,8 @@ class ImageFiles(StoredFrames):
     def open(self) -> None:
         """List the files and read the first one.
 
-        Raises
-        ------
-        FileInputError
-            When there is no such file or folder, it holds no image, or the first image cannot be read.
+        Raises `FileInputError` when there is no such file or folder, it holds no image, or the first image cannot be
+        read.
         """
         self._files = _listed(self._path)
         self._first = read_image(self._files[0])
@@ -126,12 +124,8 @@ class ImageFiles(StoredFrames):
     def frames(self) -> Iterator[Frame]:
         """Yield one frame a file.
 
-        Raises
-        ------
-        FileInputError
-            When a file cannot be read; the frames before it have been yielded.
-        ImageMismatchError
-            When an image differs from the first in size or range.
+        Raises `FileInputError` when a file cannot be read; the frames before it have been yielded; `ImageMismatchError`
+        when an image differs from the first in size or range.
         """
         self._require_started()
         first = self._opened()

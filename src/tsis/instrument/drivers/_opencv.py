@@ -116,13 +116,7 @@ class OpenCVDevice(OpenCVCapture):
         return f"camera {self._index}"
 
     def open(self) -> None:
-        """Connect to the camera with a new handle.
-
-        Raises
-        ------
-        CameraError
-            When no camera answers at this index.
-        """
+        """Connect to the camera with a new handle; `CameraError` when no camera answers at this index."""
         self.stop()
         with quiet_decoders():
             capture = self._open_capture(self._index)
@@ -142,12 +136,8 @@ class OpenCVDevice(OpenCVCapture):
     def adjust(self, name: str, value: float) -> None:
         """Set one of `settings`.
 
-        Raises
-        ------
-        UnknownNameError
-            When the camera has no such setting.
-        CameraError
-            When the camera does not take the value.
+        Raises `UnknownNameError` when the camera has no such setting; `CameraError` when the camera does not take the
+        value.
         """
         present = {setting.name: setting for setting in self.settings()}
         if not present:
@@ -170,13 +160,7 @@ class OpenCVDevice(OpenCVCapture):
         self._running.set()
 
     def frames(self) -> Iterator[Frame]:
-        """Yield frames on arrival.
-
-        Raises
-        ------
-        CameraError
-            When the camera stops answering; the frames before that stay valid.
-        """
+        """Yield frames on arrival; `CameraError` when the camera stops answering; the frames before that stay valid."""
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
         settings = {setting.name: setting.value for setting in self.settings()}

@@ -90,10 +90,7 @@ class VideoFile(OpenCVCapture, StoredFrames):
     def open(self) -> None:
         """Open the file and read its header.
 
-        Raises
-        ------
-        FileInputError
-            When there is no such file, it is no regular file, empty, cut short or no video.
+        Raises `FileInputError` when there is no such file, it is no regular file, empty, cut short or no video.
         """
         self.stop()
         if read_head(self._path).lstrip().startswith(_LISTS):

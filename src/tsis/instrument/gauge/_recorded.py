@@ -29,14 +29,8 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     """Write readings as CSV with the columns time_s, force_n, resolution_n, time_error_s, without rounding.
 
     Times of the host's monotonic clock restart with the machine: they align with frames of the same run, not with a
-    date.
-
-    Raises
-    ------
-    InputError
-        When there are none or too many to read back, or their times do not ascend.
-    FileInputError
-        When the file exists or cannot be written.
+    date. Raises `InputError` when there are none or too many to read back, or their times do not ascend;
+    `FileInputError` when the file exists or cannot be written.
 
     Examples
     --------
@@ -106,10 +100,8 @@ class RecordedGauge:
     def open(self) -> None:
         """Read the file.
 
-        Raises
-        ------
-        FileInputError
-            When it is missing, has another header, or a line is not finite numbers with ascending times.
+        Raises `FileInputError` when it is missing, has another header, or a line is not finite numbers with ascending
+        times.
         """
         content = read_bytes(self._path, most=LARGEST_BYTES)
         try:

@@ -107,13 +107,7 @@ def _unit(letters: str) -> str | None:
 
 
 def force_unit(unit: str) -> str:
-    """The unit of that spelling.
-
-    Raises
-    ------
-    InputError
-        When it is not one of the forces in `NEWTONS`.
-    """
+    """The unit of that spelling; `InputError` when it is not one of the forces in `NEWTONS`."""
     name = _unit(unit) if isinstance(unit, str) else None
     if not name:
         raise InputError(f"unit must be one of {', '.join(NEWTONS)}; got {unit!r:.40}")
@@ -123,17 +117,14 @@ def force_unit(unit: str) -> str:
 def newtons(reply: Reply, *, unit: str | None) -> tuple[float, float]:
     """Force and step of the display in newtons.
 
+    Raises `GaugeError` when the reply is no number, has another unit, or the unit is unknown.
+
     Parameters
     ----------
     reply
         The gauge's reply.
     unit
         Required unit of its replies; None before one is known.
-
-    Raises
-    ------
-    GaugeError
-        When the reply is no number, has another unit, or the unit is unknown.
 
     Examples
     --------

@@ -119,12 +119,7 @@ class SerialPort:
 
 
 def find_ports() -> tuple[SerialPort, ...]:
-    """The serial ports of this machine, by name.
-
-    Raises
-    ------
-    GaugeError
-        When the system does not list them.
+    """The serial ports of this machine, by name; `GaugeError` when the system does not list them.
 
     Examples
     --------
@@ -144,10 +139,7 @@ def find_ports() -> tuple[SerialPort, ...]:
 def opened(port: str, open_port: Callable[..., Any], **settings: Any) -> Any:
     """Open the port for this program exclusively.
 
-    Raises
-    ------
-    GaugeError
-        When there is no such port, another program uses it, or this user has no permission.
+    Raises `GaugeError` when there is no such port, another program uses it, or this user has no permission.
     """
     try:
         return open_port(port, exclusive=True, **settings)

@@ -81,6 +81,7 @@ class AravisCamera:
 
     The camera's automatic exposure and gain are switched off at the start, so that each frame records its settings; a
     change applies to the frames that arrive after it. Incomplete frames are dropped and leave a gap in the sequence.
+    Raises `InputError` when the identity is not a text.
 
     Parameters
     ----------
@@ -90,11 +91,6 @@ class AravisCamera:
         Returns the library.
     clock
         Seconds, monotonic.
-
-    Raises
-    ------
-    InputError
-        When the identity is not a text.
 
     Examples
     --------
@@ -134,12 +130,8 @@ class AravisCamera:
     def open(self) -> None:
         """Connect to the camera with a new handle.
 
-        Raises
-        ------
-        MissingExtraError
-            When Aravis is not installed.
-        CameraError
-            When no camera of this identity answers, or another program uses it.
+        Raises `MissingExtraError` when Aravis is not installed; `CameraError` when no camera of this identity answers,
+        or another program uses it.
         """
         self.stop()
         self._connection = Connection.open(self._library(), self._identity)
@@ -161,14 +153,8 @@ class AravisCamera:
     def adjust(self, name: str, value: float) -> None:
         """Change one of `settings`; the camera may round the value.
 
-        Raises
-        ------
-        UnknownNameError
-            When there is no such setting.
-        InputError
-            When the value lies outside its range.
-        CameraError
-            When the camera does not take it.
+        Raises `UnknownNameError` when there is no such setting; `InputError` when the value lies outside its range;
+        `CameraError` when the camera does not take it.
         """
         with self._controlling:
             connection = self._opened()
@@ -181,10 +167,7 @@ class AravisCamera:
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames in ``mode``, or in the present one.
 
-        Raises
-        ------
-        CameraError
-            When the camera has no such mode, or does not start.
+        Raises `CameraError` when the camera has no such mode, or does not start.
         """
         with self._controlling:
             connection = self._opened()
@@ -201,11 +184,8 @@ class AravisCamera:
     def frames(self) -> Iterator[Frame]:
         """Yield complete frames on arrival, until the camera is stopped.
 
-        Raises
-        ------
-        CameraError
-            When the camera is silent for a second (three frame times of a slow one), or sends only incomplete frames
-            for ten; frames already yielded stay valid.
+        Raises `CameraError` when the camera is silent for a second (three frame times of a slow one), or sends only
+        incomplete frames for ten; frames already yielded stay valid.
         """
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")

@@ -42,6 +42,8 @@ class ReceivedBuffer:
 class Stream:
     """A stream of a camera with its buffers.
 
+    Raises `CameraError` when the camera provides no stream.
+
     Parameters
     ----------
     aravis
@@ -50,11 +52,6 @@ class Stream:
         Handle of a camera in the requested mode.
     mode
         That mode.
-
-    Raises
-    ------
-    CameraError
-        When the camera provides no stream.
     """
 
     def __init__(self, aravis: Aravis, camera: int, mode: Mode) -> None:
@@ -119,10 +116,7 @@ class Connection:
     def open(cls, aravis: Aravis, identity: str | None) -> Self:
         """Connect to the camera of that identity or address, or to the first that answers.
 
-        Raises
-        ------
-        CameraError
-            When none answers, or another program uses it.
+        Raises `CameraError` when none answers, or another program uses it.
         """
         chosen, address = _chosen(aravis, identity)
         try:

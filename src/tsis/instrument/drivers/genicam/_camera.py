@@ -34,12 +34,7 @@ _RATES = (
 def modes(nodes: Nodes) -> tuple[Mode, ...]:
     """Each grey format at the present size and at the full one; the present format and size first.
 
-    Only the present size has a rate.
-
-    Raises
-    ------
-    CameraError
-        When the size is unknown or no grey format is available.
+    Only the present size has a rate. Raises `CameraError` when the size is unknown or no grey format is available.
     """
     formats = _grey_formats(nodes)
     width, height = _size(nodes)
@@ -58,12 +53,8 @@ def modes(nodes: Nodes) -> tuple[Mode, ...]:
 def apply_mode(nodes: Nodes, mode: Mode) -> None:
     """Set the camera to ``mode``; a size other than the present one becomes a region in the middle of the sensor.
 
-    Raises
-    ------
-    CameraError
-        When the camera does not offer the format or the size.
-    InputError
-        When it does not take the rate.
+    Raises `CameraError` when the camera does not offer the format or the size; `InputError` when it does not take the
+    rate.
     """
     formats = _grey_formats(nodes)
     if mode.pixel_format not in formats or mode.full_scale != FULL_SCALE[mode.pixel_format]:
@@ -169,12 +160,8 @@ class GenICamCamera:
     def open(self) -> None:
         """Connect to the camera with a new handle.
 
-        Raises
-        ------
-        CameraError
-            When it does not answer, or is in use by another program or by this one.
-        MissingExtraError
-            When its library is not installed.
+        Raises `CameraError` when it does not answer, or is in use by another program or by this one;
+        `MissingExtraError` when its library is not installed.
         """
         self.stop()
         link = self._connect()
@@ -224,10 +211,8 @@ class GenICamCamera:
     def frames(self) -> Iterator[Frame]:
         """Yield frames on arrival, until stopped.
 
-        Raises
-        ------
-        CameraError
-            When none arrives for 1 s (or two frames, where those take longer) or the camera is removed.
+        Raises `CameraError` when none arrives for 1 s (or two frames, where those take longer) or the camera is
+        removed.
         """
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")

@@ -176,13 +176,7 @@ def missing_requirement() -> str | None:
 
 
 def find_cameras_here(producers: Sequence[Path] | None = None) -> tuple[CameraInfo, ...]:
-    """The cameras that the producers list now.
-
-    Raises
-    ------
-    CameraError
-        When there is none and a producer cannot be loaded.
-    """
+    """The cameras that the producers list now; `CameraError` when there is none and a producer cannot be loaded."""
     return tuple(
         CameraInfo(
             source="genicam",

@@ -20,12 +20,7 @@ def maker_library(name: str, *, source: str) -> Any:
     """Import a library when its source is first used.
 
     Libraries made with SWIG emit warnings at import, and Harvesters changes the filters of all warnings; both are
-    undone here.
-
-    Raises
-    ------
-    MissingExtraError
-        When it is not installed.
+    undone here. Raises `MissingExtraError` when it is not installed.
     """
     imported = name in sys.modules
     with contextlib.nullcontext() if imported else quiet_decoders():  # silences warnings, and restores the filters

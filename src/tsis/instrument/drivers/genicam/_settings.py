@@ -137,14 +137,8 @@ def settings(nodes: Nodes) -> tuple[Setting, ...]:
 def adjust(nodes: Nodes, name: str, value: float) -> None:
     """Change one setting, and switch off its automatic control.
 
-    Raises
-    ------
-    UnknownNameError
-        When the camera has no such setting.
-    InputError
-        When the value lies outside its range.
-    CameraError
-        When the camera has no settings, or refuses.
+    Raises `UnknownNameError` when the camera has no such setting; `InputError` when the value lies outside its range;
+    `CameraError` when the camera has no settings, or refuses.
     """
     present = {setting.name: setting for setting in settings(nodes)}
     if not present:
