@@ -51,13 +51,7 @@ class ProportionalBias:
         return float(2 * stdtr(self.degrees_of_freedom, -abs(self.slope) / self.standard_error))
 
     def interval(self, level: float = LEVEL) -> Interval:
-        """Student's interval of the slope; `InputError` when the level is no probability.
-
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-        """
+        """Student's interval of the slope with the confidence ``level``, in (0, 1); else `InputError`."""
         half = float(stdtrit(self.degrees_of_freedom, 0.5 + checked_level(level) / 2)) * self.standard_error
         return Interval(low=self.slope - half, high=self.slope + half, level=level, method="t")
 
@@ -100,29 +94,18 @@ class BlandAltman:
         return float(self.differences.std(ddof=1))
 
     def bias_interval(self, level: float = LEVEL) -> Interval:
-        """Student's interval of the mean difference.
+        """Student's interval of the mean difference with the confidence ``level``, in (0, 1).
 
         Raises `InputError` when the level is no probability, or all differences are equal.
-
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
         """
-        half = (
-            float(stdtrit(self.targets - 1, 0.5 + checked_level(level) / 2)) * self._spread() / math.sqrt(self.targets)
-        )
+        quantile = float(stdtrit(self.targets - 1, 0.5 + checked_level(level) / 2))
+        half = quantile * self._spread() / math.sqrt(self.targets)
         return Interval(low=self.bias - half, high=self.bias + half, level=level, method="t")
 
     def limits(self, coverage: float = COVERAGE) -> tuple[float, float]:
         """Limits of agreement: bias less and plus 1.96 standard deviations.
 
-        Raises `InputError` when the fraction is out of range.
-
-        Parameters
-        ----------
-        coverage
-            Fraction of normal differences between them, in (0, 1).
+        ``coverage`` is the fraction of normal differences between them, in (0, 1); else `InputError` is raised.
         """
         away = _normal(coverage) * self.standard_deviation
         return self.bias - away, self.bias + away

@@ -104,14 +104,8 @@ def brier_interval(
     ----------
     probabilities, present
         As for `brier_score`.
-    rng
-        Source of the draws.
-    level
-        Confidence, in (0, 1).
-    draws
-        How many studies are drawn, 100 or more.
-    progress
-        Called with (done, total) after each batch.
+    rng, level, draws, progress
+        As for `bootstrap_auc`.
 
     Raises
     ------
@@ -135,11 +129,9 @@ def brier_interval(
             f"of {squares[0]:g}: add targets"
         )
     drawn = np.empty(draws)
-    for start, stop in batches(draws, len(squares)):
+    for start, stop in batches(draws, len(squares), progress):
         picked = rng.multinomial(len(squares), np.full(len(squares), 1 / len(squares)), stop - start)
         drawn[start:stop] = picked @ squares / len(squares)
-        if progress is not None:
-            progress(stop, draws)
     return percentiles(drawn, level)
 
 

@@ -86,21 +86,15 @@ class PresenceProbability:
         return float(np.exp(np.minimum(self.log_likelihood_ratio, LARGEST_EXPONENT)))
 
     def at_prevalence(self, prevalence: float) -> PresenceProbability:
-        """The probability for the same frames at another prevalence.
+        """The probability for the same frames at another prevalence of targets with an inclusion.
 
-        The ranges of size, depth and modulus remain those of the estimate's prior. Raises `InputError` when the
-        prevalence is out of range.
-
-        Parameters
-        ----------
-        prevalence
-            Fraction of targets with an inclusion, in [1e-9, 1 - 1e-9].
+        The prevalence lies in [1e-9, 1 - 1e-9]; else `InputError` is raised. The ranges of size, depth and modulus
+        remain those of the estimate's prior.
         """
         require_number("prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
         transformed = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))
-        if self.is_bound:  # the ratio is only a bound: 0 and 1 stay
-            transformed = self.probability
-        return replace(self, probability=transformed, prior=prevalence)
+        # Where the ratio is only a bound, 0 and 1 stay.
+        return replace(self, probability=self.probability if self.is_bound else transformed, prior=prevalence)
 
 
 def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProbability:
@@ -142,11 +136,10 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
         )
     if prior is not None and stated is not None and prior != stated:
         raise InputError(f"prior must be that of the estimate, {stated:g}; got {prior!r:.60}: leave it out")
-    uncertainties = tuple(flag for flag in estimate.flags if flag in UNTRUSTED_FLAGS and flag != ABSENCE_FLAG)
     return PresenceProbability(
         probability=estimate.presence,
         prior=stated if prior is None else prior,  # type: ignore[arg-type]
-        caveats=uncertainties,
+        caveats=tuple(flag for flag in estimate.flags if flag in UNTRUSTED_FLAGS and flag != ABSENCE_FLAG),
         evidence=estimate.log_bayes_factor,
     )
 

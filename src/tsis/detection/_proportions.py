@@ -10,7 +10,7 @@ from scipy.special import betaincinv, ndtri
 
 from tsis.detection._inputs import LEVEL, Interval, checked_level, choice
 from tsis.errors import InputError
-from tsis.model import require_integer, require_number
+from tsis.model import require_integer
 
 MOST_TRIALS = 10**12
 
@@ -56,15 +56,10 @@ class Proportion:
         return self.successes / self.trials
 
     def interval(self, level: float = LEVEL, method: str = "wilson") -> Interval:
-        """Interval of the true proportion; `InputError` when the level is no probability, or the method unknown.
+        """Interval of the true proportion with the confidence ``level``, in (0, 1).
 
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-        method
-            ``"wilson"``, with a mean coverage near the level, or ``"exact"`` (Clopper and Pearson), which is wider,
-            with a coverage of at least the level.
+        The method is ``"wilson"``, with a mean coverage near the level, or ``"exact"`` (Clopper and Pearson), which is
+        wider, with a coverage of at least the level. Other levels and methods raise `InputError`.
         """
         of = wilson_interval if choice("method", method, ("wilson", "exact")) == "wilson" else exact_interval
         return of(self.successes, self.trials, level)
@@ -169,12 +164,7 @@ class ProportionRatio:
     def interval(self, level: float = LEVEL) -> Interval:
         """Koopman's score interval, which is valid for small groups and for proportions of 0 and 1.
 
-        Raises `InputError` when the level is no probability.
-
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
+        ``level`` is the confidence, in (0, 1); else `InputError` is raised.
         """
         z = float(ndtri(0.5 + checked_level(level) / 2))
         low = 0.0 if self.first.successes == 0 else 1 / self._upper_end(z, self.second, self.first)
@@ -225,12 +215,7 @@ class ProportionDifference:
     def interval(self, level: float = LEVEL) -> Interval:
         """Newcombe's hybrid interval (1998, method 10), from the Wilson intervals of both proportions.
 
-        Raises `InputError` when the level is no probability.
-
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
+        ``level`` is the confidence, in (0, 1); else `InputError` is raised.
         """
         first, second = self.first.interval(level), self.second.interval(level)
         below = math.hypot(self.first.value - first.low, second.high - self.second.value)
@@ -239,18 +224,7 @@ class ProportionDifference:
 
 
 def score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float:
-    """Score statistic of the proportions under a true ``ratio`` of first to second, in standard errors.
-
-    Raises `InputError` when the ratio is not positive.
-
-    Parameters
-    ----------
-    first, second
-        Proportions of independent groups.
-    ratio
-        The ratio under test, positive.
-    """
-    require_number("ratio", ratio, 1e-300, 1e300)
+    """Score statistic of independent proportions under a true ratio of first to second, in standard errors."""
     m, n, x, y = first.trials, second.trials, first.successes, second.successes
     # The likelihood under that ratio is largest at a root of a quadratic in the first proportion.
     linear = ratio * (m + y) + x + n

@@ -158,15 +158,8 @@ def roc(scores: ArrayLike, present: ArrayLike) -> Roc:
 
     Parameters
     ----------
-    scores
-        Scores of the targets, shape (targets,), finite; higher means that an inclusion is likelier.
-    present
-        Whether the target holds an inclusion, booleans of shape (targets,), both kinds.
-
-    Raises
-    ------
-    InputError
-        When a score is not finite, the truth no booleans, their lengths differ, or a class is missing.
+    scores, present
+        As for `Roc`, which raises `InputError` for invalid ones.
 
     Examples
     --------

@@ -17,43 +17,18 @@ SCALE_TOLERANCE = 1e-6  # relative; far above the rounding of a scale in a file
 
 
 def subtract_dark(image: TactileImage, dark: TactileImage) -> TactileImage:
-    """Subtract the camera's dark level.
+    """Subtract the camera's dark level: a frame with the lamps off, at the same camera settings; best a mean of many.
 
-    Parameters
-    ----------
-    image
-        Any frame, grey levels.
-    dark
-        A frame with the lamps off, at the same camera settings; best a mean of many.
-
-    Returns
-    -------
-    TactileImage
-        ``image - dark``; noise can make it negative.
-
-    Raises
-    ------
-    ImageMismatchError
-        When size, scale or full scale differ.
+    Noise can make the result negative. Raises `ImageMismatchError` when size, scale or full scale differ.
     """
     require_same_frame(image, dark, "dark")
     return replace(image, grey=image.grey - dark.grey)
 
 
 def flatten(image: TactileImage, flat: TactileImage) -> TactileImage:
-    """Divide by the light's pattern and preserve the mean brightness.
+    """Divide by the light's pattern and preserve the mean brightness: ``image * mean(flat) / flat``.
 
-    Parameters
-    ----------
-    image
-        A frame without dark level.
-    flat
-        A frame of a uniform object under the same light, without dark level.
-
-    Returns
-    -------
-    TactileImage
-        ``image * mean(flat) / flat``.
+    ``flat`` is a frame of a uniform object under the same light. Both are without dark level.
 
     Raises
     ------
@@ -86,18 +61,6 @@ def match_light(reference: TactileImage, image: TactileImage) -> TactileImage:
 
     Lamps drift by some per cent while they warm up. The ratio is the median of ``image / reference``, so it is valid
     while less than half of the field is touched. Do not use it on frames with contact over the whole field.
-
-    Parameters
-    ----------
-    reference
-        The untouched probe, lit somewhere.
-    image
-        A frame of the same probe, mostly untouched.
-
-    Returns
-    -------
-    TactileImage
-        The reference times the ratio.
 
     Raises
     ------

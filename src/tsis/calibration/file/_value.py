@@ -22,18 +22,14 @@ if TYPE_CHECKING:
 
 LONGEST_NAME, LONGEST_NOTE = 200, 1000
 YEARS = (2000, 2200)  # any time in these years can be converted to another zone and extended
-MEASURED_IN: Mapping[str, Mapping[str, str]] = MappingProxyType(
+MEASURED_IN: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
     {
-        "reference": MappingProxyType(
-            {"read_noise_grey": "grey", "shot_noise_grey": "grey", "stray_grey": "grey", "patch_grey": "grey"}
-        ),
-        "force_line": MappingProxyType(
-            {
-                "intercept_grey": "grey",
-                "slope_grey_per_n": "grey/N",
-                "residual_grey": "grey",
-                "residual_share": "",
-            }
+        "reference": tuple((f"{name}_grey", "grey") for name in ("read_noise", "shot_noise", "stray", "patch")),
+        "force_line": (
+            ("intercept_grey", "grey"),
+            ("slope_grey_per_n", "grey/N"),
+            ("residual_grey", "grey"),
+            ("residual_share", ""),
         ),
     }
 )
@@ -70,7 +66,7 @@ def require_time(what: str, moment: object) -> None:
 
 def require_measured(part: str, value: Any) -> None:
     """Refuse a part with a measured number in another unit, or negative where only 0 or more is possible."""
-    for name, unit in MEASURED_IN.get(part, {}).items():
+    for name, unit in MEASURED_IN.get(part, ()):
         number: MeasuredValue | None = getattr(value, name)
         if number is None:
             continue

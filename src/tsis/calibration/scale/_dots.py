@@ -43,17 +43,7 @@ BY_CHANCE = 2.0  # standard deviations that noise explains
 def with_model_uncertainty(
     sizes: tuple[MeasuredValue, MeasuredValue], fitted: BoardMap, cell: NDArray[np.float64]
 ) -> tuple[MeasuredValue, ...]:
-    """Pixel sizes (x, y) with the uncertainty of the map itself added to that of its residuals.
-
-    Parameters
-    ----------
-    sizes
-        From the residuals alone, pitch included.
-    fitted
-        The map from board to image.
-    cell
-        Lattice position, shape (2,), in pitches.
-    """
+    """Pixel sizes (x, y) at a lattice position with the uncertainty of the map added to that of its residuals."""
     bend = _beyond_noise(*fitted.bend(cell))
     # An error between none and half the skew is equally likely (GUM 4.3.7: bound over the root of three).
     askew = _skew_beyond_noise(fitted, cell) / 2 / EVEN

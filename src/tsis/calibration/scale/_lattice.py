@@ -99,28 +99,16 @@ DENSE = 1.2  # links each to neighbours: 2 on an endless board without gaps
 
 
 def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Give each spot its lattice position.
+    """Row number and lattice position (spot, i, j) of each spot of the lattice; (0, 3) when no two steps repeat.
 
     From a first dot the lattice grows to the neighbour nearest to its prediction, with steps that follow the image's
     distortion; a missing dot is skipped. Growth begins at the dots with the most common steps; the lattice with
-    clearly the most pairs of neighbours wins.
-
-    Parameters
-    ----------
-    positions_px
-        Centres (x, y), shape (n, 2), pixels.
-
-    Returns
-    -------
-    ndarray
-        Row number of the spot and its lattice position: columns (spot, i, j), one row for each spot of the lattice;
-        shape (0, 3) when no two steps repeat. The order of the lattice's axes is arbitrary.
+    clearly the most pairs of neighbours wins. The order of the lattice's axes is arbitrary.
 
     Examples
     --------
     >>> j, i = np.mgrid[:3, :4]
-    >>> positions = np.stack([50.0 * i.ravel(), 50.0 * j.ravel()], axis=1)
-    >>> index_lattice(positions).shape
+    >>> index_lattice(np.stack([50.0 * i.ravel(), 50.0 * j.ravel()], axis=1)).shape
     (12, 3)
     """
     best = np.empty((0, 3), dtype=np.int64)

@@ -56,6 +56,24 @@ def frame_rate(time_s: ArrayLike) -> MeasuredValue:
 SENSITIVITY_NOTE = (
     "the source's text gives the probe 2.5e-3 N and the fingertip 2.0e-2 N, its table 4.1 gives 2.0e-3 N and 2.5e-2 N"
 )
+EDGE_NOTE = "10 to 90 % of an edge of contact; the printed 9.8 um is the pitch of the sensor's pixels"
+RATE_NOTE = "frames a second; what can be followed without aliasing is half of it"
+LOOP_NOTE = f"loading less unloading over the range, at {HYSTERESIS_POINT:g} of the largest force"
+REPEAT_NOTE = "standard deviation of repeated loadings of one tip over the range"
+COMPARED = (  # quantity, unit, and the source's values for the fingertip and for its probe
+    ("spatial resolution", "mm", "0.1 mm", "9.8 um", EDGE_NOTE),
+    ("frame rate", "1/s", "0 to 100 Hz", "0 to 30 Hz", RATE_NOTE),
+    (
+        "smallest detectable force",
+        "N",
+        "2.5e-2 N",
+        "2.0e-3 N",
+        f"5 % false alarms and 5 % misses of one frame; {SENSITIVITY_NOTE}",
+    ),
+    ("largest force", "N", "", "2 N", "without clipped pixels, as far as it was pressed"),
+    ("hysteresis", "", "High", "Low", LOOP_NOTE),
+    ("repeatability", "", "", "good", REPEAT_NOTE),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,56 +150,18 @@ def specification_sheet(
         When ``probe`` is not a text.
     """
     require_type("probe", probe, str)
-    return Specification(
-        probe=probe,
-        rows=(
-            SpecificationRow(
-                quantity="spatial resolution",
-                unit="mm",
-                measured=edge_mm,
-                fingertip="0.1 mm",
-                printed="9.8 um",
-                note="10 to 90 % of an edge of contact; the printed 9.8 um is the pitch of the sensor's pixels",
-            ),
-            SpecificationRow(
-                quantity="frame rate",
-                unit="1/s",
-                measured=frames_per_s,
-                fingertip="0 to 100 Hz",
-                printed="0 to 30 Hz",
-                note="frames a second; what can be followed without aliasing is half of it",
-            ),
-            SpecificationRow(
-                quantity="smallest detectable force",
-                unit="N",
-                measured=diagnostics.detectable_n,
-                fingertip="2.5e-2 N",
-                printed="2.0e-3 N",
-                note=f"5 % false alarms and 5 % misses of one frame; {SENSITIVITY_NOTE}",
-            ),
-            SpecificationRow(
-                quantity="largest force",
-                unit="N",
-                measured=line.with_uncertainty(line.most_n),
-                fingertip="",
-                printed="2 N",
-                note="without clipped pixels, as far as it was pressed",
-            ),
-            SpecificationRow(
-                quantity="hysteresis",
-                unit="",
-                measured=diagnostics.hysteresis,
-                fingertip="High",
-                printed="Low",
-                note=f"loading less unloading over the range, at {HYSTERESIS_POINT:g} of the largest force",
-            ),
-            SpecificationRow(
-                quantity="repeatability",
-                unit="",
-                measured=diagnostics.repeatability,
-                fingertip="",
-                printed="good",
-                note="standard deviation of repeated loadings of one tip over the range",
-            ),
-        ),
+    measured = {
+        "spatial resolution": edge_mm,
+        "frame rate": frames_per_s,
+        "smallest detectable force": diagnostics.detectable_n,
+        "largest force": line.with_uncertainty(line.most_n),
+        "hysteresis": diagnostics.hysteresis,
+        "repeatability": diagnostics.repeatability,
+    }
+    rows = tuple(
+        SpecificationRow(
+            quantity=name, unit=unit, measured=measured[name], fingertip=fingertip, printed=printed, note=note
+        )
+        for name, unit, fingertip, printed, note in COMPARED
     )
+    return Specification(probe=probe, rows=rows)

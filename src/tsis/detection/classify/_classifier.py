@@ -127,8 +127,8 @@ class TrainingSet:
             )
         if features[:, :3].min() <= 0 or features.max() > LARGEST or np.abs(features[:, 3]).max() > LARGEST_LOG_RATIO:
             raise InputError(
-                "features must be positive sizes up to 1e6 and what is told of a ratio within "
-                f"±{LARGEST_LOG_RATIO:g}; got a row beyond that"
+                f"features must be positive sizes up to 1e6 and a transformed ratio within ±{LARGEST_LOG_RATIO:g}; "
+                "got a row beyond that"
             )
         if not np.isin(labels, range(CLASSES)).all():
             raise InputError(f"labels must be 0, 1 or 2; got {int(labels[~np.isin(labels, range(CLASSES))][0])}")
@@ -242,13 +242,7 @@ class Classifier:
         return reported
 
     def classify(self, reading: TargetEvidence) -> Classified:
-        """Probabilities of the classes of a target.
-
-        Parameters
-        ----------
-        reading
-            As `measured` takes it from an estimate.
-        """
+        """Probabilities of the classes of a target."""
         require_type("reading", reading, TargetEvidence)
         mean, single = (self.probabilities(rows).mean(axis=0) for rows in (reading.rows, reading.at_mean[None]))
         names = self.split.names

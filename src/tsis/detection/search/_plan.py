@@ -13,8 +13,6 @@ from tsis.errors import InputError
 from tsis.model import require_integer, require_number, require_pair, require_type
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from tsis.detection.search._range import DetectionRange
@@ -116,12 +114,8 @@ class ScanPlan:
     def duration_s(self, *, press_s: float, speed_mm_s: float) -> float:
         """Time of all presses and of the path between them; `InputError` when a value lies outside its range.
 
-        Parameters
-        ----------
-        press_s
-            Of a press, settling and lifting included, in [0, 3600].
-        speed_mm_s
-            Of the probe between presses, in [0.01, 1000].
+        A press takes ``press_s``, in [0, 3600], settling and lifting included. Between presses the probe moves at
+        ``speed_mm_s``, in [0.01, 1000].
         """
         require_number("press_s", press_s, 0.0, 3600.0, hint="seconds")
         return self.presses * press_s + self.travel_mm / require_number("speed_mm_s", speed_mm_s, 0.01, 1000.0)
@@ -273,29 +267,19 @@ def smallest_found_mm(
     low, high = require_pair("sizes_mm", sizes_mm)
     require_number("the low end of sizes_mm", low, 0.1, 100.0)
     require_number("the high end of sizes_mm", high, low, 100.0)
-    checked = _checked(detection_range)
     enough = plan.worst_distance_mm * (1 - ROUNDING)
-    tried = np.linspace(low, high, STEPS)
-    missed = [item for item in tried.tolist() if checked(item, depth_mm) < enough]
+
+    def detected(size: float) -> bool:
+        extent = detection_range(size, depth_mm)
+        return require_number("the detection range", extent, 0.0, FARTHEST_MM, hint="millimetres") >= enough
+
+    missed: list[float] = [size for size in np.linspace(low, high, STEPS).tolist() if not detected(size)]
     if not missed:
         return low
     if missed[-1] == high:
         return None
-    return _turning(lambda size: checked(size, depth_mm) >= enough, missed[-1], missed[-1] + (high - low) / (STEPS - 1))
-
-
-def _turning(holds: Callable[[float], bool], below: float, above: float) -> float:
-    """Least value of a condition that is false below and true above."""
+    below, above = missed[-1], missed[-1] + (high - low) / (STEPS - 1)
     while above - below > 1e-9 * above:
         middle = (below + above) / 2
-        below, above = (below, middle) if holds(middle) else (middle, above)
+        below, above = (below, middle) if detected(middle) else (middle, above)
     return above
-
-
-def _checked(detection_range: DetectionRange) -> DetectionRange:
-    def asked(diameter_mm: float, depth_mm: float) -> float:
-        return require_number(
-            "the detection range", detection_range(diameter_mm, depth_mm), 0.0, FARTHEST_MM, hint="millimetres"
-        )
-
-    return asked
