@@ -148,19 +148,13 @@ def connect(spec: str) -> Camera:
     require_type("spec", spec, str)
     name, _, identity = spec.partition(":")
     require_one_of("camera source", name, SOURCES)
-    if name == "opencv":
-        if not identity.isdecimal() and identity:
-            raise InputError(f"opencv cameras go by their number, as in opencv:0; got {spec!r:.80}")
-        return _class(*_LIVE[name][1:])(int(identity or 0))  # type: ignore[no-any-return]
-    if name in _LIVE:
-        return _class(*_LIVE[name][1:])(identity)  # type: ignore[no-any-return]
-    if not identity:
+    if name == "opencv" and identity and not identity.isdecimal():
+        raise InputError(f"opencv cameras go by their number, as in opencv:0; got {spec!r:.80}")
+    if name in _STORED and not identity:
         raise InputError(f"{name}: must be followed by a path, as in {name}:frames; got {spec!r}")
-    return _class(*_STORED[name])(identity)  # type: ignore[no-any-return]
-
-
-def _class(module: str, name: str) -> Any:
-    return getattr(importlib.import_module(f"{_HOME}.{module}"), name)
+    module, camera = _LIVE[name][1:] if name in _LIVE else _STORED[name]
+    driver = getattr(importlib.import_module(f"{_HOME}.{module}"), camera)
+    return driver(int(identity or 0) if name == "opencv" else identity)  # type: ignore[no-any-return]
 
 
 def _searching_module(source: str) -> Any:

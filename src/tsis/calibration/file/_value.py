@@ -218,9 +218,7 @@ new one: tsis calibrate)
                     f"calibration {self.name!r} must be of the {what} in use, {theirs!r}; it is of {ours!r} "
                     "(choose its own calibration, or make one: tsis calibrate)"
                 )
-        self._require_settings(settings or {})
-
-    def _require_settings(self, present: Mapping[str, float]) -> None:
+        present = settings or {}
         for name, value in self.settings.items():
             if name in present and abs(present[name] - value) > SETTING_TOLERANCE * max(abs(value), 1e-9):
                 raise CalibrationError(

@@ -280,12 +280,9 @@ def _side(x: float, y: float) -> str:
 def _hold(settling: Settling) -> str:
     if settling.wait_s is None:
         return "hold still: whether the press has settled cannot be told yet"
-    fraction = abs(settling.remaining.value)
-    return f"hold still for {_duration(settling.wait_s)}: {fraction:.1%} of the light is still to come or go"
-
-
-def _duration(seconds: float) -> str:
-    return f"{math.ceil(seconds)} s" if seconds <= 120 else f"{math.ceil(seconds / 60)} min"
+    fraction, wait_s = abs(settling.remaining.value), settling.wait_s
+    duration = f"{math.ceil(wait_s)} s" if wait_s <= 120 else f"{math.ceil(wait_s / 60)} min"
+    return f"hold still for {duration}: {fraction:.1%} of the light is still to come or go"
 
 
 def _above(name: str, value: float, limit: float, advice: str) -> LimitExcess:

@@ -109,13 +109,14 @@ def read_guard_frame(pixels: NDArray[Any], prepared: Prepared, *, force_n: float
     noise = NOISE_FACTOR * max(pixel_noise(change), rounding) / (2.0 * SMOOTH_PX * float(np.sqrt(np.pi)))
     drift, ambient = lamps_and_ambient(pixels, outside, prepared)
     tilt = off_centre = saturated = cropped = None
+    clipped = pixels >= shape.full_scale
+    everywhere = float(clipped.mean())
     if peak > noise:
         mask = _around((int(row), int(column)), smooth > max(noise, FOOT * peak))
         if np.count_nonzero(mask) >= LEAST_AREA:
             tilt, off_centre = _moments(smooth, mask, prepared)
-            saturated = _clipped(pixels, mask, prepared)
+            saturated = float(shape.means(clipped)[mask].mean()) if everywhere > 0 else 0.0
             cropped = _brightest_at_border(smooth, (int(row), int(column))) / peak
-    everywhere = float((pixels >= shape.full_scale).mean())
     if everywhere > MOST:
         saturated = everywhere
     return GuardReading(
@@ -201,14 +202,6 @@ def _moments(
         gradient.append(radius * float(weights @ difference) / second)
     level = prepared.level_tilt
     return (gradient[0] - level[0], gradient[1] - level[1]), math.hypot(*centre) / radius
-
-
-def _clipped(pixels: NDArray[Any], mask: NDArray[np.bool], prepared: Prepared) -> float:
-    """Fraction of the contact's pixels at full scale."""
-    clipped = pixels >= prepared.shape.full_scale
-    if not np.count_nonzero(clipped):
-        return 0.0
-    return float(prepared.shape.means(clipped)[mask].mean())
 
 
 def prepare_reference(reference: GuardReference, shape: FrameShape) -> Prepared:

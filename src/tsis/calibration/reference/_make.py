@@ -81,7 +81,8 @@ def make_reference(
     base_single, light_single = _single(base), _single(light)
     field = good.copy()
     if patch is not None:
-        _require_lit(patch, base_single, light_single, full_scale)
+        # The press guard's limit uses the mean of the dark frame instead of its level in the patch.
+        require_lit(float(patch.cut(base_single + light_single).mean()) - float(base_single.mean()), full_scale)
         patch.cut(field)[:] = False
     relative = _relative(groups[2:], base, light, field, patch)
     lit = [*groups[1:], *(stack("scenes", scene, least=LEAST_FRAMES) for scene in scenes)]
@@ -123,13 +124,6 @@ def _lamps_of(
     light = patch.cut(frames - base).mean(axis=(1, 2))
     require_lit(float(light.min()), full_scale)
     return np.asarray(light / light.mean())
-
-
-def _require_lit(
-    patch: ReferencePatch, dark: NDArray[np.float64], light: NDArray[np.float64], full_scale: float
-) -> None:
-    """Apply the press guard's limit, which uses the mean of the dark frame instead of its level in the patch."""
-    require_lit(float(patch.cut(dark + light).mean()) - float(dark.mean()), full_scale)
 
 
 def _patch_light(

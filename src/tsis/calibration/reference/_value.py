@@ -155,7 +155,11 @@ class CameraReference:
         lamps = self.lamp_ratio(image)  # refuses frames of another camera or mode
         touch = (image.grey - self.dark_grey) / lamps - self.untouched_grey
         touch /= np.maximum(self.relative_light, LEAST_LIGHT)
-        return _mended(touch, self.usable)
+        if self.usable.all():
+            return touch
+        weights = uniform_filter(self.usable.astype(float), 3, mode="nearest")
+        sums = uniform_filter(np.where(self.usable, touch, 0.0), 3, mode="nearest")
+        return np.where(self.usable, touch, np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0.1))
 
     def clipped(self, image: TactileImage) -> float:
         """Fraction of good pixels at full scale."""
@@ -179,12 +183,3 @@ def _lamps(ratio: float) -> str:
         f"the lamps must be as at the reference within [{LAMP_RANGE[0]:g}, {LAMP_RANGE[1]:g}]; they are at {ratio:.2f} "
         "of it (switch them on and let them warm up, or take a new reference)"
     )
-
-
-def _mended(values: NDArray[np.float64], usable: NDArray[np.bool]) -> NDArray[np.float64]:
-    """Replace unusable pixels by the mean of usable neighbours, zero without any."""
-    if usable.all():
-        return values
-    weights = uniform_filter(usable.astype(float), 3, mode="nearest")
-    sums = uniform_filter(np.where(usable, values, 0.0), 3, mode="nearest")
-    return np.where(usable, values, np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0.1))

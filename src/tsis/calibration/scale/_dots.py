@@ -216,6 +216,7 @@ def scale_from_dots(
         skew_deg=skew_deg(step),
     )
     chance = chance_of(fit_order(fitted.cells, fitted.positions_px, FIRST_ORDER), fitted)
+    sizes = np.array([np.linalg.norm(fitted.face_step(dot), axis=0) for dot in fitted.cells])
     diagnostics = DotDiagnostics(
         centres_px=centres,
         cells=fitted.cells,
@@ -226,7 +227,7 @@ def scale_from_dots(
         order=fitted.order,
         distortion_chance=chance,
         distorted=chance < BEYOND_CHANCE,
-        largest_change=_largest_change(fitted, step),
+        largest_change=float(np.abs(sizes / np.linalg.norm(step, axis=0) - 1).max()),
     )
     return scale, diagnostics
 
@@ -281,9 +282,3 @@ def _check_rough(fitted: BoardMap) -> None:
 
 def _root_mean_square(residuals_px: NDArray[np.float64]) -> float:
     return float(np.sqrt((residuals_px**2).sum(axis=1).mean()))
-
-
-def _largest_change(fitted: BoardMap, step: NDArray[np.float64]) -> float:
-    here = np.linalg.norm(step, axis=0)
-    sizes = np.array([np.linalg.norm(fitted.face_step(cell), axis=0) for cell in fitted.cells])
-    return float(np.abs(sizes / here - 1).max())

@@ -144,7 +144,8 @@ def _first_steps(
         if np.linalg.norm(ways + way, axis=1).min() < MISS * np.linalg.norm(way)
         and (way[0], way[1]) > (-way[0], -way[1])
     ]
-    for first_way, second_way in sorted(itertools.combinations(forth_and_back, 2), key=_length):
+    pairs = itertools.combinations(forth_and_back, 2)
+    for first_way, second_way in sorted(pairs, key=lambda pair: float(np.linalg.norm(pair, axis=1).sum())):
         area = first_way[0] * second_way[1] - first_way[1] * second_way[0]
         if abs(area) > 0.5 * np.linalg.norm(first_way) * np.linalg.norm(second_way):
             return first_way, second_way
@@ -163,10 +164,6 @@ def _link_count(rows: NDArray[np.int64]) -> int:
     """Pairs of neighbours on the lattice."""
     cells = {(int(i), int(j)) for _, i, j in rows}
     return sum(((i + 1, j) in cells) + ((i, j + 1) in cells) for i, j in cells)
-
-
-def _length(steps: tuple[NDArray[np.float64], NDArray[np.float64]]) -> float:
-    return float(np.linalg.norm(steps, axis=1).sum())
 
 
 def _grown(

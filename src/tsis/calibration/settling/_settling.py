@@ -213,11 +213,7 @@ def _verdict(decay: Decay, count: int, tolerance: float, display: float) -> Sett
         return Settling(verdict="settled", remaining=change, bound=bound, wait_s=0.0)
     if low < tolerance and high > -tolerance:
         return Settling(verdict="cannot tell", remaining=change, bound=bound, wait_s=None)
-    return Settling(verdict="settling", remaining=change, bound=bound, wait_s=_wait(decay, tolerance))
-
-
-def _wait(decay: Decay, tolerance: float) -> float:
-    """Time from now until the part of the best fit still to fade is below the tolerance."""
     longest = float(decay.tau_s[-1])
     wait = np.r_[0.0, np.geomspace(1e-3 * longest, 20.0 * longest, 600)]
-    return float(wait[np.argmax(np.abs(decay.fading(wait)) <= tolerance * abs(decay.level))])
+    below = np.abs(decay.fading(wait)) <= tolerance * abs(decay.level)
+    return Settling(verdict="settling", remaining=change, bound=bound, wait_s=float(wait[np.argmax(below)]))

@@ -137,22 +137,19 @@ def read_detection_range(path: str | os.PathLike[str], *, probability: float = 0
         When it is no such table.
     """
     path = as_path(path)
-    rows = _numbers(path)
+    name, rows = printable_path(path), _numbers(path)
     sizes, depths = (np.unique([row[axis] for row in rows]) for axis in (0, 1))
     cells = {(row[0], row[1]): row[2] for row in rows}
     if len(cells) != len(rows) or len(rows) != len(sizes) * len(depths):
         raise FileInputError(
-            f"{printable_path(path)} must hold each of its {len(sizes)} sizes with each of its "
-            f"{len(depths)} depths once; got "
+            f"{name} must hold each of its {len(sizes)} sizes with each of its {len(depths)} depths once; got "
             f"{len(rows)} rows"
         )
-    detection_range = [[cells[float(size), float(depth)] for depth in depths] for size in sizes]
+    extents = np.array([[cells[float(size), float(depth)] for depth in depths] for size in sizes])
     try:
-        return DetectionRangeTable(
-            diameter_mm=sizes, depth_mm=depths, reach_mm=np.array(detection_range), probability=probability
-        )
+        return DetectionRangeTable(diameter_mm=sizes, depth_mm=depths, reach_mm=extents, probability=probability)
     except InputError as error:
-        raise FileInputError(f"{printable_path(path)}: {error}") from error
+        raise FileInputError(f"{name}: {error}") from error
 
 
 def measured_detection_range(probe: str) -> DetectionRangeTable | None:

@@ -11,13 +11,13 @@ import cv2
 import numpy as np
 
 from tsis.errors import CameraError
-from tsis.instrument._camera import Frame, Mode, Setting
+from tsis.instrument._camera import Frame, Mode, Setting, checked_setting
 from tsis.instrument._discovery import CameraInfo
 from tsis.instrument._image_files import grey_of_opencv
 from tsis.instrument._quiet import quiet_decoders
 from tsis.instrument.drivers._files import natural_key
 from tsis.instrument.drivers._video import OpenCVCapture
-from tsis.model import require_number, require_one_of
+from tsis.model import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -33,15 +33,7 @@ def missing_requirement() -> str | None:
 
 
 def find_cameras_here(*, devices: Path = _LINUX_DEVICES, platform: str = sys.platform) -> tuple[CameraInfo, ...]:
-    """On Linux the devices that the system lists; elsewhere the first indices that open.
-
-    Parameters
-    ----------
-    devices
-        Folder in which Linux lists video devices.
-    platform
-        As ``sys.platform``.
-    """
+    """On Linux the devices that the system lists in a folder; elsewhere the first indices that open."""
     return _listed(devices) if platform == "linux" else _opening()
 
 
@@ -139,10 +131,7 @@ class OpenCVDevice(OpenCVCapture):
         Raises `UnknownNameError` when the camera has no such setting; `CameraError` when the camera does not take the
         value.
         """
-        present = {setting.name: setting for setting in self.settings()}
-        if not present:
-            raise CameraError(f"{self.name} has no setting called {name!r}; it has none at all")
-        requested = present[require_one_of("setting", name, present)].checked(value)
+        requested = checked_setting(self.settings(), name, value, camera=self.name)
         with self._lock:
             taken = self._opened().set(_PROPERTIES[name], requested)
         if not taken:
@@ -166,7 +155,8 @@ class OpenCVDevice(OpenCVCapture):
         settings = {setting.name: setting.value for setting in self.settings()}
         sequence, first_s = 0, None
         while self._running.is_set():
-            present, pixels = self._read()
+            with self._lock:
+                present, pixels = (False, None) if self._capture is None else self._capture.read()
             now_s = self._clock()
             if not self._running.is_set():
                 return
@@ -182,10 +172,6 @@ class OpenCVDevice(OpenCVCapture):
                 settings=settings,
             )
             sequence += 1
-
-    def _read(self) -> tuple[bool, Any]:
-        with self._lock:
-            return (False, None) if self._capture is None else self._capture.read()
 
     def _not_opened(self) -> CameraError:
         return CameraError(f"{self.name} must be opened first; call open()")

@@ -93,24 +93,18 @@ class VideoFile(OpenCVCapture, StoredFrames):
         Raises `FileInputError` when there is no such file, it is no regular file, empty, cut short or no video.
         """
         self.stop()
+        path = printable_path(self._path)
         if read_head(self._path).lstrip().startswith(_LISTS):
-            raise FileInputError(
-                f"{printable_path(self._path)} must be a video file; got a list that names other files"
-            )
+            raise FileInputError(f"{path} must be a video file; got a list that names other files")
         with quiet_decoders(), quiet_ffmpeg():
             # by its absolute path, so that no name is taken for an address, a device or a pattern
             capture = cv2.VideoCapture(os.path.realpath(self._path), cv2.CAP_FFMPEG)
         if not capture.isOpened():
-            raise FileInputError(
-                f"{printable_path(self._path)} must be a complete video file; no decoder could open it"
-            )
+            raise FileInputError(f"{path} must be a complete video file; no decoder could open it")
         columns, rows = (int(capture.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
         if not 0 < columns * rows <= LARGEST_PIXELS:
             capture.release()
-            size = f"{columns} x {rows}"
-            raise FileInputError(
-                f"{printable_path(self._path)} must hold at most {LARGEST_PIXELS} pixels a frame; got {size}"
-            )
+            raise FileInputError(f"{path} must hold at most {LARGEST_PIXELS} pixels a frame; got {columns} x {rows}")
         self._capture, self._lost = capture, False
 
     def frames(self) -> Iterator[Frame]:

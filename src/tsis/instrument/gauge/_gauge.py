@@ -30,7 +30,6 @@ class ForceReading:
         Step of the gauge's display in newtons, 0 when unknown.
     time_error_s
         Half-width of the interval in which the gauge took the reading, in seconds; 0 when unknown.
-        Half-width of the time in which the gauge must have taken the reading, in seconds; 0 when it is not known.
 
     Examples
     --------

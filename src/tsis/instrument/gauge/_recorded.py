@@ -42,11 +42,10 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     ['time_s,force_n,resolution_n,time_error_s', '1.5,0.25,0.0,0.0']
     """
     file, rows = as_path(path), list(readings)
+    cure = "write parts of a long run as files of their own"
     if not 0 < len(rows) <= MOST_READINGS:
-        raise InputError(
-            f"readings must be 1 to {MOST_READINGS}, so that they can be read back; got {len(rows) or 'none'} "
-            "(write parts of a long run as files of their own)"
-        )
+        number = len(rows) or "none"
+        raise InputError(f"readings must be 1 to {MOST_READINGS}, so that they can be read back; got {number} ({cure})")
     if any(after.time_s <= before.time_s for before, after in pairwise(rows)):
         raise InputError("readings must have ascending times; sort them, or select those of one run")
     if file.exists():
@@ -59,7 +58,7 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     if len(content) > LARGEST_BYTES:
         raise InputError(
             f"readings must take at most {LARGEST_BYTES} bytes, so that they can be read back; got {len(content)} "
-            "(write parts of a long run as files of their own)"
+            f"({cure})"
         )
     try:
         write_durably(file, content)
@@ -87,15 +86,7 @@ class RecordedGauge:
         """The file's name."""
         return self._path.name
 
-    @property
-    def lost(self) -> bool:
-        """False: a file is complete or refused."""
-        return False
-
-    @property
-    def skipped(self) -> int:
-        """0: a file with invalid lines is refused."""
-        return 0
+    lost, skipped = False, 0  # an incomplete file or one with invalid lines is refused
 
     def open(self) -> None:
         """Read the file.

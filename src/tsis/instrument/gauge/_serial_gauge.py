@@ -176,7 +176,12 @@ class SerialGauge:
         if reply.kind is ReplyKind.GARBAGE or cut:
             self._skip(line)
             return None
-        force_n, resolution_n = self._newtons(reply)
+        try:
+            force_n, resolution_n = newtons(reply, unit=self._unit)
+        except GaugeError as error:
+            raise GaugeError(f"{self.name} gives no force: {error}") from error
+        self._unit = self._unit or reply.unit
+        self._sends_unit = self._sends_unit or bool(reply.unit)
         if abs(force_n) > LARGEST_FORCE_N:
             self._skip(line)
             return None
@@ -185,15 +190,6 @@ class SerialGauge:
         return ForceReading(
             time_s=self._last_s, force_n=force_n, resolution_n=resolution_n, time_error_s=line.time_error_s
         )
-
-    def _newtons(self, reply: Reply) -> tuple[float, float]:
-        try:
-            force = newtons(reply, unit=self._unit)
-        except GaugeError as error:
-            raise GaugeError(f"{self.name} gives no force: {error}") from error
-        self._unit = self._unit or reply.unit
-        self._sends_unit = self._sends_unit or bool(reply.unit)
-        return force
 
     def _skip(self, line: Line) -> None:
         self._skipped += 1

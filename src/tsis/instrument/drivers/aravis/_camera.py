@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import CameraError
-from tsis.instrument._camera import LATE_FRAMES, SILENT_S, Frame
+from tsis.instrument._camera import SILENT_S, Frame, checked_setting, silence_timeout_s
 from tsis.instrument.drivers._frame_numbers import BlockCount
 from tsis.instrument.drivers.aravis import _features as features
 from tsis.instrument.drivers.aravis._connection import Connection, Stream
 from tsis.instrument.drivers.aravis._library import load
-from tsis.model import require_one_of, require_type
+from tsis.model import require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -29,33 +29,18 @@ TORN_S = 10.0  # with incomplete frames only
 
 
 class Watch:
-    """Started whenever a reader begins to wait, so that the reader's own time does not count.
-
-    Parameters
-    ----------
-    clock
-        Seconds, monotonic.
-    """
+    """Started whenever a reader begins to wait, so that the reader's own time does not count."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._began_s = self._heard_s = clock()
         self._torn = 0
 
-    def reason(self, *, heard: bool, period_s: float = 0.0) -> str | None:
-        """Why the camera counts as lost; None if it does not.
-
-        Parameters
-        ----------
-        heard
-            Whether an incomplete frame arrived.
-        period_s
-            Duration of a frame with the present settings, seconds.
-        """
+    def reason(self, *, heard: bool, silent_s: float = SILENT_S) -> str | None:
+        """Why the camera counts as lost; None if it does not. An incomplete frame counts as ``heard``."""
         now_s = self._clock()
         if heard:
             self._heard_s, self._torn = now_s, self._torn + 1
-        silent_s = max(SILENT_S, LATE_FRAMES * period_s)
         if now_s - self._heard_s >= silent_s:
             return f"nothing came for {silent_s:g} s"
         if now_s - self._began_s >= max(TORN_S, silent_s) and self._torn:
@@ -158,8 +143,7 @@ class AravisCamera:
         """
         with self._controlling:
             connection = self._opened()
-            by_name = {setting.name: setting for setting in self.settings()}
-            requested = by_name[require_one_of("setting", name, by_name)].checked(value)
+            requested = checked_setting(self.settings(), name, value, camera=self.name)
             features.adjust(connection.aravis, connection.camera, name, requested)
             if self._running.is_set():
                 self._taken = [*self._taken[-1:], (time.time_ns(), features.values(self.settings()))]
@@ -210,7 +194,7 @@ class AravisCamera:
             heard, frame = self._popped(reading)
             if frame is not None:
                 return frame
-            reason = watch.reason(heard=heard, period_s=self._period_s())
+            reason = watch.reason(heard=heard, silent_s=silence_timeout_s(self._taken[-1][1]))
             if reason and self._running.is_set():
                 name, self._lost = self.name, True
                 self.stop()
@@ -218,12 +202,6 @@ class AravisCamera:
                     f"{name} was lost after {reading.delivered} frames: {reason}; check its cable and open it again"
                 )
         return None
-
-    def _period_s(self) -> float:
-        """Duration of a frame with the present settings; 0 when unknown."""
-        _, taken = self._taken[-1]
-        rate = taken.get("frames_per_s", 0.0)
-        return max(1 / rate if rate > 0 else 0.0, taken.get("exposure_ms", 0.0) / 1000)
 
     def _popped(self, reading: _Reading) -> tuple[bool, Frame | None]:
         """Whether anything arrived within a short time, and the frame if it is complete."""

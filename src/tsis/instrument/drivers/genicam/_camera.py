@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING
 
 from tsis.errors import CameraError
-from tsis.instrument._camera import Frame, Mode
+from tsis.instrument._camera import Frame, Mode, silence_timeout_s
 from tsis.instrument.drivers._frame_numbers import FULL_SCALE, BlockCount
 from tsis.instrument.drivers.genicam import _settings as genicam_settings
 from tsis.instrument.drivers.genicam._link import reason
@@ -83,7 +83,7 @@ def _grey_formats(nodes: Nodes) -> list[str]:
 def _size(nodes: Nodes) -> tuple[NumberNode, NumberNode]:
     width, height = number_node(nodes, "Width"), number_node(nodes, "Height")
     if width is None or height is None:
-        raise CameraError("the camera does not tell the size of its frames")
+        raise CameraError("the camera does not report the size of its frames")
     return width, height
 
 
@@ -167,10 +167,9 @@ class GenICamCamera:
         link = self._connect()
         name = f"{self._source} camera {link.identity}"
         with _open_identities_lock:
-            free = name not in _open_identities
-            if free:
-                _open_identities.add(name)
-        if not free:
+            taken = name in _open_identities
+            _open_identities.add(name)
+        if taken:
             with contextlib.suppress(*link.errors):
                 link.close()
             raise CameraError(f"{name} is busy: this program holds it already; stop() that camera first")
@@ -275,7 +274,7 @@ class GenICamCamera:
             if not present:
                 raise self._loss("it was removed")
             silent_s = self._clock() - silent_since_s
-            if silent_s >= genicam_settings.timeout_s(self._values):
+            if silent_s >= silence_timeout_s(self._values):
                 raise self._loss(f"no frame came for {silent_s:.1f} s")
         return grab
 
