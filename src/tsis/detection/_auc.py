@@ -43,7 +43,8 @@ def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVE
     """Interval of an area under the curve, from the area and both numbers of targets.
 
     Newcombe's method 5 (Stat. Med. 25 (2006) 559): all areas that a score test does not reject, with the variance of
-    exponential scores. It is valid for few targets, and for areas of 0 and 1.
+    exponential scores. It is valid for few targets, and for areas of 0 and 1. Raises `InputError` when a number is out
+    of its range.
 
     Parameters
     ----------
@@ -53,11 +54,6 @@ def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVE
         Numbers of targets with and without an inclusion, 1 or more.
     level
         Confidence, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When a number is out of its range.
 
     Examples
     --------
@@ -125,17 +121,15 @@ class AucCovariance:
 def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
     """Areas under the curves of several methods, and their covariance.
 
+    Raises `InputError` when the scores are not finite or their shape does not fit, or a class has fewer than two
+    targets.
+
     Parameters
     ----------
     scores
         Scores of each method for the same targets, shape (methods, targets); higher speaks for an inclusion.
     present
         Whether a target holds an inclusion, booleans of shape (targets,); at least two targets of each kind.
-
-    Raises
-    ------
-    InputError
-        When the scores are not finite or their shape does not fit, or a class has fewer than two targets.
 
     Examples
     --------

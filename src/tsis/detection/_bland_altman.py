@@ -173,15 +173,12 @@ class BlandAltman:
 def bland_altman(first: ArrayLike, second: ArrayLike) -> BlandAltman:
     """Compare two methods of measurement on the same targets.
 
+    Raises `InputError` when a reading is not finite, the lengths differ, or there is only one target.
+
     Parameters
     ----------
     first, second
         One reading of each target by either method, shape (targets,), at least 2, in one unit.
-
-    Raises
-    ------
-    InputError
-        When a reading is not finite, the lengths differ, or there is only one target.
 
     Examples
     --------

@@ -32,6 +32,8 @@ def bootstrap_auc(
 ) -> Interval:
     """Percentile interval of an area under the curve from the stratified bootstrap.
 
+    Raises `InputError` when the input is invalid, a class is missing, or all draws have the same area.
+
     Parameters
     ----------
     scores, present
@@ -44,11 +46,6 @@ def bootstrap_auc(
         How many studies are drawn, 100 or more.
     progress
         Called with (done, total) after each batch.
-
-    Raises
-    ------
-    InputError
-        When the input is invalid, a class is missing, or all draws have the same area.
 
     Examples
     --------

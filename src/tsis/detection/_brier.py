@@ -49,6 +49,8 @@ class BrierScore:
 def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLike | None = None) -> BrierScore:
     """Brier score of probabilities, in Murphy's parts.
 
+    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, or the lengths differ.
+
     Parameters
     ----------
     probabilities
@@ -58,11 +60,6 @@ def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLi
     groups
         Whole numbers of shape (targets,), equal within a group; None groups equal probabilities, which is of little use
         where few are equal.
-
-    Raises
-    ------
-    InputError
-        When a probability is none, the truth no booleans, or the lengths differ.
 
     Examples
     --------
@@ -100,17 +97,14 @@ def brier_interval(
 ) -> Interval:
     """Bootstrap percentile interval of the Brier score; too narrow for few targets.
 
+    Raises `InputError` when the input is invalid, or all squared errors are equal.
+
     Parameters
     ----------
     probabilities, present
         As for `brier_score`.
     rng, level, draws, progress
         As for `bootstrap_auc`.
-
-    Raises
-    ------
-    InputError
-        When the input is invalid, or all squared errors are equal.
 
     Examples
     --------
@@ -138,7 +132,7 @@ def brier_interval(
 def probabilities_and_truth(probabilities: ArrayLike, present: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Check probabilities and truth, one of each per target.
 
-    Raises `InputError` when a probability lies outside [0, 1], the truth is no booleans, or the lengths differ.
+    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, or the lengths differ.
     """
     values, truth = scored(probabilities, present, name="probabilities")
     outside = (values < 0) | (values > 1)
@@ -201,6 +195,9 @@ def reliability_curve(
 ) -> ReliabilityCurve:
     """Compare grouped probabilities with observed frequencies.
 
+    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, the lengths differ, or a
+    choice is unknown.
+
     Parameters
     ----------
     probabilities
@@ -211,11 +208,6 @@ def reliability_curve(
         Number of bins, 1 or more; equal probabilities are in one bin.
     widths
         ``"equal-count"``, ends at quantiles of the probabilities, or ``"equal-width"``.
-
-    Raises
-    ------
-    InputError
-        When a probability is none, the truth no booleans, the lengths differ, or a choice is unknown.
 
     Examples
     --------

@@ -58,7 +58,8 @@ class Comparison:
 def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *, level: float = LEVEL) -> Comparison:
     """Compare two methods by DeLong's paired test.
 
-    The test assumes a normal distribution: below some 30 targets of each kind it is approximate.
+    The test assumes a normal distribution: below some 30 targets of each kind it is approximate. Raises `InputError`
+    when the input is bad, or a class has fewer than two targets.
 
     Parameters
     ----------
@@ -68,11 +69,6 @@ def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *
         Whether a target holds an inclusion, booleans of shape (targets,); at least two targets of each kind.
     level
         Confidence of the interval, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When the input is bad, or a class has fewer than two targets.
 
     Examples
     --------
@@ -102,7 +98,8 @@ def bootstrap_compare_detectors(
 ) -> Comparison:
     """Compare two methods by the stratified bootstrap, with the same resampled targets for both.
 
-    The interval is that of percentiles; the test divides the difference by the standard deviation of the draws.
+    The interval is that of percentiles; the test divides the difference by the standard deviation of the draws. Raises
+    `InputError` when the input is bad, or a class is missing.
 
     Parameters
     ----------
@@ -110,11 +107,6 @@ def bootstrap_compare_detectors(
         As for `compare_detectors`; one target of each kind is enough.
     rng, level, draws, progress
         As for `bootstrap_auc`.
-
-    Raises
-    ------
-    InputError
-        When the input is bad, or a class is missing.
 
     Examples
     --------

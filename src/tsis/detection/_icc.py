@@ -166,17 +166,14 @@ class IntraclassCorrelation:
 def intraclass_correlation(ratings: ArrayLike, form: str = "ICC(2,1)") -> IntraclassCorrelation:
     """Intraclass correlation of a table of ratings.
 
+    Raises `InputError` when the table is bad, the form unknown, or the ratings do not vary as it needs.
+
     Parameters
     ----------
     ratings
         Finite, shape (targets, raters), at least 2 by 2; a rater may be a repeat or an instrument.
     form
         See `IntraclassCorrelation`.
-
-    Raises
-    ------
-    InputError
-        When the table is bad, the form unknown, or the ratings do not vary as it needs.
 
     Examples
     --------

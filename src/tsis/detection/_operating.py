@@ -101,6 +101,8 @@ def at_specificity(curve: Roc, requested: float) -> OperatingPoint:
 def at_costs(curve: Roc, *, prevalence: float, missed: float, false_alarm: float) -> OperatingPoint:
     """The threshold of the least expected cost; among equals that of the highest specificity.
 
+    Raises `InputError` when a number is out of its range.
+
     Parameters
     ----------
     curve
@@ -109,11 +111,6 @@ def at_costs(curve: Roc, *, prevalence: float, missed: float, false_alarm: float
         Fraction of targets with an inclusion where the threshold will be used, in [0, 1].
     missed, false_alarm
         Costs of a missed inclusion and of a false one, in any common unit, not negative and not both 0.
-
-    Raises
-    ------
-    InputError
-        When a number is out of its range.
 
     Examples
     --------
@@ -143,6 +140,9 @@ def held_out_counts(
 ) -> Counts:
     """Cross-validated decisions: each threshold is chosen without the targets on which it decides.
 
+    Raises `InputError` when the input is invalid, a class has fewer than two targets, or ``folds`` is not in 2 to their
+    number.
+
     Parameters
     ----------
     scores, present
@@ -153,11 +153,6 @@ def held_out_counts(
         Number of stratified folds; None leaves out one target at a time.
     rng
         Shuffles the folds; needed with ``folds``.
-
-    Raises
-    ------
-    InputError
-        When the input is invalid, a class has fewer than two targets, or ``folds`` is not in 2 to their number.
 
     Examples
     --------

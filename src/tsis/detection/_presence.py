@@ -100,17 +100,14 @@ class PresenceProbability:
 def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProbability:
     """Probability of an inclusion from an estimate.
 
+    Raises `InputError` when the estimate has no such probability, or its prior is unknown.
+
     Parameters
     ----------
     estimate
         A result of `tsis.inclusion.estimate`.
     prior
         Prior probability of an inclusion of the estimate; by default that of its provenance.
-
-    Raises
-    ------
-    InputError
-        When the estimate has no such probability, or its prior is unknown.
 
     Examples
     --------

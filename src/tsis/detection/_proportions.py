@@ -68,17 +68,14 @@ class Proportion:
 def wilson_interval(successes: int, trials: int, level: float = LEVEL) -> Interval:
     """Wilson's score interval: all proportions that a score test does not reject.
 
+    Raises `InputError` when a number is out of its range.
+
     Parameters
     ----------
     successes, trials
         As for `Proportion`.
     level
         Confidence, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When a number is out of its range.
 
     Examples
     --------
@@ -98,17 +95,14 @@ def wilson_interval(successes: int, trials: int, level: float = LEVEL) -> Interv
 def exact_interval(successes: int, trials: int, level: float = LEVEL) -> Interval:
     """Clopper and Pearson's interval of a proportion, from the binomial distribution.
 
+    Raises `InputError` when a number is out of its range.
+
     Parameters
     ----------
     successes, trials
         As for `Proportion`.
     level
         Confidence, in (0, 1); true coverage is never less.
-
-    Raises
-    ------
-    InputError
-        When a number is out of its range.
 
     Examples
     --------

@@ -67,18 +67,15 @@ class Recalibration:
 def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration:
     """Fit slope and intercept of the logits by maximum likelihood.
 
+    Raises `InputError` when the input is invalid, a class is missing, or the probabilities separate both kinds, so that
+    the slope is infinite.
+
     Parameters
     ----------
     probabilities
         That each target contains an inclusion, shape (targets,), strictly between 0 and 1, not all equal.
     present
         Whether it does, booleans of shape (targets,), both kinds.
-
-    Raises
-    ------
-    InputError
-        When the input is invalid, a class is missing, or the probabilities separate both kinds, so that the slope is
-        infinite.
 
     Examples
     --------

@@ -74,15 +74,12 @@ class Repeatability:
 def repeatability(readings: Sequence[ArrayLike]) -> Repeatability:
     """Repeatability from repeats on several targets, by the one-way analysis of variance.
 
+    Raises `InputError` when a row is empty or not finite, or there are fewer than 2 targets or no repeats.
+
     Parameters
     ----------
     readings
         One row of finite readings per target, at least 2 targets; rows may differ in length, and one has at least 2.
-
-    Raises
-    ------
-    InputError
-        When a row is empty or not finite, or there are fewer than 2 targets or no repeats.
 
     Examples
     --------
@@ -188,15 +185,12 @@ class Reproducibility:
 def reproducibility(readings: ArrayLike) -> Reproducibility:
     """Reproducibility from a balanced study, by the two-way analysis of variance with interaction, all random.
 
+    Raises `InputError` when the table is not finite or too small.
+
     Parameters
     ----------
     readings
         Finite, shape (targets, operators, repeats), at least 2 of each.
-
-    Raises
-    ------
-    InputError
-        When the table is not finite or too small.
 
     Examples
     --------

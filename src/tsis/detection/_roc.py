@@ -30,7 +30,7 @@ METHODS = ("delong", "newcombe", "bootstrap")
 class Roc:
     """A step curve; a target is decided as an inclusion where its score is at least the threshold.
 
-    Raises `InputError` when a score is not finite, the truth no booleans, their lengths differ, or a class is missing.
+    Raises `InputError` when a score is not finite, the truth is not boolean, the lengths differ, or a class is missing.
 
     Parameters
     ----------

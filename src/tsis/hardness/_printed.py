@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 def lagrangian_strain(gradient: ArrayLike) -> NDArray[np.float64]:
     """Strain tensor of a map at each point.
 
+    Raises `InputError` when the gradient is not a stack of square matrices of finite numbers.
+
     Parameters
     ----------
     gradient
@@ -46,11 +48,6 @@ def lagrangian_strain(gradient: ArrayLike) -> NDArray[np.float64]:
     -------
     Symmetric tensors, shape (n, d, d), without unit: half of the change of squared lengths. A rotation gives 0; a
     stretch by ``s`` gives ``(s**2 - 1) / 2``.
-
-    Raises
-    ------
-    InputError
-        When the gradient is not a stack of square matrices of finite numbers.
 
     Examples
     --------

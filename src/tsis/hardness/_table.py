@@ -184,7 +184,7 @@ def build_contact_table(
 ) -> ContactTable:
     """The contact table of a probe: from the package or the disk cache, else solved in some minutes.
 
-    Probes with proportional moduli have one table.
+    Probes with proportional moduli have one table. Raises `MechanicsError` when no force on a sphere converges.
 
     Parameters
     ----------
@@ -196,11 +196,6 @@ def build_contact_table(
         Called with (spheres solved, all spheres).
     cached
         Whether to use the tables of the package and the disk cache.
-
-    Raises
-    ------
-    MechanicsError
-        When no force on a sphere converges.
 
     Examples
     --------

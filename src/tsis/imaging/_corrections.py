@@ -28,14 +28,8 @@ def subtract_dark(image: TactileImage, dark: TactileImage) -> TactileImage:
 def flatten(image: TactileImage, flat: TactileImage) -> TactileImage:
     """Divide by the light's pattern and preserve the mean brightness: ``image * mean(flat) / flat``.
 
-    ``flat`` is a frame of a uniform object under the same light. Both are without dark level.
-
-    Raises
-    ------
-    ImageMismatchError
-        When size, scale or full scale differ.
-    InputError
-        When the flat field has dark pixels.
+    ``flat`` is a frame of a uniform object under the same light. Both are without dark level. Raises
+    `ImageMismatchError` when size, scale or full scale differ; `InputError` when the flat field has dark pixels.
     """
     require_same_frame(image, flat, "flat")
     floor = SMALLEST_LIGHT * float(np.median(flat.grey))
@@ -60,14 +54,8 @@ def match_light(reference: TactileImage, image: TactileImage) -> TactileImage:
     """Scale the reference to the brightness of the lamps in ``image``.
 
     Lamps drift by some per cent while they warm up. The ratio is the median of ``image / reference``, so it is valid
-    while less than half of the field is touched. Do not use it on frames with contact over the whole field.
-
-    Raises
-    ------
-    ImageMismatchError
-        When size, scale or full scale differ.
-    InputError
-        When the reference is dark.
+    while less than half of the field is touched. Do not use it on frames with contact over the whole field. Raises
+    `ImageMismatchError` when size, scale or full scale differ; `InputError` when the reference is dark.
 
     Examples
     --------

@@ -134,6 +134,7 @@ def features(
     grey = change.grey[rows, columns]
     weight = np.maximum(grey, 0.0)
     centroid = float(np.average(columns, weights=weight)), float(np.average(rows, weights=weight))
+    beside = centroid[0] - image.axis()[0], centroid[1] - image.axis()[1]
     area_px = float(rows.size)
     shape_px = _ellipse(rows, columns, (1.0, 1.0))
     shape = shape_px if scale is None else _ellipse(rows, columns, scale)
@@ -142,7 +143,7 @@ def features(
     return Features(
         contact=True,
         centroid_px=centroid,
-        centroid_mm=None if scale is None else _from_axis(centroid, image, scale),
+        centroid_mm=None if scale is None else (beside[0] * scale[0], beside[1] * scale[1]),
         peak=float(smoothed(change.grey)[patch.mask].max()),
         total=float(grey.sum()),
         area_px=area_px,
@@ -159,12 +160,6 @@ def features(
         profile=None if scale is None else radial_profile(change, centre_px=centroid, edges_mm=edges_mm),
         patch=patch,
     )
-
-
-def _from_axis(point: tuple[float, float], image: TactileImage, scale: tuple[float, float]) -> tuple[float, float]:
-    """A position in pixels as mm from the probe's axis."""
-    axis = image.axis()
-    return (point[0] - axis[0]) * scale[0], (point[1] - axis[1]) * scale[1]
 
 
 def _ellipse(

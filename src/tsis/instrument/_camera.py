@@ -216,7 +216,7 @@ _OF_LIGHT = frozenset({"brightness", "gain", "gain_db", "exposure", "exposure_ms
 
 
 def preset(name: str, settings: Iterable[Setting]) -> dict[str, float]:
-    """Values of the settings that a preset changes, by name.
+    """Values of the settings that a preset changes, by name; `UnknownNameError` when there is no such preset.
 
     Parameters
     ----------
@@ -225,11 +225,6 @@ def preset(name: str, settings: Iterable[Setting]) -> dict[str, float]:
         where its driver gives them.
     settings
         The camera's settings just after opening.
-
-    Raises
-    ------
-    UnknownNameError
-        When there is no such preset.
 
     Examples
     --------

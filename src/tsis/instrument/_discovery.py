@@ -97,6 +97,8 @@ def find_cameras(
 ) -> CameraListing:
     """Search every source for cameras; a source that fails or hangs is reported and stops no other.
 
+    Raises `UnknownNameError` when a source has another name.
+
     Parameters
     ----------
     sources
@@ -105,11 +107,6 @@ def find_cameras(
         Returns the module of a source; the imported one when None.
     timeout_s
         Time limit of one source, in [0.01, 600] s.
-
-    Raises
-    ------
-    UnknownNameError
-        When a source has another name.
     """
     require_number("timeout_s", timeout_s, 0.01, 600.0, hint="seconds")
     names = [require_one_of("camera source", name, LIVE_SOURCES) for name in sources]

@@ -58,6 +58,9 @@ def read_loading_frame(
 ) -> LoadingFrame:
     """Read one frame of the loading procedure; clipped pixels are counted, not refused.
 
+    Raises `ImageMismatchError` or `InputError` when the frame does not belong to the reference, the lamps changed or
+    the scale is unknown.
+
     Parameters
     ----------
     image
@@ -70,11 +73,6 @@ def read_loading_frame(
         Whether the tip touched the probe.
     method
         ``"threshold"`` or ``"canny"``.
-
-    Raises
-    ------
-    ImageMismatchError, InputError
-        When the frame does not belong to the reference, the lamps changed or the scale is unknown.
     """
     grey = reference.touch_grey(image)
     scale = reference.mm_per_pixel or image.mm_per_pixel

@@ -99,9 +99,6 @@ class ForceLine:
         for tip in self.tips_mm:
             require_number("tips_mm", tip, 0.1, 1000.0, hint="millimetres")
         require_one_of("segmentation method", self.method, PATCH_METHODS)
-        self._refuse_impossible_sums()
-
-    def _refuse_impossible_sums(self) -> None:
         largest = self.intercept_grey.value + self.slope_grey_per_n.value * self.most_n
         if largest > self.largest_grey:
             raise InputError(
@@ -127,7 +124,7 @@ class ForceLine:
 
         Returns
         -------
-        Measured
+        MeasuredValue
             Force with its prediction uncertainty: line, new object, single press, lamps and gauge.
         """
         total = require_number("total_grey", total_grey, -1e15, 1e15)

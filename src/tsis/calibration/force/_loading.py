@@ -28,17 +28,14 @@ NUMBERS = ("force_n", "total_grey", "field_grey", "peak_grey", "mean_square_mm2"
 def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tuple[float, ...]:
     """Forces of section 5.1 in newtons in order of time: 0 to the largest in steps, and back to 0.
 
+    Raises `InputError` when either lies outside its range.
+
     Parameters
     ----------
     largest_n
         Largest force in newtons, in [0.001, 50].
     step_n
         Step in newtons, from 0.0001 to the largest.
-
-    Raises
-    ------
-    InputError
-        When either lies outside its range.
 
     Examples
     --------

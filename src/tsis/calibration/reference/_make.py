@@ -178,11 +178,7 @@ def _relative(
     mean = float(total[field].mean())
     if mean / sum(len(level) for level in flats) < 10:
         raise CalibrationError("flat-field frames must be brighter than untouched ones by 10 grey levels or more")
-    return _smoothed(np.maximum(total / mean, 0.0), field)
-
-
-def _smoothed(relative: NDArray[np.float64], field: NDArray[np.bool]) -> NDArray[np.float64]:
-    """The map of light without pixel noise, which all later frames would inherit; only good pixels count."""
-    weight = field.astype(float)
+    # A map without pixel noise, which all later frames would inherit; only good pixels count.
+    relative, weight = np.maximum(total / mean, 0.0), field.astype(float)
     weights, sums = (cv2.GaussianBlur(part, (0, 0), SMOOTH_PX) for part in (weight, weight * relative))
     return np.where(field, sums / np.maximum(weights, 1e-9), relative)

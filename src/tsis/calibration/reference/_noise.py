@@ -86,6 +86,8 @@ def photon_transfer(
 ) -> PhotonTransfer:
     """Fit the line of variance against light.
 
+    Raises `CalibrationError` when pixels clip, when all levels are dark, or when rounding hides the noise.
+
     Parameters
     ----------
     dark
@@ -96,11 +98,6 @@ def photon_transfer(
         Pixels that are neither hot nor dead, shape (rows, columns).
     full_scale
         Grey level at which the camera clips.
-
-    Raises
-    ------
-    CalibrationError
-        When pixels clip, when all levels are dark, or when rounding hides the noise.
     """
     points = []
     base = dark.mean(axis=0)

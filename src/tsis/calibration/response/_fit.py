@@ -128,12 +128,15 @@ def fit_response(
         )
     )
     scale = pixel / MN_PER_N
+    # Relative squares of the presses about the line of their run, over its largest sum.
+    runs = [fit_run(loading) for loading in loadings]
+    scatter = [np.mean(run.residual_grey**2) / float(run.total_grey.max()) ** 2 for run in runs]
     return PressureResponse(
         gain_grey_per_kpa=MeasuredValue(
             value=gain * scale, sd=float(np.sqrt(variance)) * scale, degrees_of_freedom=freedom, unit="grey/kPa"
         ),
         saturation=saturation,
-        repeatability_share=_scatter(loadings),
+        repeatability_share=float(np.sqrt(np.mean(scatter))),
         gauge_share=gauge_fraction,
     )
 
@@ -198,9 +201,3 @@ def _slopes(loadings: Sequence[Loading], bend: float) -> NDArray[np.float64]:
     if len(slopes) == 1:
         return np.array(next(iter(slopes.values())))
     return np.array([float(np.mean(of_tip)) for of_tip in slopes.values()])
-
-
-def _scatter(loadings: Sequence[Loading]) -> float:
-    """Relative scatter of presses about the line of their run, relative to its largest sum."""
-    runs = [fit_run(loading) for loading in loadings]
-    return float(np.sqrt(np.mean([np.mean(run.residual_grey**2) / float(run.total_grey.max()) ** 2 for run in runs])))

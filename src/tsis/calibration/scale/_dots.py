@@ -160,7 +160,7 @@ def scale_from_dots(
 
     Returns
     -------
-    scale : Scale
+    scale : PixelScale
         The pixel sizes with their uncertainties.
     diagnostics : DotDiagnostics
         The dots, the lattice, the residuals, and the distortion.

@@ -57,7 +57,7 @@ class CalibrationStep:
 
 
 def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[CalibrationStep, ...]:
-    """The steps of a whole calibration.
+    """The steps of a whole calibration; `InputError` when a radius or the number of loadings lies outside its range.
 
     Parameters
     ----------
@@ -65,11 +65,6 @@ def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple
         Radii of the tips of the loading machine, each in [0.1, 1000] mm.
     repeats
         Loadings of each tip, in [1, 20].
-
-    Raises
-    ------
-    InputError
-        When a radius or the number of loadings lies outside its range.
 
     Examples
     --------

@@ -87,6 +87,8 @@ def assess_settling(
 ) -> Settling:
     """Assess from a series of force, sum of grey levels or area whether a press has settled.
 
+    Raises `InputError` when the series holds NaN, times do not ascend or a value lies outside its range.
+
     Parameters
     ----------
     time_s
@@ -107,11 +109,6 @@ def assess_settling(
     Settling
         The verdict; ``"cannot tell"`` below 16 values, and where all are equal and ``step`` is None, which leaves the
         rounding unknown.
-
-    Raises
-    ------
-    InputError
-        When the series holds NaN, times do not ascend or a value lies outside its range.
 
     Examples
     --------

@@ -91,8 +91,9 @@ def _crossing(image: TactileImage, low: float, high: float) -> NDArray[np.float6
             f"{noise:.1f} (press the block harder)"
         )
     above = (cv2.GaussianBlur(image.grey, (0, 0), 1.5) > (low + high) / 2).astype(np.uint8)
-    above = cv2.morphologyEx(cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((7, 7))), cv2.MORPH_CLOSE, np.ones((7, 7)))
-    outlines, _ = cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    opened = cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((7, 7)))
+    closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, np.ones((7, 7)))
+    outlines, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not outlines:
         raise CalibrationError("image must show an edge of contact; it shows no bright part")
     points = max(outlines, key=len)[:, 0, :]

@@ -24,6 +24,8 @@ FEWEST = 3
 def frame_rate(time_s: ArrayLike) -> MeasuredValue:
     """Frames a second of a stream: intervals over the time between the first and the last frame.
 
+    Raises `InputError` when there are too few times, or they do not ascend.
+
     Parameters
     ----------
     time_s
@@ -31,13 +33,8 @@ def frame_rate(time_s: ArrayLike) -> MeasuredValue:
 
     Returns
     -------
-    Measured
+    MeasuredValue
         The rate in 1/s; its standard deviation is that of the mean interval.
-
-    Raises
-    ------
-    InputError
-        When there are too few times, or they do not ascend.
 
     Examples
     --------
@@ -133,6 +130,8 @@ def specification_sheet(
 ) -> Specification:
     """Fill the sheet with measured values; the others stay empty and are never copied from the source.
 
+    Raises `InputError` when ``probe`` is not a text.
+
     Parameters
     ----------
     probe
@@ -143,11 +142,6 @@ def specification_sheet(
         Width in mm in which an edge of contact rises from 10 to 90 %, by `edge_width`.
     frames_per_s
         Rate of arrival of the frames, by `frame_rate`.
-
-    Raises
-    ------
-    InputError
-        When ``probe`` is not a text.
     """
     require_type("probe", probe, str)
     measured = {

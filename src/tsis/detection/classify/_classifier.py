@@ -75,6 +75,8 @@ class TargetEvidence:
 def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | None = None) -> TargetEvidence:
     """Input of a classifier from an estimate.
 
+    Raises `InputError` when it has no probability of an inclusion, or no samples of diameter, depth and modulus.
+
     Parameters
     ----------
     estimate
@@ -83,11 +85,6 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
         Number of samples, evenly through its own; all where it has fewer.
     prior
         As for `tsis.detection._presence`.
-
-    Raises
-    ------
-    InputError
-        When it has no probability of an inclusion, or no samples of diameter, depth and modulus.
     """
     result = presence(estimate, prior=prior)
     draws = require_integer("draws", draws, 1, 10**6)
@@ -257,6 +254,8 @@ def train_classifier(
 ) -> Classifier:
     """Fit a classifier: standardised features, support vectors, probabilities calibrated by cross-validation.
 
+    Raises `InputError` when a class has too few targets.
+
     Parameters
     ----------
     training
@@ -265,11 +264,6 @@ def train_classifier(
         The classes, by which the targets were labelled.
     settings
         How; `ClassifierSettings` by default.
-
-    Raises
-    ------
-    InputError
-        When a class has too few targets.
     """
     settings = ClassifierSettings() if settings is None else settings
     require_type("training", training, TrainingSet)

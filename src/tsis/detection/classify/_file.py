@@ -40,7 +40,7 @@ KEYS = {"format", "version", "notice", "made_with", "split", "settings", "target
 
 
 def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Path:
-    """Write a classifier atomically.
+    """Write a classifier atomically; `FileInputError` when it cannot be written there.
 
     Parameters
     ----------
@@ -52,11 +52,6 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
     Returns
     -------
     The file.
-
-    Raises
-    ------
-    FileInputError
-        When it cannot be written there.
     """
     require_type("classifier", classifier, Classifier)
     path, training = as_path(path), classifier.training
@@ -83,6 +78,8 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
 def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     """Read a classifier's file and fit it again.
 
+    Raises `FileInputError` when the file is of another kind, was changed, or its versions give another fit here.
+
     Parameters
     ----------
     path
@@ -91,11 +88,6 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     Returns
     -------
     The same classifier; its ``notes`` say so where another version of scikit-learn gives other probabilities.
-
-    Raises
-    ------
-    FileInputError
-        When the file is of another kind, was changed, or its versions give another fit here.
     """
     path = as_path(path)
     name, content = printable_path(path), read_object(path, most=LARGEST_BYTES)

@@ -103,6 +103,8 @@ def cross_validate(
 ) -> Validation:
     """Classify the targets by classifiers that were fitted, and calibrated, without them.
 
+    Raises `InputError` when the input is bad, or a class has too few targets for parts within parts.
+
     Parameters
     ----------
     readings
@@ -117,11 +119,6 @@ def cross_validate(
         Number of stratified folds, 2 to 20.
     progress
         Called with (folds done, folds).
-
-    Raises
-    ------
-    InputError
-        When the input is bad, or a class has too few targets for parts within parts.
     """
     settings = ClassifierSettings() if settings is None else settings
     folds = require_integer("folds", folds, 2, 20)

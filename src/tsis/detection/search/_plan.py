@@ -131,6 +131,8 @@ def scan_plan(
 ) -> ScanPlan:
     """Plan presses no farther apart than a spacing.
 
+    Raises `InputError` when a value lies outside its range, or not exactly one of spacing and overlap is given.
+
     Parameters
     ----------
     width_mm, height_mm
@@ -141,11 +143,6 @@ def scan_plan(
         Largest distance of neighbours, in [0.1, 1000]; or
     overlap
         share of the face's diameter by which they overlap at least, in [0, 0.95].
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range, or not exactly one of spacing and overlap is given.
 
     Examples
     --------
@@ -171,6 +168,7 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_m
     """The plan of fewest presses in which no point is farther from a press than ``extent_mm``.
 
     All numbers of strips that may be best are tried; among equals the plan of the least worst distance is chosen.
+    Raises `InputError` when a value lies outside its range, or it would take more than 100,000 presses.
 
     Parameters
     ----------
@@ -180,11 +178,6 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_m
         Of the probe's face, in [0.5, 500].
     extent_mm
         Detection range of the inclusion beside the axis, in [0.05, 500].
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range, or it would take more than 100,000 presses.
 
     Examples
     --------
@@ -241,7 +234,8 @@ def smallest_found_mm(
 ) -> float | None:
     """Least diameter of an inclusion that a plan cannot miss, at any position between the presses.
 
-    "Cannot miss" means: with at least the probability of ``detection_range``, by the nearest press.
+    "Cannot miss" means: with at least the probability of ``detection_range``, by the nearest press. Raises `InputError`
+    when a value is out of range, or the detection range is no number of 0 mm or more.
 
     Parameters
     ----------
@@ -257,11 +251,6 @@ def smallest_found_mm(
     Returns
     -------
     The diameter in mm; None where the plan can miss even the largest.
-
-    Raises
-    ------
-    InputError
-        When a value is out of range, or the detection range is no number of 0 mm or more.
     """
     require_type("plan", plan, ScanPlan)
     low, high = require_pair("sizes_mm", sizes_mm)

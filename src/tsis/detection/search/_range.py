@@ -84,6 +84,7 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
 
     Isotonic regression fits the detection rate by a step function that does not rise with the distance; the range is
     the farthest trial with a rate of at least ``probability``. It has no interval and is uncertain with few trials.
+    Raises `InputError` when the input is bad.
 
     Parameters
     ----------
@@ -97,11 +98,6 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
     Returns
     -------
     The reach in mm, 0 where even the nearest are found less often.
-
-    Raises
-    ------
-    InputError
-        When the input is bad.
 
     Examples
     --------
@@ -124,17 +120,14 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
 def read_detection_range(path: str | os.PathLike[str], *, probability: float = 0.9) -> DetectionRangeTable:
     """Read a table of detection ranges: CSV with the columns ``diameter_mm``, ``depth_mm`` and ``reach_mm``.
 
+    Raises `FileInputError` when it is no such table.
+
     Parameters
     ----------
     path
         The file, at most 1 MiB; every size with every depth once.
     probability
         Probability of detection within the range, in (0, 1).
-
-    Raises
-    ------
-    FileInputError
-        When it is no such table.
     """
     path = as_path(path)
     name, rows = printable_path(path), _numbers(path)

@@ -195,7 +195,7 @@ def _listed(producers: Sequence[Path]) -> Generator[tuple[Any, Path]]:
             broken = error
             continue
         try:
-            for device in genicam_producers.devices(harvester):
+            for device in tuple(harvester.device_info_list):
                 count += 1
                 yield device, file
         finally:
