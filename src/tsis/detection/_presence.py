@@ -17,7 +17,7 @@ from tsis.errors import InputError
 from tsis.inclusion import UNTRUSTED_FLAGS
 from tsis.model import LARGEST_EVIDENCE, Estimate, require_number, require_type
 
-LEAST_PREVALENCE = 1e-9
+PREVALENCE = (1e-9, 1 - 1e-9)  # range
 NEAREST_TO_ONE = 2.0**-53  # distance from 1 below which a probability rounds to 1
 NEAREST_TO_NONE = 5e-324
 LARGEST_EXPONENT = 709.0  # whose exponential does not overflow
@@ -57,7 +57,7 @@ class PresenceProbability:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "probability", require_number("probability", self.probability, 0, 1))
-        prior = require_number("prior", self.prior, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
+        prior = require_number("prior", self.prior, *PREVALENCE, hint="a fraction of targets")
         object.__setattr__(self, "prior", prior)
         require_type("caveats", self.caveats, tuple)
         if self.evidence is not None:
@@ -91,7 +91,7 @@ class PresenceProbability:
         The prevalence lies in [1e-9, 1 - 1e-9]; else `InputError` is raised. The ranges of size, depth and modulus
         remain those of the estimate's prior.
         """
-        require_number("prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
+        require_number("prevalence", prevalence, *PREVALENCE, hint="a fraction of targets")
         transformed = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))
         # Where the ratio is only a bound, 0 and 1 stay.
         return replace(self, probability=self.probability if self.is_bound else transformed, prior=prevalence)

@@ -67,10 +67,8 @@ def read_loading_frame(
         The raw camera frame.
     reference
         Its correction.
-    force_n
-        Force of the gauge, newtons.
-    touched
-        Whether the tip touched the probe.
+    force_n, touched
+        As in `LoadingFrame`.
     method
         ``"threshold"`` or ``"canny"``.
     """

@@ -279,7 +279,7 @@ def _side(x: float, y: float) -> str:
 
 def _hold(settling: Settling) -> str:
     if settling.wait_s is None:
-        return "hold still: whether the press has settled cannot be told yet"
+        return "hold still: whether the press has settled is not known yet"
     fraction, wait_s = abs(settling.remaining.value), settling.wait_s
     duration = f"{math.ceil(wait_s)} s" if wait_s <= 120 else f"{math.ceil(wait_s / 60)} min"
     return f"hold still for {duration}: {fraction:.1%} of the light is still to come or go"

@@ -61,7 +61,7 @@ class WarmUp:
         >>> round(lamps.wait_s(0.01))
         483
         """
-        require_number("fraction", fraction, 1e-5, 1.0, hint="a share of the warm lamps' light")
+        require_number("fraction", fraction, 1e-5, 1.0, hint="a fraction of the warm lamps' light")
         require_number("now_s", now_s, 0.0, 1e7, hint="seconds")
         largest = max(abs(end) for end in self.amplitude.interval())
         if largest <= fraction:

@@ -111,9 +111,9 @@ def fit_response(
     if reference.mm_per_pixel is None:
         raise InputError("the reference's mm_per_pixel must be known for the gain; calibrate the scale first")
     if len(loadings) < 2:
-        raise CalibrationError(f"the answer to pressure needs at least 2 loadings; got {len(loadings)}")
-    require_number("gauge_fraction", gauge_fraction, 0.0, 0.5, hint="a share of one")
-    require_number("area_fraction", area_fraction, 0.0, 0.5, hint="a share of one")
+        raise CalibrationError(f"the response to pressure needs at least 2 loadings; got {len(loadings)}")
+    require_number("gauge_fraction", gauge_fraction, 0.0, 0.5, hint="a fraction of 1")
+    require_number("area_fraction", area_fraction, 0.0, 0.5, hint="a fraction of 1")
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     saturation = _saturation(loadings, pixel)
     bend = saturation.bend_per_kpa2

@@ -51,6 +51,7 @@ def frame_rate(time_s: ArrayLike) -> MeasuredValue:
 
 
 SENSITIVITY_NOTE = (
+    "5 % false alarms and 5 % misses of one frame; "
     "the source's text gives the probe 2.5e-3 N and the fingertip 2.0e-2 N, its table 4.1 gives 2.0e-3 N and 2.5e-2 N"
 )
 EDGE_NOTE = "10 to 90 % of an edge of contact; the printed 9.8 um is the pitch of the sensor's pixels"
@@ -60,13 +61,7 @@ REPEAT_NOTE = "standard deviation of repeated loadings of one tip over the range
 COMPARED = (  # quantity, unit, and the source's values for the fingertip and for its probe
     ("spatial resolution", "mm", "0.1 mm", "9.8 um", EDGE_NOTE),
     ("frame rate", "1/s", "0 to 100 Hz", "0 to 30 Hz", RATE_NOTE),
-    (
-        "smallest detectable force",
-        "N",
-        "2.5e-2 N",
-        "2.0e-3 N",
-        f"5 % false alarms and 5 % misses of one frame; {SENSITIVITY_NOTE}",
-    ),
+    ("smallest detectable force", "N", "2.5e-2 N", "2.0e-3 N", SENSITIVITY_NOTE),
     ("largest force", "N", "", "2 N", "without clipped pixels, as far as it was pressed"),
     ("hysteresis", "", "High", "Low", LOOP_NOTE),
     ("repeatability", "", "", "good", REPEAT_NOTE),
@@ -101,15 +96,7 @@ class SpecificationRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Specification:
-    """A probe's specification sheet.
-
-    Attributes
-    ----------
-    probe
-        Name of the probe.
-    rows
-        Rows of the sheet.
-    """
+    """A probe's specification sheet: its name, and the rows."""
 
     probe: str
     rows: tuple[SpecificationRow, ...]
@@ -130,12 +117,10 @@ def specification_sheet(
 ) -> Specification:
     """Fill the sheet with measured values; the others stay empty and are never copied from the source.
 
-    Raises `InputError` when ``probe`` is not a text.
+    Raises `InputError` when ``probe``, the name, is not a text.
 
     Parameters
     ----------
-    probe
-        Name of the probe.
     line, diagnostics
         The force line of this probe, by `fit_force_line`.
     edge_mm

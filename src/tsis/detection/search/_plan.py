@@ -142,7 +142,7 @@ def scan_plan(
     spacing_mm
         Largest distance of neighbours, in [0.1, 1000]; or
     overlap
-        share of the face's diameter by which they overlap at least, in [0, 0.95].
+        Least fraction of the face's diameter by which they overlap, in [0, 0.95].
 
     Examples
     --------

@@ -81,11 +81,6 @@ class ImageFiles(StoredFrames):
 
     Each file is read when its frame is requested, so a long folder takes no memory. Other and hidden files are
     ignored; subfolders are not entered.
-
-    Parameters
-    ----------
-    path
-        An image file, or a folder of image files.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:

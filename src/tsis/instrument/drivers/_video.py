@@ -21,16 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def present_mode(capture: Any) -> Mode:
-    """Size and rate of an opened capture; no rate where it declares none."""
-    rate = float(capture.get(cv2.CAP_PROP_FPS))
-    return Mode(
-        width_px=int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)),
-        height_px=int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)),
-        frames_per_s=rate if rate > 0 else None,
-    )
-
-
 class OpenCVCapture:
     """A capture of OpenCV behind the camera protocol; a subclass opens it and names itself in `_not_opened`."""
 
@@ -49,8 +39,11 @@ class OpenCVCapture:
         return self._lost
 
     def modes(self) -> tuple[Mode, ...]:
-        """The present mode of the device, or the declared mode of the file."""
-        return (present_mode(self._opened()),)
+        """The present mode of the device, or the declared mode of the file; without a rate where it declares none."""
+        capture = self._opened()
+        width, height = (int(capture.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        rate = float(capture.get(cv2.CAP_PROP_FPS))
+        return (Mode(width_px=width, height_px=height, frames_per_s=rate if rate > 0 else None),)
 
     def stop(self) -> None:
         """End the stream, and release the device or file."""

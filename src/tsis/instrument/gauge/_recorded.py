@@ -130,27 +130,24 @@ def _parsed(content: bytes) -> Iterator[ForceReading]:
     head = tuple(cell.strip() for cell in next(lines, (1, ""))[1].split(","))
     if head[:_NEEDED] != HEAD[:_NEEDED] or head != HEAD[: len(head)]:
         raise _LineError(f"must begin with the header {','.join(HEAD[:_NEEDED])} (s and N); got {','.join(head)!r:.80}")
-    before_s, count = -math.inf, 0
+    before_s = -math.inf
     for number, line in lines:
         if not line.strip():
             continue
-        reading = _row(number, line.split(","), head)
+        cells = line.split(",")
+        if len(cells) != len(head):
+            raise _LineError(f"line {number} must have {len(head)} columns as the header; got {len(cells)}")
+        try:
+            reading = ForceReading(**{name: float(cell) for name, cell in zip(head, cells, strict=True)})
+        except InputError as error:
+            raise _LineError(f"line {number}: {error}") from error
+        except ValueError as error:
+            raise _LineError(f"line {number} must hold numbers; got {line!r:.80}") from error
         if reading.time_s <= before_s:
             raise _LineError(
                 f"line {number} must be later than the line before; got {reading.time_s!r} s after {before_s!r} s"
             )
-        before_s, count = reading.time_s, count + 1
+        before_s = reading.time_s
         yield reading
-    if not count:
+    if before_s == -math.inf:
         raise _LineError("must hold at least one reading; got none")
-
-
-def _row(number: int, cells: list[str], head: tuple[str, ...]) -> ForceReading:
-    if len(cells) != len(head):
-        raise _LineError(f"line {number} must have {len(head)} columns as the header; got {len(cells)}")
-    try:
-        return ForceReading(**{name: float(cell) for name, cell in zip(head, cells, strict=True)})
-    except InputError as error:
-        raise _LineError(f"line {number}: {error}") from error
-    except ValueError as error:
-        raise _LineError(f"line {number} must hold numbers; got {','.join(cells)!r:.80}") from error
