@@ -7,6 +7,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 PINNED := --constraint constraints.txt --build-constraint constraints.txt
 PYTHON ?=
 PYTEST_FLAGS ?= -n 2 --dist loadfile
+# extras that tests use; fem3d, which has no wheels on some machines, is in the group dev
+EXTRAS := camera,classify,cluster,console,dicom,exchange,postgres
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
@@ -15,7 +17,7 @@ MANIFESTS := pyproject.toml constraints.txt
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
 
-demo: $(VENV)/.plain  ## install, then press a virtual phantom and estimate its inclusion
+demo: $(VENV)/.console  ## install, then press a virtual phantom and estimate its inclusion
 	$(BIN)/tsis demo
 
 # The tiers exclude each other: release, benchmark, slow, system, and the quick tests that are left.
@@ -96,7 +98,7 @@ constraints: $(VENV)/.pip  ## resolve every dependency afresh and write constrai
 	rm -rf build/fresh
 	$(BIN)/python -m venv build/fresh
 	build/fresh/bin/python -m pip install --quiet --upgrade pip
-	build/fresh/bin/python -m pip install --quiet --editable . --group dev --group peers --group docs --group release hatchling
+	build/fresh/bin/python -m pip install --quiet --editable ".[$(EXTRAS)]" --group dev --group peers --group docs --group release hatchling
 	{ sed '/^[^#]/,$$d' constraints.txt; \
 	  build/fresh/bin/python -m pip freeze --all --exclude-editable --exclude setuptools; } > build/constraints.txt
 	mv build/constraints.txt constraints.txt
@@ -130,12 +132,12 @@ $(VENV)/.pip:
 	$(PIP) install --quiet --upgrade --constraint constraints.txt pip
 	@touch $@
 
-$(VENV)/.plain: $(VENV)/.pip $(MANIFESTS)
-	$(PIP) install --quiet $(PINNED) --editable .
+$(VENV)/.console: $(VENV)/.pip $(MANIFESTS)
+	$(PIP) install --quiet $(PINNED) --editable ".[console]"
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.pip $(MANIFESTS)
-	$(PIP) install --quiet $(PINNED) --editable . --group dev
+	$(PIP) install --quiet $(PINNED) --editable ".[$(EXTRAS)]" --group dev
 	@touch $@
 
 $(VENV)/.peers: $(VENV)/.dev
@@ -143,7 +145,7 @@ $(VENV)/.peers: $(VENV)/.dev
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.pip $(MANIFESTS)
-	$(PIP) install --quiet $(PINNED) --editable . --group docs
+	$(PIP) install --quiet $(PINNED) --editable ".[$(EXTRAS)]" --group docs
 	@touch $@
 
 $(VENV)/.release: $(VENV)/.peers

@@ -8,8 +8,9 @@ The packages (``tsis.mechanics``, ``tsis.imaging``, ...) load when they are firs
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+import lazy_loader
 
 from tsis.__about__ import __version__
 from tsis.catalog import load_phantom, load_probe
@@ -28,7 +29,22 @@ from tsis.model import (
 )
 
 if TYPE_CHECKING:
-    from types import ModuleType
+    from tsis import calibration as calibration
+    from tsis import console as console
+    from tsis import detection as detection
+    from tsis import hardness as hardness
+    from tsis import imaging as imaging
+    from tsis import inclusion as inclusion
+    from tsis import instrument as instrument
+    from tsis import matching as matching
+    from tsis import mechanics as mechanics
+    from tsis import optics as optics
+    from tsis import plots as plots
+    from tsis import records as records
+    from tsis import report as report
+    from tsis import study as study
+    from tsis import sweep as sweep
+    from tsis import virtual as virtual
 
 __all__ = [
     "Calibration",
@@ -47,37 +63,10 @@ __all__ = [
     "load_probe",
 ]
 
-_PACKAGES = frozenset(
-    {
-        "calibration",
-        "catalog",
-        "console",
-        "detection",
-        "errors",
-        "files",
-        "hardness",
-        "imaging",
-        "inclusion",
-        "instrument",
-        "matching",
-        "mechanics",
-        "model",
-        "optics",
-        "plots",
-        "records",
-        "report",
-        "study",
-        "sweep",
-        "virtual",
-    }
-)
+if not TYPE_CHECKING:
+    _packages = ["calibration", "console", "detection", "hardness", "imaging", "inclusion", "instrument", "matching"]
+    _packages += ["mechanics", "optics", "plots", "records", "report", "study", "sweep", "virtual"]
+    __getattr__, _lazy, _ = lazy_loader.attach(__name__, _packages)
 
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_PACKAGES})
-
-
-def __getattr__(name: str) -> ModuleType:
-    if name in _PACKAGES:
-        return import_module(f"tsis.{name}")
-    raise AttributeError(f"module 'tsis' has no attribute {name!r}")
+    def __dir__() -> list[str]:
+        return sorted({*__all__, *_lazy(), "catalog", "errors", "files", "model"})

@@ -27,6 +27,7 @@ A message is one sentence: the name, the requirement, the value received and, wh
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from typing import Any
 
 
@@ -113,7 +114,16 @@ class RecordsWarning(TsisWarning):
 
 
 # Product names that differ from import names; Netgen is part of NGSolve.
-PRODUCT_NAMES = {"ngsolve": "NGSolve", "netgen": "NGSolve", "sklearn": "scikit-learn"}
+PRODUCT_NAMES = {
+    "alembic": "Alembic",
+    "cv2": "OpenCV",
+    "netgen": "NGSolve",
+    "ngsolve": "NGSolve",
+    "nicegui": "NiceGUI",
+    "reportlab": "ReportLab",
+    "sklearn": "scikit-learn",
+    "sqlalchemy": "SQLAlchemy",
+}
 
 
 def import_extra(name: str, *, feature: str, extra: str) -> Any:
@@ -121,8 +131,23 @@ def import_extra(name: str, *, feature: str, extra: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        package = name.partition(".")[0]
-        raise MissingExtraError(
-            f"{feature} needs {PRODUCT_NAMES.get(package, package)}, which is not installed; "
-            f'install it with: python -m pip install "tsis[{extra}]"'
-        ) from error
+        raise _missing(name, feature, extra) from error
+
+
+def require_extra(*names: str, feature: str, extra: str) -> None:
+    """Refuse, as `import_extra` does, to go on without the modules ``names``; they are not imported."""
+    for name in names:
+        try:
+            found = importlib.util.find_spec(name) is not None
+        except ImportError:
+            found = False
+        if not found:
+            raise _missing(name, feature, extra)
+
+
+def _missing(name: str, feature: str, extra: str) -> MissingExtraError:
+    package = name.partition(".")[0]
+    return MissingExtraError(
+        f"{feature} needs {PRODUCT_NAMES.get(package, package)}, which is not installed; "
+        f'install it with: python -m pip install "tsis[{extra}]"'
+    )

@@ -89,7 +89,7 @@ def test_a_list_shows_cameras_and_what_is_missing(run_tsis: RunTsis, monkeypatch
     findings = CameraListing(
         cameras=(found,), missing={"pylon": "the camera source pylon needs pypylon; pip install ..."}
     )
-    monkeypatch.setattr("tsis.cli.acquire._listing.find_cameras", lambda: findings)
+    monkeypatch.setattr("tsis.instrument.find_cameras", lambda: findings)
     document = json.loads(run_tsis("acquire", "--list", "--json").out)
     assert document["found"] == [
         {"source": "aravis", "identity": "Maker-[red]7", "maker": "Maker [/]", "model": "M", "note": "10.0.0.2"}

@@ -63,7 +63,7 @@ def small_bench(monkeypatch: pytest.MonkeyPatch) -> None:
     def small(probe: Any, *, rng: np.random.Generator, pitch_mm: float) -> VirtualBench:
         return VirtualBench(probe, rng=rng, sensor=SENSOR, pitch_mm=pitch_mm)
 
-    monkeypatch.setattr(GUIDE, "VirtualBench", small)
+    monkeypatch.setattr("tsis.virtual.VirtualBench", small)
 
 
 def kept(folder: Path) -> dict[str, bytes]:

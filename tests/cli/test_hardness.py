@@ -25,7 +25,7 @@ def quick_rig(monkeypatch: pytest.MonkeyPatch) -> None:
         def __init__(self, *arguments: object, **options: object) -> None:
             super().__init__(*arguments, solve=by_table, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("tsis.cli._hardness.DirectContactRig", Quick)
+    monkeypatch.setattr("tsis.virtual.DirectContactRig", Quick)
 
 
 @pytest.mark.usefixtures("quick_rig")

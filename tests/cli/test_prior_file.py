@@ -148,10 +148,10 @@ def test_the_hardness_is_estimated_with_the_prior_of_the_file(
         given.append(prior)
         raise InputError("enough")
 
-    monkeypatch.setattr("tsis.cli._hardness.DirectContactRig", Rig)
-    monkeypatch.setattr("tsis.cli._hardness.ProbeCalibration", lambda **_: None)
-    monkeypatch.setattr("tsis.cli._hardness.calibration_bytes", lambda _: b"")
-    monkeypatch.setattr("tsis.cli._hardness.estimate", estimated)
+    monkeypatch.setattr("tsis.virtual.DirectContactRig", Rig)
+    monkeypatch.setattr("tsis.calibration.file.ProbeCalibration", lambda **_: None)
+    monkeypatch.setattr("tsis.calibration.file.calibration_bytes", lambda _: b"")
+    monkeypatch.setattr("tsis.hardness.estimate", estimated)
     (tmp_path / "mine.toml").write_text("young_kpa = [5.0, 2000.0]\npoisson = [0.48, 0.495]\n")
     for options in (("--prior", "mine.toml"), ()):
         assert run_tsis("hardness", "--demo", *options).err == "Error: enough\n"

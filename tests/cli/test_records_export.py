@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -30,7 +29,7 @@ def test_several_forms_appear_together_or_not_at_all(
             raise MissingExtraError("HDF5 export needs h5py, which is not installed")
         return whole(form, *arguments, **options)
 
-    monkeypatch.setattr(sys.modules["tsis.cli.records._export"], "write_form", without_an_extra)
+    monkeypatch.setattr("tsis.report.write_form", without_an_extra)
     finished = run_tsis("records", "export", "1", "--format", "html,hdf5", "--out", "given", *STORE)
     assert finished.code == 2
     assert "needs h5py" in finished.err

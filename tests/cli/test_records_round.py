@@ -126,7 +126,7 @@ def test_a_hardness_is_kept_and_made_again(run: RunTsis, tmp_path: Path, monkeyp
         def __init__(self, *arguments: object, **options: object) -> None:
             super().__init__(*arguments, solve=by_table, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("tsis.cli._hardness.DirectContactRig", Quick)
+    monkeypatch.setattr("tsis.virtual.DirectContactRig", Quick)
     store = ("--store", tmp_path / "records")
     told(run, "hardness", "--demo", "--save", *store, "--out", tmp_path / "touch")
     frames = [tmp_path / "touch" / f"press-{force}N.png" for force in (0.7, 1.2)]

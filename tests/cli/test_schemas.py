@@ -24,7 +24,7 @@ SOURCE = Path(tsis.__file__).parent
 def calls(name: str, folder: Path = SOURCE) -> Iterator[tuple[Path, ast.Call]]:
     for path in sorted(folder.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == name:
+            if isinstance(node, ast.Call) and f".{ast.unparse(node.func)}".endswith(f".{name}"):
                 yield path, node
 
 

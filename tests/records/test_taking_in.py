@@ -6,7 +6,6 @@ from dataclasses import replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 import pytest
 from sqlalchemy import select
@@ -86,13 +85,13 @@ def test_frames_that_another_library_packed_otherwise_are_the_same(
     store.edit_press(store.presses(target)[0], note="edited")  # two presses of one frame, one of them only in the store
     write_bundle(store.record(target), tmp_path / "bundle")
     given = read_bundle(tmp_path / "bundle")
-    monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", 9)
     taken = store.import_target(given)
     assert (taken.new, taken.presses, taken.present, taken.differing) == (False, 0, 5, 0)
     assert verify_store(store).unnamed == 0
     with open_store(tmp_path / "other") as other:
         first = other.import_target(given)
-        monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", 1)
         assert {press.frame for press in other.presses(first.target)}.isdisjoint(
             press.frame for press in store.presses(target)
         )

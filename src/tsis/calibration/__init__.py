@@ -1,5 +1,9 @@
 """Calibration of a probe: scale, light, force and response; the guard that flags unusable presses."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.calibration._apply import (
     UsableCalibration,
     apply_calibration,
@@ -15,3 +19,9 @@ __all__ = [
     "parse_usable_calibration",
     "read_usable_calibration",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(
+        __name__,
+        ["file", "force", "guard", "lamps", "reference", "response", "scale", "session", "settling", "specification"],
+    )[0]

@@ -15,13 +15,13 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+import tsis
 from tsis.cli._options import AsJson, PhantomName, ProbeName
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind
 from tsis.errors import InputError
 from tsis.model import LARGEST_SEED
-from tsis.report import envelope
 
 LONGEST_LINE = 4096
 
@@ -96,7 +96,7 @@ def console(
     def ready(address: str) -> None:
         preparing.close()
         if as_json:
-            print_json(envelope("console", address=address))
+            print_json(tsis.report.envelope("console", address=address))
         else:
             reported = people()
             reported.print(f"Open {address}", markup=False, soft_wrap=True)
@@ -143,7 +143,9 @@ def list_logins(*, as_json: AsJson = False) -> None:
     logins = _console().Logins()
     given = {name: logins.created(name) for name in logins.names()}
     if as_json:
-        print_json(envelope("logins", logins=[{"name": name, "given": when} for name, when in given.items()]))
+        print_json(
+            tsis.report.envelope("logins", logins=[{"name": name, "given": when} for name, when in given.items()])
+        )
         return
     reported = people()
     table = Table("name", "password of", title="Logins of this user's console")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
-from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
+import tsis
 from tsis.catalog import phantom_variant, read_prior_file
 from tsis.cli._options import (
     AsJson,
@@ -26,17 +27,15 @@ from tsis.cli._options import (
 )
 from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progress
 from tsis.cli._progress import progress_bar
-from tsis.cli._saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
+from tsis.cli._saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save, savable_result
 from tsis.errors import InputError
-from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
-from tsis.instrument import png_bytes
+from tsis.files import CALIBRATION_FILE
 from tsis.model import LARGEST_SEED
-from tsis.optics.irradiance import irradiance
-from tsis.report import envelope, estimate_document, estimate_messages, inclusion_report
-from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
+    from tsis.inclusion import InclusionPrior
     from tsis.model import Phantom, TactileImage
+    from tsis.virtual import VirtualProbe
 
 
 def demo(
@@ -66,11 +65,13 @@ def demo(
     if save:
         require_no_file("--save", probe)
     chosen = chosen_probe(probe)
-    assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
+    assumed = (
+        tsis.inclusion.InclusionPrior() if prior is None else read_prior_file(prior, tsis.inclusion.InclusionPrior)
+    )
     destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
-        light = irradiance(chosen, progress=advance)
-    virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)
+        light = tsis.optics.irradiance.irradiance(chosen, progress=advance)
+    virtual = tsis.virtual.VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)
     untouched = replace(virtual.no_contact(), name="untouched.png")
     references = _presses(virtual, target.without_inclusion(), forces, "reference")
     images = _presses(virtual, target, forces, "target")
@@ -79,21 +80,22 @@ def demo(
     )
     provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
     pressed = f"{chosen.name}, {' and '.join(forces)}"
-    page = inclusion_report(
+    page = tsis.report.inclusion_report(
         result,
         title=f"Virtual press on {target.name}",
         subtitle=f"{pressed}, each with a reference press on tissue without inclusion; simulated frames",
         targets=images,
         references=references,
         prior=assumed,
-        ring_edges_mm=ring_edges(chosen),
+        ring_edges_mm=tsis.inclusion.ring_edges(chosen),
         truth=truth,
         provenance=provenance,
     )
-    from tsis.records import SavableResult  # loads the libraries of records
-
-    calibration = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
-    savable = SavableResult(
+    calibration = tsis.calibration.file.ProbeCalibration(
+        name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration
+    )
+    savable = partial(
+        savable_result,
         kind="inclusion",
         estimate=result,
         probe=chosen.name,
@@ -104,14 +106,14 @@ def demo(
         truth=truth or {},
     )
     outcome = CommandOutcome(
-        document=envelope("demo", **provenance, estimate=estimate_document(result, truth)),
+        document=tsis.report.envelope("demo", **provenance, estimate=tsis.report.estimate_document(result, truth)),
         page=page,
         tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
-        notes=(*estimate_messages(result), *_outside_the_prior(truth or {}, assumed)),
+        notes=(*tsis.report.estimate_messages(result), *_outside_the_prior(truth or {}, assumed)),
         files={
-            **{frame.name: png_bytes(frame) for frame in (*images, *references)},
-            "untouched.png": png_bytes(untouched),
-            CALIBRATION_FILE: calibration_bytes(calibration),
+            **{frame.name: tsis.instrument.png_bytes(frame) for frame in (*images, *references)},
+            "untouched.png": tsis.instrument.png_bytes(untouched),
+            CALIBRATION_FILE: tsis.calibration.file.calibration_bytes(calibration),
         },
     )
     publish_and_save(outcome, out, destination, savable, as_json=as_json)
@@ -136,7 +138,7 @@ def _presses(virtual: VirtualProbe, phantom: Phantom, forces: dict[str, float], 
 def _truth(phantom: Phantom) -> dict[str, float] | None:
     if phantom.inclusion is None:
         return None
-    return {name: getattr(phantom.inclusion, name) for name in PARAMETERS}
+    return {name: getattr(phantom.inclusion, name) for name in tsis.inclusion.PARAMETERS}
 
 
 def _outside_the_prior(truth: dict[str, float], prior: InclusionPrior) -> tuple[str, ...]:

@@ -7,33 +7,20 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from matplotlib.figure import Figure
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+import tsis
 from tsis.catalog import read_prior_file
 from tsis.cli._options import AsJson, PriorFile, ProbeOption, ShowPrior, chosen_probe
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.errors import InputError
-from tsis.inclusion import InclusionPrior
-from tsis.inclusion.design import MOST_EVALUATIONS
-from tsis.report import (
-    HEADINGS,
-    QUICK_DEGREES,
-    DesignQuestion,
-    analyse_designs,
-    compared_designs,
-    design_caption,
-    design_document,
-    design_notes,
-    design_rows,
-    draw_errors,
-    searched_design,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
 
     from tsis.inclusion.design import Design
     from tsis.report import DesignAnalysis
@@ -95,29 +82,35 @@ def design(
     """
     if evaluations is not None and not search:
         raise InputError("--evaluations needs --optimise, the search that it limits")
-    question = DesignQuestion(
+    question = tsis.report.DesignQuestion(
         probe=chosen_probe(probe),
         forces_n=tuple(force_n or ()),
         with_reference=not no_reference,
         frames_per_press=frames,
-        compared=tuple(aspect.value for aspect in compared) if compared else QUICK_DEGREES,
+        compared=tuple(aspect.value for aspect in compared) if compared else tsis.report.QUICK_DEGREES,
         criterion=criterion.value,
         traced=traced_light,
-        prior=InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior),
-        evaluations=None if not search else MOST_EVALUATIONS if evaluations is None else evaluations,
+        prior=tsis.inclusion.InclusionPrior()
+        if prior is None
+        else read_prior_file(prior, tsis.inclusion.InclusionPrior),
+        evaluations=None
+        if not search
+        else tsis.inclusion.design.MOST_EVALUATIONS
+        if evaluations is None
+        else evaluations,
     )
     with progress_bar("solving presses (cached for next time)") as progress:
-        result = compared_designs(question, progress=progress)
+        result = tsis.report.compared_designs(question, progress=progress)
     best = None
     if search:
         with progress_bar("searching layers and forces") as progress:
-            best = searched_design(question, progress=progress)
-    response = analyse_designs(question, result, best)
+            best = tsis.report.searched_design(question, progress=progress)
+    response = tsis.report.analyse_designs(question, result, best)
     show_result(
         CommandResult(
-            document=design_document(response),
+            document=tsis.report.design_document(response),
             tables=(_table(response),),
-            notes=design_notes(response),
+            notes=tsis.report.design_notes(response),
             figures={"errors": partial(_draw, response.designs)},
         ),
         out,
@@ -128,23 +121,25 @@ def design(
 def _table(analysis: DesignAnalysis) -> Table:
     table = Table(
         title=analysis.question.planned.described,
-        caption=design_caption(analysis.designs),
+        caption=tsis.report.design_caption(analysis.designs),
         caption_justify="left",
         box=SIMPLE_HEAD,
         show_edge=False,
         padding=(0, 1, 0, 0),
     )
-    table.add_column(HEADINGS[0], min_width=14)
-    for heading in HEADINGS[1:-1]:
+    table.add_column(tsis.report.HEADINGS[0], min_width=14)
+    for heading in tsis.report.HEADINGS[1:-1]:
         table.add_column(heading, justify="right")
-    table.add_column(HEADINGS[-1], min_width=10)
-    for row in design_rows(analysis.designs):
+    table.add_column(tsis.report.HEADINGS[-1], min_width=10)
+    for row in tsis.report.design_rows(analysis.designs):
         table.add_row(*row)
     return table
 
 
 def _draw(designs: Sequence[Design]) -> Figure:
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(11.0, 4.0), layout="constrained")
-    draw_errors(designs, figure)
+    tsis.report.draw_errors(designs, figure)
     figure.supxlabel("Research use only. Crosses break a limit.", fontsize=8)
     return figure

@@ -9,32 +9,20 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._options import AsJson
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
-from tsis.detection.classify import (
-    Classifier,
-    ClassifierSettings,
-    ClassSplit,
-    TrainingSet,
-    cross_validate,
-    read_classifier,
-    target_evidence,
-    train_classifier,
-    write_classifier,
-)
 from tsis.errors import InputError, TsisError, import_extra
 from tsis.files import LARGEST_TARGET
-from tsis.inclusion import PARAMETERS
 from tsis.model import LARGEST_SEED, Inclusion
-from tsis.report import envelope, require_absent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from tsis.detection.classify import TargetEvidence, Validation
+    from tsis.detection.classify import Classifier, ClassifierSettings, ClassSplit, TargetEvidence, Validation
     from tsis.records import TargetRecord
     from tsis.records.store import Store
 
@@ -68,10 +56,10 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Train a classifier on the targets of a store of phantoms whose truth is known."""
-    require_absent(file)
+    tsis.report.require_absent(file)
     import_extra("sklearn", feature="tsis detect", extra="classify")
-    split = ClassSplit(young_kpa=young_kpa, diameter_mm=diameter_mm, depth_mm=depth_mm)
-    settings = ClassifierSettings(penalty=penalty, folds=folds, seed=seed)
+    split = tsis.detection.classify.ClassSplit(young_kpa=young_kpa, diameter_mm=diameter_mm, depth_mm=depth_mm)
+    settings = tsis.detection.classify.ClassifierSettings(penalty=penalty, folds=folds, seed=seed)
     empty = set(_numbers("--none", none))
     readings, truth, left_out = [], list[Inclusion | None](), []
     with opened(store, PHANTOM, database) as records:
@@ -81,7 +69,7 @@ def train(
             for done, summary in enumerate(summaries):
                 target = summary.target
                 advance(done + 1, len(summaries))
-                if target.number not in empty and not set(PARAMETERS) <= set(target.truth):
+                if target.number not in empty and not set(tsis.inclusion.PARAMETERS) <= set(target.truth):
                     left_out.append(f"Target {target.number} is left out: its truth is not known.")
                     continue
                 if target.number in empty and target.truth:
@@ -91,14 +79,18 @@ def train(
                 except InputError as error:
                     left_out.append(f"Target {target.number} is left out: {error}.")
                     continue
-                true: dict[str, Any] = {name: target.truth[name] for name in PARAMETERS if name in target.truth}
+                true: dict[str, Any] = {
+                    name: target.truth[name] for name in tsis.inclusion.PARAMETERS if name in target.truth
+                }
                 truth.append(Inclusion(**true) if true else None)
     if not readings:
         raise InputError("a training needs targets with an estimate and a known truth; the store has none")
-    classifier = train_classifier(TrainingSet.of(readings, truth, split), split, settings)
+    classifier = tsis.detection.classify.train_classifier(
+        tsis.detection.classify.TrainingSet.of(readings, truth, split), split, settings
+    )
     validation = _validated(readings, truth, split, settings, validate)
-    write_classifier(classifier, file)
-    document = envelope(
+    tsis.detection.classify.write_classifier(classifier, file)
+    document = tsis.report.envelope(
         "detect train",
         file=str(file),
         classes=list(split.names),
@@ -127,14 +119,14 @@ def apply(
 ) -> None:
     """Print the probability of each class for targets of a store, by their current estimates."""
     import_extra("sklearn", feature="tsis detect", extra="classify")
-    classifier = read_classifier(file)
+    classifier = tsis.detection.classify.read_classifier(file)
     with opened(store, kind, database) as records:
         results = [(number, classifier.classify(_evidence_of(records, number))) for number in numbers]
     table = Table("target", *classifier.split.names, "likeliest", title="Probabilities of the classes")
     for number, item in results:
         cells = (f"{value:.3f}" for value in item.probabilities.values())
         table.add_row(str(number), *cells, escape(item.likeliest))
-    document = envelope(
+    document = tsis.report.envelope(
         "detect apply",
         classes=list(classifier.split.names),
         targets=[
@@ -163,7 +155,7 @@ def _evidence(record: TargetRecord) -> TargetEvidence:
     if not results:
         raise InputError("it has no estimate of an inclusion")
     try:
-        return target_evidence(results[0])
+        return tsis.detection.classify.target_evidence(results[0])
     except TsisError as error:
         raise InputError(str(error).rstrip(".")) from error
 
@@ -198,7 +190,7 @@ def _validated(
     if not parts:
         return None
     with progress_bar("cross-validating") as progress:
-        return cross_validate(readings, truth, split, settings, folds=parts, progress=progress)
+        return tsis.detection.classify.cross_validate(readings, truth, split, settings, folds=parts, progress=progress)
 
 
 def _counts(classifier: Classifier) -> dict[str, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,8 +11,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.calibration import read_usable_calibration
 from tsis.catalog import read_prior_file
 from tsis.cli._options import (
     AsJson,
@@ -26,30 +27,21 @@ from tsis.cli._options import (
     target_forces,
 )
 from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progress, publish
-from tsis.cli._saving import KindOption, SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
-from tsis.errors import InputError
-from tsis.imaging import match_light
-from tsis.inclusion import InclusionPrior, ring_edges
-from tsis.instrument import read_image
-from tsis.report import (
-    analyse_image,
-    compare_presses,
-    comparison_document,
-    comparison_notes,
-    comparison_tables,
-    contact_report,
-    envelope,
-    estimate_document,
-    estimate_messages,
-    features_document,
-    finding_notes,
-    finding_rows,
-    inclusion_report,
+from tsis.cli._saving import (
+    KindOption,
+    SaveOption,
+    StoreOption,
+    TargetOption,
+    chosen_destination,
+    publish_and_save,
+    savable_result,
 )
+from tsis.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tsis.inclusion import InclusionPrior
     from tsis.model import Calibration, Estimate, Probe, TactileImage
     from tsis.report import PressComparison
 
@@ -145,8 +137,10 @@ def examine(
         raise InputError("--save needs --calibration: without it there is no estimate to save")
     if prior is not None and calibration is None:
         raise InputError("--prior needs --calibration: without it no inclusion is estimated")
-    assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
-    usable = None if calibration is None else read_usable_calibration(calibration)
+    assumed = (
+        tsis.inclusion.InclusionPrior() if prior is None else read_prior_file(prior, tsis.inclusion.InclusionPrior)
+    )
+    usable = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     by_line = usable is not None and not force_n and usable.calibration.force_line is not None
     if usable is not None and (scale is None or not (force_n or by_line)):
@@ -156,7 +150,7 @@ def examine(
         )
     forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
     frames = read_frames(images, forces, scale)
-    untouched = None if reference is None else read_image(reference, mm_per_pixel=scale)
+    untouched = None if reference is None else tsis.instrument.read_image(reference, mm_per_pixel=scale)
     provenance: dict[str, Any] = {
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
@@ -179,8 +173,6 @@ def examine(
         outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps, comparison=comparison)
         publish(outcome, out, as_json=as_json)
     else:
-        from tsis.records import SavableResult, require_savable  # loads the libraries of records
-
         reference_presses = reference_presses or []
         reference_force = (
             [None] * len(reference_presses)
@@ -189,6 +181,8 @@ def examine(
         )
         reference_frames = read_frames(reference_presses, reference_force, scale)
         if save:
+            from tsis.records import require_savable  # loads the libraries of records
+
             require_savable([*frames, *reference_frames])
         destination = chosen_destination(save, store, kind, number)
         pressed, response = usable.pressed(frames)
@@ -203,7 +197,8 @@ def examine(
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
         outcome = _inclusion(result, pressed, on_reference, by, assumed, provenance, comparison)
-        savable = SavableResult(
+        savable = partial(
+            savable_result,
             kind="inclusion",
             estimate=result,
             probe=by.name,
@@ -259,13 +254,15 @@ def _compared(
     shape: bool,
 ) -> PressComparison:
     references, against = (on_reference, "plain tissue") if untouched is None else ([untouched], "untouched probe")
-    return compare_presses(frames, references, against=against, calibration=calibration, relative=relative, shape=shape)
+    return tsis.report.compare_presses(
+        frames, references, against=against, calibration=calibration, relative=relative, shape=shape
+    )
 
 
 def _rich(comparison: PressComparison | None) -> list[Table]:
     """Tables of a comparison for people."""
     shown = []
-    for item in () if comparison is None else comparison_tables(comparison):
+    for item in () if comparison is None else tsis.report.comparison_tables(comparison):
         table = Table(*item.headings, title=escape(item.title))
         for row in item.rows:
             table.add_row(*(escape(cell) for cell in row))
@@ -283,35 +280,35 @@ def _contacts(
     comparison: PressComparison | None = None,
 ) -> CommandOutcome:
     findings = [
-        analyse_image(
+        tsis.report.analyse_image(
             frame,
-            match_light(untouched, frame) if match and untouched is not None else untouched,
+            tsis.imaging.match_light(untouched, frame) if match and untouched is not None else untouched,
             invert=invert,
         )
         for frame in frames
     ]
-    document = envelope(
+    document = tsis.report.envelope(
         "examine",
         "contacts",
         images=[
-            {"name": finding.image.name, "features": features_document(finding.features, finding.contact)}
+            {"name": finding.image.name, "features": tsis.report.features_document(finding.features, finding.contact)}
             for finding in findings
         ],
-        **({} if comparison is None else comparison_document(comparison)),
+        **({} if comparison is None else tsis.report.comparison_document(comparison)),
         refused=[{"estimate": name, "reason": reason} for name, reason in REFUSED],
         provenance=provenance,
     )
     tables = []
     for finding in findings:
         table = Table("quantity", "value", title=escape(finding.image.name))
-        for row in finding_rows(finding):
+        for row in tsis.report.finding_rows(finding):
             table.add_row(*row)
         tables.append(table)
     tables += _rich(comparison)
-    notes = [note for finding in findings for note in finding_notes(finding)]
-    notes += [] if comparison is None else comparison_notes(comparison)
+    notes = [note for finding in findings for note in tsis.report.finding_notes(finding)]
+    notes += [] if comparison is None else tsis.report.comparison_notes(comparison)
     notes += [f"Not estimated: {name}: {reason}." for name, reason in REFUSED]
-    page = contact_report(findings, refused=REFUSED, provenance=provenance, comparison=comparison)
+    page = tsis.report.contact_report(findings, refused=REFUSED, provenance=provenance, comparison=comparison)
     return CommandOutcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))
 
 
@@ -325,23 +322,28 @@ def _inclusion(
     comparison: PressComparison | None,
 ) -> CommandOutcome:
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
-    page = inclusion_report(
+    page = tsis.report.inclusion_report(
         result,
         title=f"Inclusion under {probe.name}",
         subtitle=names,
         targets=frames,
         references=on_reference,
         prior=prior,
-        ring_edges_mm=ring_edges(probe),
+        ring_edges_mm=tsis.inclusion.ring_edges(probe),
         provenance=provenance,
         comparison=comparison,
     )
-    compared = {} if comparison is None else comparison_document(comparison)
-    document = envelope("examine", estimate=estimate_document(result), **compared, provenance=provenance)
+    compared = {} if comparison is None else tsis.report.comparison_document(comparison)
+    document = tsis.report.envelope(
+        "examine", estimate=tsis.report.estimate_document(result), **compared, provenance=provenance
+    )
     table = estimate_table(result, title=names)
     return CommandOutcome(
         document=document,
         page=page,
         tables=(table, *_rich(comparison)),
-        notes=(*estimate_messages(result), *(() if comparison is None else comparison_notes(comparison))),
+        notes=(
+            *tsis.report.estimate_messages(result),
+            *(() if comparison is None else tsis.report.comparison_notes(comparison)),
+        ),
     )

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import tsis
 from tsis.errors import InputError
-from tsis.instrument.gauge import connected_gauge
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,7 +25,8 @@ GaugeUnit = Annotated[
     typer.Option("--gauge-unit", help="Unit of its display, when it sends none.", rich_help_panel="Gauge"),
 ]
 GaugeBaud = Annotated[
-    int, typer.Option("--gauge-baud", help="Its baud rate, bits per second.", rich_help_panel="Gauge")
+    int | None,
+    typer.Option("--gauge-baud", help="Its baud rate, bits per second.", show_default="9600", rich_help_panel="Gauge"),
 ]
 GaugeSends = Annotated[
     bool,
@@ -39,7 +40,7 @@ GaugeLatency = Annotated[
 
 @contextmanager
 def gauge_log(
-    port: str | None, *, unit: str | None, baud: int, sends: bool, latency_ms: float
+    port: str | None, *, unit: str | None, baud: int | None, sends: bool, latency_ms: float
 ) -> Iterator[ForceLog | None]:
     """Readings of the gauge at a serial port, after the first have arrived; None without a port."""
     if port is None:
@@ -47,7 +48,9 @@ def gauge_log(
             raise InputError("--gauge-unit and --gauge-sends need --gauge, the port of the gauge")
         yield None
         return
-    log = connected_gauge(port, unit=unit, baud=baud, sends=sends, latency_s=latency_ms / 1000)
+    log = tsis.instrument.gauge.connected_gauge(
+        port, unit=unit, baud=baud or tsis.instrument.gauge.BAUD, sends=sends, latency_s=latency_ms / 1000
+    )
     try:
         yield log
     finally:

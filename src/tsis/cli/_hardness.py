@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,9 +12,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.calibration import read_usable_calibration
-from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
 from tsis.catalog import load_sphere, read_prior_file
 from tsis.cli._options import (
     AsJson,
@@ -28,18 +28,24 @@ from tsis.cli._options import (
 )
 from tsis.cli._output import CommandOutcome
 from tsis.cli._progress import progress_bar, waiting
-from tsis.cli._saving import KindOption, SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save
+from tsis.cli._saving import (
+    KindOption,
+    SaveOption,
+    StoreOption,
+    TargetOption,
+    chosen_destination,
+    publish_and_save,
+    savable_result,
+)
 from tsis.errors import InputError
-from tsis.hardness import BLUR_MM, DRIFT_SD, HardnessPrior, build_contact_table, estimate, shore
-from tsis.instrument import png_bytes
+from tsis.files import CALIBRATION_FILE
 from tsis.model import LARGEST_SEED
-from tsis.report import envelope, estimate_document, hardness_notes, hardness_report, hardness_rows
-from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tsis.cli._saving import Destination
+    from tsis.hardness import HardnessPrior
     from tsis.model import Calibration, Estimate, Probe, TactileImage
 
 
@@ -99,7 +105,7 @@ def hardness(
     paths = images or []
     if save:
         require_no_file("--save", probe)
-    assumed = HardnessPrior() if prior is None else read_prior_file(prior, HardnessPrior)
+    assumed = tsis.hardness.HardnessPrior() if prior is None else read_prior_file(prior, tsis.hardness.HardnessPrior)
     if demo or virtual is not None:
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
         if any(value is not None for value in given):
@@ -112,7 +118,7 @@ def hardness(
         return
     if not paths:
         raise InputError("give the images of two presses, or --demo for a run without hardware")
-    known = None if calibration is None else read_usable_calibration(calibration)
+    known = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     scale = chosen_scale(known, scale_mm)
     if known is None or scale is None or not (force_n or known.calibration.force_line):
         raise InputError(
@@ -127,9 +133,9 @@ def hardness(
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
     raw_balls = read_frames(balls, ball_force_n or (), scale)
-    from tsis.records import SavableResult, require_savable  # loads the libraries of records
-
     if save:
+        from tsis.records import require_savable  # loads the libraries of records
+
         require_savable([*raw, *raw_balls])
     destination = chosen_destination(save, store, kind, number)
     options = {
@@ -140,7 +146,8 @@ def hardness(
         **_options(assumed),
     }
     outcome, result = _outcome(frames, chosen, response, options, cites=known.citation())
-    savable = SavableResult(
+    savable = partial(
+        savable_result,
         kind="hardness",
         estimate=result,
         probe=chosen.name,
@@ -153,7 +160,7 @@ def hardness(
 
 def _options(prior: HardnessPrior) -> dict[str, Any]:
     """Options of every estimate here, recorded so that another release can repeat it."""
-    return {"prior": prior, "blur_mm": BLUR_MM, "drift_sd": DRIFT_SD}
+    return {"prior": prior, "blur_mm": tsis.hardness.BLUR_MM, "drift_sd": tsis.hardness.DRIFT_SD}
 
 
 def _written_down(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -174,20 +181,21 @@ def _virtual(
     as_json: bool,
 ) -> None:
     sphere = load_sphere(name)
-    rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
+    rig = tsis.virtual.DirectContactRig(probe, rng=np.random.default_rng(seed))
     with waiting(f"pressing {name} with the virtual rig"):
         frames = rig.press_path(sphere, forces_n=forces)
-    from tsis.records import SavableResult  # loads the libraries of records
-
-    simulated_probe = ProbeCalibration(name=rig.calibration.name, probe=probe.name, response=rig.calibration)
-    files = {CALIBRATION_FILE: calibration_bytes(simulated_probe)}
-    files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
+    simulated_probe = tsis.calibration.file.ProbeCalibration(
+        name=rig.calibration.name, probe=probe.name, response=rig.calibration
+    )
+    files = {CALIBRATION_FILE: tsis.calibration.file.calibration_bytes(simulated_probe)}
+    files |= {f"press-{frame.force_n:g}N.png": tsis.instrument.png_bytes(frame) for frame in frames}
     simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
     options = _options(prior)
     outcome, result = _outcome(
         frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
     )
-    savable = SavableResult(
+    savable = partial(
+        savable_result,
         kind="hardness",
         estimate=result,
         probe=probe.name,
@@ -212,32 +220,32 @@ def _outcome(
     cites: dict[str, Any] | None = None,
 ) -> tuple[CommandOutcome, Estimate]:
     with progress_bar("solving the contact of this probe (cached for next time)") as progress:
-        result = estimate(frames, probe=probe, calibration=calibration, progress=progress, **options)
+        result = tsis.hardness.estimate(frames, probe=probe, calibration=calibration, progress=progress, **options)
     title = f"Hardness by direct contact with {probe.name}"
     shown = Table("quantity", "value", title=escape(title))
-    rows = hardness_rows(result)
+    rows = tsis.report.hardness_rows(result)
     for row in rows if truth_kpa is None else (*rows, ("true modulus", f"{truth_kpa:g} kPa")):
         shown.add_row(*(escape(cell) for cell in row))
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
-    readings = asdict(shore(result.mean["young_kpa"])) if result.trusted else None
+    readings = asdict(tsis.hardness.shore(result.mean["young_kpa"])) if result.trusted else None
     outcome = CommandOutcome(
-        document=envelope(
+        document=tsis.report.envelope(
             "hardness",
-            estimate=estimate_document(result, truth),
+            estimate=tsis.report.estimate_document(result, truth),
             shore_converted=readings,
             provenance=provenance,
         ),
-        page=hardness_report(
+        page=tsis.report.hardness_report(
             result,
             title=title,
             images=frames,
-            table=build_contact_table(probe),
+            table=tsis.hardness.build_contact_table(probe),
             provenance=provenance,
             truth_kpa=truth_kpa,
         ),
         tables=(shown,),
-        notes=tuple(hardness_notes(result)),
+        notes=tuple(tsis.report.hardness_notes(result)),
         files=files or {},
     )
     return outcome, result

@@ -9,8 +9,8 @@ import numpy as np
 import typer
 from rich.table import Table
 
+import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.calibration import read_usable_calibration
 from tsis.catalog import read_prior_file
 from tsis.cli._options import (
     AsJson,
@@ -24,11 +24,7 @@ from tsis.cli._options import (
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.errors import InputError
-from tsis.inclusion import PARAMETERS, InclusionPrior
-from tsis.inclusion.network import read_networks, train_networks, write_networks
-from tsis.instrument import read_image
 from tsis.model import LARGEST_SEED
-from tsis.report import envelope, require_absent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -68,11 +64,13 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Simulate presses on inclusions of the prior, and train networks on three outputs of each press."""
-    require_absent(file)
+    tsis.report.require_absent(file)
     chosen = chosen_probe(probe)
-    assumed = InclusionPrior() if prior is None else read_prior_file(prior, InclusionPrior)
+    assumed = (
+        tsis.inclusion.InclusionPrior() if prior is None else read_prior_file(prior, tsis.inclusion.InclusionPrior)
+    )
     with progress_bar("simulating presses, then training networks") as progress:
-        trained = train_networks(
+        trained = tsis.inclusion.network.train_networks(
             chosen,
             rng=np.random.default_rng(seed),
             force_n=force_n,
@@ -84,8 +82,10 @@ def train(
             solving=progress,
             progress=progress,
         )
-    write_networks(trained, file)
-    document = envelope("network train", file=str(file), seed=seed, samples=samples, method=method, **_about(trained))
+    tsis.inclusion.network.write_networks(trained, file)
+    document = tsis.report.envelope(
+        "network train", file=str(file), seed=seed, samples=samples, method=method, **_about(trained)
+    )
     table = Table("quantity", "value", title="Trained networks")
     for row in (
         ("file", str(file)),
@@ -128,13 +128,15 @@ def apply(
     as_json: AsJson = False,
 ) -> None:
     """Estimate diameter, depth and modulus of inclusions from frames by trained networks."""
-    trained, usable = read_networks(file), read_usable_calibration(calibration)
+    trained, usable = tsis.inclusion.network.read_networks(file), tsis.calibration.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     if scale is None or (force_n is None and usable.calibration.force_line is None):
         raise InputError(
             "networks need --scale-mm and --force-n, where the calibration contains neither scale nor force line"
         )
-    frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in (*images, reference_press)]
+    frames = [
+        tsis.instrument.read_image(path, mm_per_pixel=scale, force_n=force_n) for path in (*images, reference_press)
+    ]
     pressed, response = usable.pressed(frames)
     chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
     outputs = trained.outputs(pressed[:-1], pressed[-1], probe=chosen, calibration=response)
@@ -144,20 +146,20 @@ def apply(
         *SPREAD,
         *(f"The {name} output lies outside those of the training: the networks extrapolate." for name in outside),
     )
-    table = Table("press", *PARAMETERS, title="Mean and sd over the networks")
+    table = Table("press", *tsis.inclusion.PARAMETERS, title="Mean and sd over the networks")
     presses = []
     for number, path in enumerate(images):
         mean, sd = result[:, number].mean(axis=0), result[:, number].std(axis=0)
         table.add_row(path.name, *(f"{item:.3g} ± {other:.2g}" for item, other in zip(mean, sd, strict=True)))
         presses.append({"press": path.name, "outputs": outputs[number].tolist(), **_parameters(mean, sd)})
-    document = envelope(
+    document = tsis.report.envelope(
         "network apply", presses=presses, outside=list(outside), networks=_about(trained), calibration=usable.citation()
     )
     show_result(CommandResult(document=document, tables=(table,), notes=notes), out, as_json=as_json)
 
 
 def _parameters(mean: NDArray[np.float64], sd: NDArray[np.float64]) -> dict[str, Any]:
-    values = zip(PARAMETERS, mean.tolist(), sd.tolist(), strict=True)
+    values = zip(tsis.inclusion.PARAMETERS, mean.tolist(), sd.tolist(), strict=True)
     return {"parameters": {name: {"mean": item, "sd_of_networks": other} for name, item, other in values}}
 
 

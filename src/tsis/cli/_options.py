@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import tsis
 from tsis.catalog import default_prior_toml, list_probes, load_probe, parse_probe, probe_variant
 from tsis.errors import InputError, NotCalibratedError
 from tsis.files import one_line, parse_toml, read_parsed
-from tsis.instrument import read_image
 from tsis.model import Glass, Layer, Led, require_one_of, require_pixel_scale
 
 if TYPE_CHECKING:
@@ -246,7 +246,10 @@ def read_frames(
     paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float] | None
 ) -> list[TactileImage]:
     """Frames of files, each with its force in newtons and all with one scale (x, y) in mm per pixel."""
-    return [read_image(path, mm_per_pixel=scale, force_n=force) for path, force in zip(paths, forces, strict=True)]
+    return [
+        tsis.instrument.read_image(path, mm_per_pixel=scale, force_n=force)
+        for path, force in zip(paths, forces, strict=True)
+    ]
 
 
 def numbers(name: str, text: str) -> list[float]:

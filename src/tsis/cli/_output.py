@@ -13,12 +13,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._progress import progress_bar
 from tsis.files import json_bytes
-from tsis.inclusion import InclusionPrior, estimate
 from tsis.model import INTERVAL_LEVEL
-from tsis.report import free_folder, sd_text, withheld_reason, write_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from tsis.inclusion import InclusionPrior
     from tsis.model import Calibration, Estimate, Probe, TactileImage
 
 
@@ -72,7 +72,7 @@ def publish(outcome: CommandOutcome, out: Path, *, as_json: bool) -> None:
 def write_outcome(outcome: CommandOutcome, out: Path) -> Path:
     """Write the folder ``out`` (or the next free name), whole or not at all; which one it is."""
     files = {**outcome.files, RESULT: result_bytes(outcome.document), "index.html": outcome.page}
-    return write_folder(free_folder(out), files)
+    return tsis.report.write_folder(tsis.report.free_folder(out), files)
 
 
 def print_outcome(outcome: CommandOutcome, folder: Path, *, as_json: bool) -> None:
@@ -118,9 +118,9 @@ def show_result(result: CommandResult, out: Path | None, *, as_json: bool) -> No
     document = {**result.document, "notes": list(result.notes)}
     folder = None
     if out is not None:
-        requested = free_folder(out)  # refused before anything is drawn
+        requested = tsis.report.free_folder(out)  # refused before anything is drawn
         files = {f"{name}.png": _png(draw()) for name, draw in result.figures.items()}
-        folder = write_folder(requested, {**files, RESULT: result_bytes(document)})
+        folder = tsis.report.write_folder(requested, {**files, RESULT: result_bytes(document)})
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
         return
@@ -143,7 +143,7 @@ def estimate_with_progress(
 ) -> Estimate:
     """Estimate an inclusion; a bar shows how the surrogate of a new probe or prior is built."""
     with progress_bar("solving the press for this probe (cached for next time)") as progress:
-        return estimate(
+        return tsis.inclusion.estimate(
             images, probe=probe, calibration=calibration, reference=reference, prior=prior, progress=progress
         )
 
@@ -161,15 +161,15 @@ def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] |
 
 def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
     """Cells of one parameter; of an estimate that is not to be trusted only what was believed before."""
-    prior_sd = sd_text(result.prior_sd[name])
+    prior_sd = tsis.report.sd_text(result.prior_sd[name])
     if not result.trusted:
-        return withheld_reason(result, name), "", "", prior_sd, ""
+        return tsis.report.withheld_reason(result, name), "", "", prior_sd, ""
     low, high = result.interval(INTERVAL_LEVEL)[name]
     bound = result.cramer_rao_sd.get(name)  # of a hardness nobody computes it
     return (
-        withheld_reason(result, name) or f"{result.mean[name]:.3g}",
+        tsis.report.withheld_reason(result, name) or f"{result.mean[name]:.3g}",
         f"{low:.3g} to {high:.3g}",
-        sd_text(result.sd[name]),
+        tsis.report.sd_text(result.sd[name]),
         prior_sd,
-        "" if bound is None else sd_text(bound),
+        "" if bound is None else tsis.report.sd_text(bound),
     )

@@ -15,6 +15,9 @@ from tsis.errors import InputError, TsisError
 from tsis.files import LARGEST_TARGET, write_durably
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
     from tsis.cli._output import CommandOutcome
     from tsis.records import SavableResult
     from tsis.records.store import Store
@@ -80,8 +83,20 @@ def chosen_destination(
     return destination
 
 
+def savable_result(**entries: Any) -> SavableResult:
+    """`tsis.records.SavableResult`, which loads the libraries of records."""
+    from tsis.records import SavableResult
+
+    return SavableResult(**entries)
+
+
 def publish_and_save(
-    outcome: CommandOutcome, out: Path, destination: Destination | None, savable: SavableResult, *, as_json: bool
+    outcome: CommandOutcome,
+    out: Path,
+    destination: Destination | None,
+    savable: Callable[[], SavableResult],
+    *,
+    as_json: bool,
 ) -> None:
     """Write the folder of results, then keep what they rest on, and print both.
 
@@ -96,7 +111,7 @@ def publish_and_save(
     folder = write_outcome(outcome, out)
     try:
         with destination.opened() as store:
-            saved = save_results(store, savable, number=destination.number)
+            saved = save_results(store, savable(), number=destination.number)
         outcome = replace(
             outcome, document={**outcome.document, "saved": saved}, notes=(*outcome.notes, *saved_notes(saved))
         )

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+import tsis
 from tsis.catalog import load_probe, phantom_variant
 from tsis.cli._groups import ended_by
 from tsis.cli._options import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa
@@ -15,7 +16,6 @@ from tsis.cli._output import people, print_notice
 from tsis.cli._progress import waiting
 from tsis.errors import CameraError
 from tsis.model import LARGEST_SEED
-from tsis.virtual import GigEServer, VirtualCamera, VirtualProbe
 
 SLOWEST = 0.1  # frames/s: allows the longest exposure of the simulated camera
 POLL_S = 0.5
@@ -41,9 +41,9 @@ def serve(
     rng = np.random.default_rng(seed)
     target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     with waiting("tracing the light of the lamps"):
-        rig = VirtualProbe(load_probe(probe), rng=rng)
-    camera = VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)
-    server = GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
+        rig = tsis.virtual.VirtualProbe(load_probe(probe), rng=rng)
+    camera = tsis.virtual.VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)
+    server = tsis.virtual.GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
     console = people()
     with ended_by(signal.SIGINT, signal.SIGTERM) as ended, server:
         serving = f"Serving {camera.name} at {force_n:g} N as {server.identity} on {interface}; Ctrl-C ends it."

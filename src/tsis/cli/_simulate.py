@@ -9,12 +9,11 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+import tsis
 from tsis.catalog import list_phantoms, list_probes, load_phantom, load_probe, phantom_variant
 from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
-from tsis.mechanics import press
-from tsis.report import envelope
 
 SHOWN_RADII = 13
 
@@ -47,12 +46,12 @@ def simulate(
     pressed = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     chosen = chosen_probe(probe)
     with waiting(f"pressing at {strain} strain"):
-        field = press(chosen, pressed, force_n=force_n, strain=strain)
-        reference = press(chosen, pressed.without_inclusion(), force_n=force_n, strain=strain)
+        field = tsis.mechanics.press(chosen, pressed, force_n=force_n, strain=strain)
+        reference = tsis.mechanics.press(chosen, pressed.without_inclusion(), force_n=force_n, strain=strain)
     change = field.face_displacement_mm - reference.face_displacement_mm
     if as_json:
         print_json(
-            envelope(
+            tsis.report.envelope(
                 "simulate",
                 probe=asdict(chosen),
                 phantom=asdict(pressed),
@@ -82,7 +81,7 @@ def _catalog(*, as_json: bool) -> None:
     if as_json:
         probes = {name: asdict(load_probe(name)) for name in list_probes()}
         phantoms = {name: asdict(load_phantom(name)) for name in list_phantoms()}
-        print_json(envelope("simulate", "list", probes=probes, phantoms=phantoms))
+        print_json(tsis.report.envelope("simulate", "list", probes=probes, phantoms=phantoms))
         return
     console = people()
     console.print("Probes:", ", ".join(list_probes()))

@@ -6,17 +6,19 @@ import shlex
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
+import tsis
 from tsis.cli._exit_codes import INTERRUPTED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import progress_bar
-from tsis.report import envelope
-from tsis.sweep import EXAMPLE, Plan, first_few, load_plan, run_sweep, seconds_per_press, verify_data_set, worker_count
+
+if TYPE_CHECKING:
+    from tsis.sweep import Plan
 
 app = typer.Typer(
     name="sweep",
@@ -57,20 +59,20 @@ def run(
     Workers and this program may be killed at any time: repeat the command. Complete files stay, and
     the data set has the same bytes as without an interruption.
     """
-    chosen = load_plan(plan)
-    count = worker_count(workers)
+    chosen = tsis.sweep.load_plan(plan)
+    count = tsis.sweep.worker_count(workers)
     if dry_run:
         _say_how_much(chosen, count if scheduler is None else None, as_json=as_json)
         return
     try:
         with progress_bar("Pressing") as advance:
-            done = run_sweep(chosen, out, workers=workers, scheduler=scheduler, progress=advance)
+            done = tsis.sweep.run_sweep(chosen, out, workers=workers, scheduler=scheduler, progress=advance)
     except KeyboardInterrupt:
         again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:])])
         typer.echo(f"Interrupted; finished files stay. Resume with: {again}", err=True)
         sys.exit(INTERRUPTED)
     if as_json:
-        print_json(envelope("sweep run", **asdict(done)))
+        print_json(tsis.report.envelope("sweep run", **asdict(done)))
         return
     console = people()
     console.print(
@@ -81,7 +83,7 @@ def run(
             f"- {done.refused} presses were refused: their rows contain NaN, and the column error gives the reason."
         )
     if done.repaired:
-        names = first_few(done.repaired)
+        names = tsis.sweep.first_few(done.repaired)
         console.print(f"- {len(done.repaired)} damaged or foreign, computed again: {names}", markup=False)
     if done.lost:
         console.print(f"- {done.lost} batches lost their worker and went to another one.")
@@ -92,10 +94,14 @@ def run(
 @app.command("verify", epilog="Example: tsis sweep verify data")
 def verify_folder(*, folder: DataFolder, as_json: AsJson = False) -> None:
     """Check every file of a data set against the SHA-256 in its manifest."""
-    manifest = verify_data_set(folder)
+    manifest = tsis.sweep.verify_data_set(folder)
     results = {key: manifest[key] for key in ("data_set", "plan_sha256", "presses", "refused")}
     if as_json:
-        print_json(envelope("sweep verify", folder=str(folder.resolve()), shards=len(manifest["shards"]), **results))
+        print_json(
+            tsis.report.envelope(
+                "sweep verify", folder=str(folder.resolve()), shards=len(manifest["shards"]), **results
+            )
+        )
         return
     console = people()
     console.print(f"{results['presses']} presses in {len(manifest['shards'])} files are as they were written.")
@@ -106,15 +112,15 @@ def verify_folder(*, folder: DataFolder, as_json: AsJson = False) -> None:
 @app.command(epilog="Example: tsis sweep example > plan.toml")
 def example() -> None:
     """Print a plan to start from."""
-    typer.echo(EXAMPLE, nl=False)
+    typer.echo(tsis.sweep.EXAMPLE, nl=False)
 
 
 def _say_how_much(plan: Plan, workers: int | None, *, as_json: bool) -> None:
-    per_press = seconds_per_press(plan)
+    per_press = tsis.sweep.seconds_per_press(plan)
     seconds = None if workers is None else per_press * plan.presses / workers
     if as_json:
         print_json(
-            envelope(
+            tsis.report.envelope(
                 "sweep run",
                 "plan",
                 dry_run=True,

@@ -8,17 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.calibration import read_usable_calibration
-from tsis.calibration.settling import LONGEST_HOLD_S
 from tsis.cli._options import AsJson, chosen_scale
 from tsis.cli._output import CommandOutcome, publish
 from tsis.cli._progress import progress_bar
 from tsis.errors import InputError
-from tsis.instrument import read_image
-from tsis.instrument.recording import read_recording_index
 from tsis.model import require_number
-from tsis.report import envelope, track_document, track_notes, track_press, track_report, track_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,8 +57,8 @@ def track(
         float, typer.Option(help="Remaining change of a settled press, relative to its settled value.")
     ] = 0.01,
     longest_s: Annotated[
-        float, typer.Option(help="Longest time constant of the tissue to consider, seconds.")
-    ] = LONGEST_HOLD_S,
+        float | None, typer.Option(help="Longest time constant of the tissue to consider, seconds.", show_default="100")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-track"),
     as_json: AsJson = False,
 ) -> None:
@@ -72,7 +68,7 @@ def track(
             "a sequence is compared with one kind of reference: give the untouched probe as --reference, or presses on "
             "tissue without inclusion as --reference-press"
         )
-    usable = None if calibration is None else read_usable_calibration(calibration)
+    usable = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     if scale is None:
         raise InputError("a movement needs --scale-mm, or a --calibration that contains the scale")
@@ -86,7 +82,7 @@ def track(
         _read(path, scale, usable) for path in (reference_presses or []) + ([] if reference is None else [reference])
     ]
     with progress_bar("following the light") as advance:
-        result = track_press(
+        result = tsis.report.track_press(
             images,
             others,
             against="untouched probe" if reference is not None else "plain tissue",
@@ -94,7 +90,7 @@ def track(
             calibration=None if usable is None else usable.response,
             threshold_grey=threshold_grey,
             tolerance=tolerance,
-            longest_s=longest_s,
+            longest_s=longest_s or tsis.calibration.settling.LONGEST_HOLD_S,
             progress=advance,
         )
     provenance: dict[str, Any] = {
@@ -106,14 +102,14 @@ def track(
         "calibration": None if usable is None else usable.citation(),
     }
     table = Table("quantity", "value", title="Results of the sequence")
-    for row in track_rows(result):
+    for row in tsis.report.track_rows(result):
         table.add_row(*row)
     subtitle = f"{len(images)} frames, {images[0].name} to {images[-1].name}"
     outcome = CommandOutcome(
-        document=envelope("track", **track_document(result), provenance=provenance),
-        page=track_report(result, subtitle=subtitle, provenance=provenance),
+        document=tsis.report.envelope("track", **tsis.report.track_document(result), provenance=provenance),
+        page=tsis.report.track_report(result, subtitle=subtitle, provenance=provenance),
         tables=(table,),
-        notes=track_notes(result),
+        notes=tsis.report.track_notes(result),
     )
     publish(outcome, out, as_json=as_json)
 
@@ -124,7 +120,7 @@ def _sequence(frames: Sequence[Path], interval_s: float | None) -> tuple[list[Pa
         require_number("--interval-s", interval_s, 1e-4, 1e4, hint="seconds")
     times = None
     if len(frames) == 1 and frames[0].is_dir():
-        index = read_recording_index(frames[0])
+        index = tsis.instrument.recording.read_recording_index(frames[0])
         frames, times = [path for path, _ in index], [arrived_s for _, arrived_s in index]
         if interval_s is not None:
             raise InputError("--interval-s is not used with a recorded folder, which contains the times of its frames")
@@ -137,7 +133,7 @@ def _sequence(frames: Sequence[Path], interval_s: float | None) -> tuple[list[Pa
 
 def _read(path: Path, scale: tuple[float, float], calibration: UsableCalibration | None) -> TactileImage:
     """A frame, less the background level of the calibration if it has one."""
-    image = read_image(path, mm_per_pixel=scale)
+    image = tsis.instrument.read_image(path, mm_per_pixel=scale)
     return (
         image
         if calibration is None or calibration.calibration.reference is None

@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from tsis.errors import require_extra
+
 if TYPE_CHECKING:
     from tsis.console._app import opened_in_browser
     from tsis.console._serving import Certificate, ConsoleSettings, serve_console
@@ -20,6 +22,8 @@ __all__ = [
     "opened_in_browser",
     "serve_console",
 ]
+
+require_extra("nicegui", "fastapi", "uvicorn", "argon2", "itsdangerous", feature="the console", extra="console")
 
 _HOMES = {
     "Certificate": "_serving",

@@ -12,6 +12,10 @@ between operators (`reproducibility`). A scan plan says where to press to search
 (`scan_plan`, `widest_plan`, `smallest_found_mm`).
 """
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.detection._auc import AucCovariance, auc_covariance, newcombe_interval
 from tsis.detection._bland_altman import BlandAltman, ProportionalBias, bland_altman
 from tsis.detection._bootstrap import bootstrap_auc
@@ -92,3 +96,6 @@ __all__ = [
     "wilson_interval",
     "youden_point",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["classify", "search"])[0]

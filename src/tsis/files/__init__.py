@@ -24,7 +24,7 @@ from tsis.files._cache import (
     write_cached_arrays,
 )
 from tsis.files._codec import free_to_json, from_json_value, to_json_value
-from tsis.files._csv import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows
+from tsis.files._csv import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows, table_bytes
 from tsis.files._hash_chain import (
     EMPTY_CHAIN,
     FIRST_HASH,
@@ -40,8 +40,9 @@ from tsis.files._hash_chain import (
 )
 from tsis.files._image_checks import LARGEST_PIXELS, image_fault, png_fault, rows_missing, size_fault, without_metadata
 from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_or_none, json_bytes, parse_canonical
-from tsis.files._names import LARGEST_TARGET, snapshot_stems, target_folder
+from tsis.files._names import CALIBRATION_FILE, LARGEST_TARGET, snapshot_stems, target_folder
 from tsis.files._packed import require_bounded_arrays, without_packed_arrays
+from tsis.files._pictures import QUICK_PNG, decode_grey_png, encode_picture
 from tsis.files._reading import (
     as_path,
     file_size,
@@ -58,6 +59,7 @@ from tsis.files._reading import (
 )
 
 __all__ = [
+    "CALIBRATION_FILE",
     "DIGEST_BYTES",
     "DISK",
     "EMPTY_CHAIN",
@@ -68,6 +70,7 @@ __all__ = [
     "LARGEST_TARGET",
     "PRIVATE_FILE",
     "PRIVATE_FOLDER",
+    "QUICK_PNG",
     "SHA256",
     "UNFINISHED",
     "CsvRow",
@@ -85,8 +88,10 @@ __all__ = [
     "canonical",
     "content_key",
     "content_sha256",
+    "decode_grey_png",
     "digest",
     "digest_or_none",
+    "encode_picture",
     "file_size",
     "free_to_json",
     "from_json_value",
@@ -119,6 +124,7 @@ __all__ = [
     "rows_missing",
     "size_fault",
     "snapshot_stems",
+    "table_bytes",
     "target_folder",
     "text_lines",
     "to_json_value",

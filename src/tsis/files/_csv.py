@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError
 from tsis.files._reading import one_line, printable_path, read_bytes
@@ -115,3 +115,29 @@ def _headings(cells: list[str], where: str, needed: Sequence[str], optional: Seq
             f"the headings must be {', '.join((*needed, *optional))}, each once; got {wrong} ({where})"
         )
     return names
+
+
+def cell(value: Any) -> str:
+    """The text of a cell, guarded so that no spreadsheet takes it for a formula.
+
+    Examples
+    --------
+    >>> cell("=1+1"), cell(-1.5), cell(True), cell(None)
+    ("'=1+1", '-1.5', 'yes', '')
+    """
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    text = str(value)
+    return f"'{text}" if text.startswith(FORMULA_STARTS) or text.lstrip().startswith(FORMULA_STARTS) else text
+
+
+def table_bytes(rows: Sequence[Sequence[Any]]) -> bytes:
+    """Rows, headings first, in the form of RFC 4180."""
+    out = io.StringIO(newline="")
+    writer = csv.writer(out, lineterminator="\r\n")
+    writer.writerows([cell(item) for item in row] for row in rows)
+    return out.getvalue().encode()

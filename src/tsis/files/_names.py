@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 
 LARGEST_TARGET = 99_999
+CALIBRATION_FILE = "calibration.json"  # default name
 _FILE_STEM = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 _DEVICES_OF_WINDOWS = re.compile(r"(?i:con|prn|aux|nul|com[0-9]*|lpt[0-9]*)")
 

@@ -1,5 +1,6 @@
 """From frames of the camera to numbers: corrections, the contact's patch and circle, features, profiles, colour."""
 
+from tsis.imaging._blocks import block_means
 from tsis.imaging._colour import COLOUR_MAPS, change_magnitude, colour_map
 from tsis.imaging._contact import Contact, find_colour_contact, find_contact
 from tsis.imaging._contact_models import (
@@ -54,6 +55,7 @@ __all__ = [
     "RadialProfile",
     "Sensor",
     "as_contact_model",
+    "block_means",
     "change_magnitude",
     "colour_map",
     "expose",

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
+from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import minimize
 
 if TYPE_CHECKING:
@@ -54,8 +54,8 @@ class SlopeField:
         columns = (x + np.outer(radii, self.cos) / self.pixel[0]).astype(np.float32)
         rows = (y + np.outer(radii, self.sin) / self.pixel[1]).astype(np.float32)
         slope = (
-            cv2.remap(self.slope_x, columns, rows, cv2.INTER_LINEAR) * self.cos
-            + cv2.remap(self.slope_y, columns, rows, cv2.INTER_LINEAR) * self.sin
+            map_coordinates(self.slope_x, (rows, columns), order=1) * self.cos
+            + map_coordinates(self.slope_y, (rows, columns), order=1) * self.sin
         )
         height, width = self.slope_x.shape
         inside = (columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1)
@@ -73,8 +73,7 @@ def pixel_shape(image: TactileImage) -> tuple[float, float]:
 
 def blurred(grey: NDArray[np.float64], blur: float, pixel: tuple[float, float]) -> NDArray[np.float64]:
     """The signal after a Gaussian blur that is round on the face."""
-    smooth = cv2.GaussianBlur(grey, (0, 0), blur / pixel[0], sigmaY=blur / pixel[1], borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(smooth, dtype=np.float64)
+    return np.asarray(gaussian_filter(grey, (blur / pixel[1], blur / pixel[0]), mode="nearest"), dtype=np.float64)
 
 
 def _slope(smooth: NDArray[np.float64], axis: int, step: float) -> NDArray[np.float32]:
@@ -153,7 +152,7 @@ def symmetry_centre(
 
     def asymmetry(point: NDArray[np.float64]) -> float:
         columns, rows = ((point[axis] + offsets[axis]).astype(np.float32)[None] for axis in (0, 1))
-        values = cv2.remap(hill, columns, rows, cv2.INTER_LINEAR)[0].astype(np.float64)
+        values = map_coordinates(hill, (rows[0], columns[0]), order=1).astype(np.float64)
         inside = ((columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1))[0]
         pair = inside & inside[::-1]
         if np.count_nonzero(pair) < LEAST_COMPARED * pair.size:

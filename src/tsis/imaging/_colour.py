@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from tsis.errors import ImageMismatchError, InputError
@@ -16,11 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-COLOUR_MAPS = {  # perceptually uniform and readable without red-green vision
-    "cividis": cv2.COLORMAP_CIVIDIS,
-    "inferno": cv2.COLORMAP_INFERNO,
-    "viridis": cv2.COLORMAP_VIRIDIS,
-}
+COLOUR_MAPS = ("cividis", "inferno", "viridis")  # perceptually uniform and readable without red-green vision
 
 
 def change_magnitude(
@@ -109,4 +105,13 @@ def colour_map(
     if top <= low:
         raise InputError(f"high must exceed low = {low:g}; got {top:g}")
     levels = np.rint(np.clip((image.grey - low) / (top - low), 0.0, 1.0) * 255.0).astype(np.uint8)
-    return np.asarray(cv2.applyColorMap(levels, COLOUR_MAPS[name])[..., ::-1], dtype=np.uint8)
+    return _table(name)[levels]
+
+
+@cache
+def _table(name: str) -> NDArray[np.uint8]:
+    """Red, green and blue of the levels 0 to 255, shape (256, 3)."""
+    from matplotlib import colormaps
+
+    table: NDArray[np.uint8] = colormaps[name](np.arange(256), bytes=True)[:, :3]
+    return table

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
+from tsis.imaging._blocks import block_means
 from tsis.imaging._corrections import require_image
 from tsis.model import require_array, require_number
 
@@ -73,7 +73,7 @@ def height_surface(image: TactileImage, *, max_points: int = 128, height_per_gre
     size = (max(1, round(columns / shrink)), max(1, round(rows / shrink)))
     height: NDArray[np.float64] = image.grey
     if shrink > 1.0:
-        height = np.asarray(cv2.resize(image.grey, size, interpolation=cv2.INTER_AREA), dtype=np.float64)
+        height = block_means(image.grey, size[::-1])
     return HeightSurface(
         x_mm=(_block_centres(columns, size[0]) - axis[0]) * scale[0],
         y_mm=(_block_centres(rows, size[1]) - axis[1]) * scale[1],

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from scipy import ndimage
+from scipy.ndimage import gaussian_filter
 from skimage.filters import threshold_otsu
 from skimage.measure import find_contours
 
@@ -117,7 +117,7 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
 
 def smoothed(grey: NDArray[np.float64]) -> NDArray[np.float64]:
     """The frame after a Gaussian blur of one pixel."""
-    return np.asarray(cv2.GaussianBlur(grey, (0, 0), SMOOTH_PX, borderType=cv2.BORDER_REFLECT), dtype=np.float64)
+    return np.asarray(gaussian_filter(grey, SMOOTH_PX), dtype=np.float64)
 
 
 def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool], cut: float) -> NDArray[np.float64]:

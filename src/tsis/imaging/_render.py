@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from scipy.ndimage import binary_erosion, gaussian_filter
 
@@ -166,8 +165,7 @@ def _blurred(picture: NDArray[np.float64], sensor: Sensor, blur_mm: float) -> ND
     if blur_mm == 0:
         return picture
     sigma_x, sigma_y = (blur_mm / size for size in sensor.mm_per_pixel)
-    blurred = cv2.GaussianBlur(picture, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y, borderType=cv2.BORDER_REFLECT)
-    return np.asarray(blurred, dtype=float)
+    return np.asarray(gaussian_filter(picture, (sigma_y, sigma_x)), dtype=float)
 
 
 def render_reference(

@@ -1,5 +1,9 @@
 """Size, depth and stiffness of an inclusion under the surface."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.inclusion._binary import binary_image
 from tsis.inclusion._estimate import estimate, read_frames
 from tsis.inclusion._frames import depletion_per_n, ring_edges, ring_light
@@ -19,3 +23,8 @@ __all__ = [
     "ring_edges",
     "ring_light",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(
+        __name__, ["checks", "design", "mobility", "network", "posterior", "relative", "shape"]
+    )[0]

@@ -1,5 +1,9 @@
 """Cameras, force gauges and image files: the sources of frames and forces."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.instrument._camera import LATE_FRAMES, PRESETS, Camera, Frame, Mode, Setting, named_mode, preset
 from tsis.instrument._discovery import (
     LIVE_SOURCES,
@@ -10,7 +14,7 @@ from tsis.instrument._discovery import (
     connect,
     find_cameras,
 )
-from tsis.instrument._image_files import QUICK_PNG, png_bytes, read_colour, read_image, whole_levels
+from tsis.instrument._image_files import png_bytes, read_colour, read_image, whole_levels
 from tsis.instrument._quiet import quiet_decoders
 from tsis.instrument._snapshot import FORMATS, SIDECAR_FORMAT, SIDECAR_VERSION, Snapshot, save_snapshot
 
@@ -19,7 +23,6 @@ __all__ = [
     "LATE_FRAMES",
     "LIVE_SOURCES",
     "PRESETS",
-    "QUICK_PNG",
     "SIDECAR_FORMAT",
     "SIDECAR_VERSION",
     "SOURCES",
@@ -42,3 +45,6 @@ __all__ = [
     "save_snapshot",
     "whole_levels",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["acquisition", "drivers", "gauge", "recording"])[0]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 import threading
 import warnings
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import cv2
+from tsis.errors import import_extra
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,13 +27,16 @@ def quiet_decoders() -> Iterator[None]:
     pillow = logging.getLogger("PIL")
     with _lock, warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        pillow_level, opencv_level = pillow.level, cv2.utils.logging.getLogLevel()
+        pillow_level = pillow.level
         pillow.setLevel(logging.CRITICAL + 1)
-        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        loaded = sys.modules.get("cv2")
+        logs = None if loaded is None else loaded.utils.logging
+        opencv_level = logs and logs.setLogLevel(logs.LOG_LEVEL_SILENT)
         try:
             yield
         finally:
-            cv2.utils.logging.setLogLevel(opencv_level)
+            if logs:
+                logs.setLogLevel(opencv_level)
             pillow.setLevel(pillow_level)
 
 
@@ -50,3 +54,8 @@ def quiet_ffmpeg() -> Iterator[None]:
         yield
     finally:
         os.environ.pop(_FFMPEG_LEVEL, None)
+
+
+def opencv(feature: str) -> Any:
+    """The module ``cv2``; `MissingExtraError` where it is not installed."""
+    return import_extra("cv2", feature=feature, extra="camera")

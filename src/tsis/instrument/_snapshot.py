@@ -7,12 +7,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError
-from tsis.files import as_path, json_bytes, printable_path, snapshot_stems, target_folder, write_durably
+from tsis.files import as_path, encode_picture, json_bytes, printable_path, snapshot_stems, target_folder, write_durably
 from tsis.instrument._image_files import whole_levels
 from tsis.model import require_one_of
 
@@ -87,8 +86,8 @@ def save_snapshot(
     path = as_path(folder) / target_folder(target, name=name)
     raw_format = "bmp" if picture == "bmp" and pixels.dtype == np.uint8 else "png"
     contents = {
-        f".{picture}": _encoded(colour(frame)[..., ::-1], picture),
-        f"-raw.{raw_format}": _encoded(pixels, raw_format),
+        f".{picture}": encode_picture(colour(frame), picture),
+        f"-raw.{raw_format}": encode_picture(pixels, raw_format),
     }
     sidecar = _sidecar(frame, target, when, contents, about or {})
     try:
@@ -126,10 +125,6 @@ def _write_all(path: Path, stem: str, contents: Mapping[str, bytes], sidecar: by
             with suppress(OSError):
                 file.unlink(missing_ok=True)
         raise
-
-
-def _encoded(pixels: NDArray[Any], picture: str) -> bytes:
-    return bytes(cv2.imencode(f".{picture}", np.ascontiguousarray(pixels))[1].tobytes())
 
 
 def _sidecar(

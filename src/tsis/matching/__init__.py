@@ -1,5 +1,9 @@
 """Non-rigid point matching: correspondences of two point sets, and the map between them."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.matching._fit import UNMATCHED
 from tsis.matching._point_files import csv_text, read_points
 from tsis.matching._registration import METHODS, Registration, match_points, register
@@ -17,3 +21,6 @@ __all__ = [
     "register",
     "spread_out",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["trials"])[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -70,7 +71,7 @@ def _normal_over_uniform(target: NDArray[np.float64]) -> float:
     count, dimension = target.shape
     _, volume = np.linalg.slogdet(np.cov(target, rowvar=False, bias=True))
     box = float(np.log(np.ptp(target, axis=0)).sum())
-    return float(max(0.0, count * (box - 0.5 * (dimension * np.log(2 * np.pi * np.e) + volume))))
+    return float(max(0.0, count * (box - 0.5 * (dimension * math.log(2 * math.pi * math.e) + volume))))
 
 
 FEWEST = 4  # points: three in the plane fit any affine map

@@ -1,5 +1,9 @@
 """Deformation of probe and tissue under a press: closed forms, finite elements, and a fast surrogate."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.mechanics._closed_form import HertzContact, effective_modulus_kpa, hertz_under_force
 from tsis.mechanics._element import stiffness
 from tsis.mechanics._face import hats
@@ -19,3 +23,6 @@ __all__ = [
     "stiffness",
     "two_sided_lines",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["finite_strain", "small_strain", "solid", "surrogate"])[0]

@@ -1,6 +1,6 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
-from tsis.model._calibration import Calibration, LightMap
+from tsis.model._calibration import VALID_DAYS, Calibration, LightMap
 from tsis.model._estimate import (
     IMPROBABLE,
     INTERVAL_LEVEL,
@@ -48,6 +48,7 @@ __all__ = [
     "NO_UNIT",
     "SMALLEST_PIXEL_MM",
     "UNITS",
+    "VALID_DAYS",
     "Calibration",
     "Estimate",
     "Glass",

@@ -1,5 +1,9 @@
 """Light in the probe: angles and guided modes of its layers, waves in a dented guide, rays in the whole probe."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.optics._angles import (
     Acceptance,
     Fresnel,
@@ -25,3 +29,6 @@ __all__ = [
     "real_contact",
     "refraction_deg",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["irradiance", "propagation", "rays", "slab"])[0]

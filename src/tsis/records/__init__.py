@@ -1,5 +1,13 @@
 """Stored targets, presses and estimates: durable, verifiable, reproducible, and exported to other programs."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
+from tsis.errors import require_extra
+
+require_extra("sqlalchemy", "alembic", feature="the store of records", extra="records")
+
 from tsis.records._deidentify import DAMAGED, deidentified
 from tsis.records._estimate_json import estimate_to_json
 from tsis.records._estimation import PRIORS, REFERENCE_ROLES, EstimationRequest, estimate_stored, require_options
@@ -53,3 +61,6 @@ __all__ = [
     "save_results",
     "saved_notes",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["dicom", "export", "importing", "store"])[0]

@@ -1,5 +1,9 @@
 """Reports: a page as HTML or PDF for people, and JSON documents for programs."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.report._calibration import (
     calibration_document,
     calibration_notes,
@@ -156,3 +160,6 @@ __all__ = [
     "write_folder",
     "write_form",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["paper", "study", "target"])[0]

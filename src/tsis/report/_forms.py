@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.errors import FileInputError, RecordsError
-from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -133,6 +132,8 @@ def report_of_stored_target(store_address: StoreAddress, number: int, form: str)
     InputError
         When there is no such target.
     """
+    from tsis.records.store import open_store  # loads the libraries of records
+
     with open_store(
         store_address.folder, kind=store_address.kind, database=store_address.database, create=False
     ) as store:

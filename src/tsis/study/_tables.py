@@ -17,9 +17,9 @@ from tsis.files import (
     printable_path,
     read_bytes,
     read_csv_rows,
+    table_bytes,
 )
 from tsis.model import Inclusion, Phantom, require_number
-from tsis.records.export import table_bytes
 from tsis.study._folder import enter_readings, user
 from tsis.study._values import QUANTITIES, DeviceReading, TargetTruth, require_short_name
 

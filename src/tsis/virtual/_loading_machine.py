@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from tsis.calibration.force import LARGEST_GAUGE_N
 from tsis.errors import InputError
@@ -215,7 +215,7 @@ class VirtualLoadingMachine:
         if self._blur_mm == 0:
             return light
         sigma_x, sigma_y = (self._blur_mm / size for size in self.sensor.mm_per_pixel)
-        return np.asarray(cv2.GaussianBlur(light, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y), dtype=float)
+        return np.asarray(gaussian_filter(light, (sigma_y, sigma_x), mode="mirror"), dtype=float)
 
     def _gauge_reading(self, force: float) -> float:
         reading = self.truth.gauge_gain * force + self.truth.gauge_zero_n

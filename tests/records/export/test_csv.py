@@ -16,8 +16,9 @@ from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import FileInputError, RecordsError
-from tsis.records.export import csv_files, table_bytes, write_csv
-from tsis.records.export._csv import cell
+from tsis.files import table_bytes
+from tsis.files._csv import cell
+from tsis.records.export import csv_files, write_csv
 
 
 def rows(content: bytes) -> list[dict[str, str]]:

@@ -177,7 +177,7 @@ def test_another_packing_of_the_same_file_is_the_same_press(
     paths = [*two, tmp_path / "snapshots"]
     before = import_batches(store, find_import_batches(paths, ImportOptions()))
     frames = {press.frame for each in before for press in each.presses}
-    monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", 9)
     looked = find_import_batches(paths, ImportOptions())
     assert not frames & {each.frame for batch in looked for each in batch.presses}
     after = import_batches(store, looked)

@@ -1,7 +1,6 @@
 """The calibration of a probe as one value and one file: versioned, hashed and checked before use."""
 
 from tsis.calibration.file._content import (
-    CALIBRATION_FILE,
     CALIBRATION_FORMAT,
     CALIBRATION_VERSION,
     LARGEST_BYTES,
@@ -16,7 +15,6 @@ from tsis.calibration.file._handwritten import read_handwritten_calibration
 from tsis.calibration.file._value import SETTING_TOLERANCE, ProbeCalibration, require_name, require_time
 
 __all__ = [
-    "CALIBRATION_FILE",
     "CALIBRATION_FORMAT",
     "CALIBRATION_VERSION",
     "LARGEST_BYTES",

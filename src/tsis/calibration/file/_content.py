@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 
 CALIBRATION_FORMAT, CALIBRATION_VERSION = "tsis-calibration", 3
-CALIBRATION_FILE = "calibration.json"  # default name
 LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from scipy import ndimage
+from skimage.feature import canny
 
 from tsis.errors import InputError
 from tsis.imaging import segment, smoothed
@@ -116,19 +116,17 @@ def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.
     if method == "canny":
         mask = _within_edges(image.grey, mask, patch.threshold_grey)
     margin = max(LEAST_MARGIN_PX, round(MARGIN * float(np.sqrt(mask.sum() / np.pi))))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin + 1, 2 * margin + 1))
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc), dtype=bool)
+    return np.asarray(ndimage.distance_transform_edt(~mask) <= margin)
 
 
 def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool], threshold: float) -> NDArray[np.bool]:
     """The part of the patch that Canny's edges enclose."""
     smooth = smoothed(grey)
     top = float(smooth[mask].max())
-    levels = np.clip(255 * smooth / top, 0, 255).astype(np.uint8)
-    low = float(np.clip(255 * threshold / top, 5, 100))
-    edges = cv2.Canny(levels, low, 2 * low, L2gradient=True)
-    closed = cv2.morphologyEx(edges, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)) > 0
-    filled = ndimage.binary_fill_holes(closed)
+    low = float(np.clip(threshold / top, 5 / 255, 100 / 255))
+    levels = np.clip(smooth / top, 0, 1)
+    edges = canny(levels, 0, low, 2 * low, mode="nearest")  # type: ignore[no-untyped-call]
+    filled = ndimage.binary_fill_holes(ndimage.grey_closing(edges, (5, 5), mode="nearest"))
     labels, count = ndimage.label(filled)
     if count == 0:
         return mask

@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
+from scipy.ndimage import label
 
 from tsis.calibration.guard._reference import Prepared
 from tsis.calibration.lamps import require_lit
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging import NOISE_FACTOR, QUANTISATION, SMOOTH_PX, pixel_noise, smoothed
+from tsis.imaging import NOISE_FACTOR, QUANTISATION, SMOOTH_PX, block_means, pixel_noise, smoothed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,13 +61,13 @@ def darkest(change: NDArray[np.float64]) -> tuple[float, NDArray[np.bool] | None
     """Lowest level of a change, and the blocks at that level; None when they are too few to be untouched."""
     rows, columns = change.shape
     size = (max(1, columns // COARSE), max(1, rows // COARSE))
-    coarse = cv2.resize(change, size, interpolation=cv2.INTER_AREA)
+    coarse = block_means(change, size[::-1])
     lowest = float(np.quantile(coarse, LOWEST / 2))
     level = np.asarray(coarse <= lowest + 2 * NOISE_FACTOR * pixel_noise(change) / COARSE)
     if level.mean() < LEAST_FRACTION:
         return lowest, None
-    whole = cv2.resize(level.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST)
-    return lowest, whole.astype(bool)
+    nearest = (np.arange(pixels) * blocks // pixels for pixels, blocks in zip(change.shape, level.shape, strict=True))
+    return lowest, level[np.ix_(*nearest)]
 
 
 FOOT = 0.05  # of the peak: lower limit of the contact's light
@@ -162,7 +162,7 @@ def lamps_and_ambient(
 
 def _around(position: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bool]:
     """The connected part around a block."""
-    labels = cv2.connectedComponents(above.astype(np.uint8))[1]
+    labels = label(above, np.ones((3, 3)))[0]
     return np.asarray(labels == labels[position])
 
 

@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from tsis.calibration.lamps import LEAST_LIT, ReferencePatch
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging import require_image, require_same_frame
+from tsis.imaging import block_means, require_image, require_same_frame
 from tsis.model import require_number, require_type
 
 if TYPE_CHECKING:
@@ -68,8 +67,7 @@ class FrameShape:
 
     def means(self, pixels: NDArray[Any]) -> NDArray[np.float64]:
         """Mean grey level of each block; a remainder at the right and lower border is spread over the blocks."""
-        grey = pixels.astype(np.float32, copy=False)  # OpenCV would round the means of whole numbers
-        return np.asarray(cv2.resize(grey, self.blocks, interpolation=cv2.INTER_AREA), dtype=np.float64)
+        return block_means(pixels, self.blocks[::-1])
 
     def positions(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Coordinates (x, y) of the blocks' columns and rows from the axis, in mm or pixels."""

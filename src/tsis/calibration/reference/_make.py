@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
+from scipy.ndimage import gaussian_filter, median_filter
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.lamps import ReferencePatch, require_lit
@@ -152,7 +152,7 @@ def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDA
 
 
 def _outliers(mean: NDArray[np.float64]) -> NDArray[np.bool]:
-    smooth = cv2.medianBlur(mean.astype(np.float32), 5).astype(float)
+    smooth = median_filter(mean, 5, mode="nearest")
     residuals = mean - smooth
     spread = GAUSSIAN_MAD * float(np.median(np.abs(residuals - np.median(residuals))))
     return np.asarray(np.abs(residuals) > np.maximum(BAD_FACTOR * max(spread, 0.25), 0.15 * np.abs(smooth)))
@@ -180,5 +180,5 @@ def _relative(
         raise CalibrationError("flat-field frames must be brighter than untouched ones by 10 grey levels or more")
     # A map without pixel noise, which all later frames would inherit; only good pixels count.
     relative, weight = np.maximum(total / mean, 0.0), field.astype(float)
-    weights, sums = (cv2.GaussianBlur(part, (0, 0), SMOOTH_PX) for part in (weight, weight * relative))
+    weights, sums = (gaussian_filter(part, SMOOTH_PX, mode="mirror") for part in (weight, weight * relative))
     return np.where(field, sums / np.maximum(weights, 1e-9), relative)

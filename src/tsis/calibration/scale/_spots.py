@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
+from scipy.ndimage import gaussian_filter, maximum_filter
 
 from tsis.imaging import NOISE_FACTOR, QUANTISATION, pixel_noise
 from tsis.model import freeze_arrays, require_integer
@@ -115,7 +115,7 @@ def in_even_light(
 
 
 def _blurred(grey: NDArray[np.float64], blur: float) -> NDArray[np.float64]:
-    return np.asarray(cv2.GaussianBlur(grey, (0, 0), blur, borderType=cv2.BORDER_REFLECT), dtype=np.float64)
+    return np.asarray(gaussian_filter(grey, blur), dtype=np.float64)
 
 
 def _noise_gain(blur: float) -> float:
@@ -127,7 +127,7 @@ def _noise_gain(blur: float) -> float:
 def _peaks(response: NDArray[np.float64], blur: float, least: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows and columns of the maxima above a level, apart from each other and from the border."""
     size = 2 * round(LEAST_SEPARATION * blur) + 1
-    highest = cv2.dilate(response, np.ones((size, size), np.uint8))
+    highest = maximum_filter(response, size)
     margin = int(np.ceil(BORDER * blur)) + 1
     inside = np.zeros(response.shape, dtype=bool)
     inside[margin:-margin, margin:-margin] = True

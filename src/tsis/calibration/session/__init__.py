@@ -8,7 +8,7 @@ from tsis.calibration.session._folder import (
     saved_calibration,
 )
 from tsis.calibration.session._live_bench import LiveCalibration
-from tsis.calibration.session._result import DAYS, SessionResult, calibrate
+from tsis.calibration.session._result import SessionResult, calibrate
 from tsis.calibration.session._setup import (
     BOARD,
     BOARD_UNTOUCHED,
@@ -25,7 +25,6 @@ __all__ = [
     "BOARD",
     "BOARD_UNTOUCHED",
     "DARK",
-    "DAYS",
     "EDGE",
     "FLAT",
     "UNTOUCHED",

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import (
-    CALIBRATION_FILE,
     calibration_bytes,
     calibration_sha256,
     read_calibration,
@@ -19,6 +18,7 @@ from tsis.calibration.file import (
 from tsis.calibration.session._setup import SessionSetup, plan_steps
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
 from tsis.files import (
+    CALIBRATION_FILE,
     as_path,
     from_json_value,
     json_bytes,

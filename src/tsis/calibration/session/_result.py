@@ -19,7 +19,7 @@ from tsis.calibration.session._setup import BOARD, BOARD_UNTOUCHED, DARK, EDGE, 
 from tsis.calibration.specification import edge_width, frame_rate, specification_sheet
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.files import printable_path
-from tsis.model import require_number
+from tsis.model import VALID_DAYS, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -99,9 +99,6 @@ def _require_rising(loading: Loading) -> None:
         )
 
 
-DAYS = 180
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SessionResult:
     """Diagnostics of a calibration, for the reader and for figures.
@@ -130,7 +127,7 @@ class SessionResult:
 def calibrate(
     session: SessionFolder,
     *,
-    days: float = DAYS,
+    days: float = VALID_DAYS,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[ProbeCalibration, SessionResult]:
     """Compute the calibration from the frames of a session; optional steps are used where they were done.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
+from scipy import ndimage
 from scipy.optimize import curve_fit
 from scipy.special import erf
 
@@ -90,18 +90,25 @@ def _crossing(image: TactileImage, low: float, high: float) -> NDArray[np.float6
             f"image must show an edge; its step of {high - low:.1f} grey levels does not stand out of noise of "
             f"{noise:.1f} (press the block harder)"
         )
-    above = (cv2.GaussianBlur(image.grey, (0, 0), 1.5) > (low + high) / 2).astype(np.uint8)
-    opened = cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((7, 7)))
-    closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, np.ones((7, 7)))
-    outlines, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    if not outlines:
+    above = ndimage.gaussian_filter(image.grey, 1.5, mode="mirror") > (low + high) / 2
+    above = ndimage.grey_closing(ndimage.grey_opening(above, (7, 7), mode="nearest"), (7, 7), mode="nearest")
+    points = _longest_border(above)
+    if not len(points):
         raise CalibrationError("image must show an edge of contact; it shows no bright part")
-    points = max(outlines, key=len)[:, 0, :]
     height, width = image.grey.shape
     inside = (points > 1).all(axis=1) & (points[:, 0] < width - 2) & (points[:, 1] < height - 2)
     if int(inside.sum()) < PARTS:
         raise CalibrationError("image must show an edge of contact; the frame is lit or dark all over")
     return np.asarray(points[inside] * np.array(image.scale()), dtype=float)
+
+
+def _longest_border(bright: NDArray[np.bool]) -> NDArray[np.intp]:
+    """Pixels (x, y) of the longest outer border of a connected part."""
+    parts, _ = ndimage.label(ndimage.binary_fill_holes(bright), np.ones((3, 3)))
+    border = np.where(ndimage.binary_erosion(parts > 0), 0, parts)
+    lengths = np.bincount(border.ravel())
+    lengths[0] = 0
+    return np.argwhere((border == np.argmax(lengths)) & (border > 0))[:, ::-1]
 
 
 def _from_line(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from tsis.calibration import read_usable_calibration
+import tsis
 from tsis.catalog import load_phantom, load_probe
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson, ForceN, PhantomName, ProbeName
@@ -22,12 +22,7 @@ from tsis.cli.acquire._snapshots import ROLES, SnapshotDestination, take_snapsho
 from tsis.cli.acquire._watching import watch_presses
 from tsis.errors import InputError
 from tsis.files import LARGEST_TARGET
-from tsis.imaging import COLOUR_MAPS
-from tsis.instrument import FORMATS, PRESETS, SOURCES, STORED_SOURCES, connect, preset
-from tsis.instrument.acquisition import Acquisition
-from tsis.instrument.gauge import BAUD
 from tsis.model import LARGEST_SEED, require_number, require_one_of
-from tsis.virtual import VirtualCamera, VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -53,20 +48,20 @@ def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
     if spec != VIRTUAL:
         return live_connector(spec)
     rng = np.random.default_rng(press.seed)
-    probe = VirtualProbe(load_probe(press.probe), rng=rng)
+    probe = tsis.virtual.VirtualProbe(load_probe(press.probe), rng=rng)
     phantom = load_phantom(press.phantom)
-    return lambda: VirtualCamera(probe, phantom, rng=rng, force_n=press.force_n, paced=True)
+    return lambda: tsis.virtual.VirtualCamera(probe, phantom, rng=rng, force_n=press.force_n, paced=True)
 
 
 def live_connector(spec: str) -> Callable[[], Camera]:
     """The same for a camera that is not virtual; `UnknownNameError` for an unknown source."""
-    require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
-    return partial(connect, spec)
+    require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *tsis.instrument.SOURCES))
+    return partial(tsis.instrument.connect, spec)
 
 
 def is_stored(spec: str) -> bool:
     """Whether the frames come from a disk and not from a camera."""
-    return spec.partition(":")[0] in STORED_SOURCES
+    return spec.partition(":")[0] in tsis.instrument.STORED_SOURCES
 
 
 def requested_settings(
@@ -78,7 +73,7 @@ def requested_settings(
         camera = connect_camera()
         camera.open()
         try:
-            chosen = preset(name, camera.settings())
+            chosen = tsis.instrument.preset(name, camera.settings())
         finally:
             camera.stop()
     return chosen | dict(_pair(text) for text in pairs)
@@ -110,15 +105,15 @@ def acquire(
         str, typer.Option(help="virtual, or SOURCE:ID as --list shows it, or files:FOLDER, or video:FILE.")
     ] = VIRTUAL,
     mode: Annotated[str | None, typer.Option(help="Mode as --modes shows it; the camera's first by default.")] = None,
-    preset: Annotated[str | None, typer.Option(help=f"Settings: {' or '.join(PRESETS)}.")] = None,
+    preset: Annotated[str | None, typer.Option(help="Settings: default or minimal.")] = None,
     setting: Annotated[
         list[str] | None, typer.Option("--set", help="A setting as --modes shows it, e.g. exposure_ms=10; repeatable.")
     ] = None,
     target: Annotated[int, typer.Option(help="Number of the target of a snapshot.", min=1, max=LARGEST_TARGET)] = 1,
     picture: Annotated[
-        str, typer.Option("--format", help=f"Colour picture of a snapshot: {', '.join(FORMATS)}; raw stays lossless.")
-    ] = FORMATS[0],
-    map_name: Annotated[str, typer.Option("--map", help=f"Colours: {', '.join(COLOUR_MAPS)}.")] = "viridis",
+        str, typer.Option("--format", help="Colour picture of a snapshot: bmp, png or jpg; raw stays lossless.")
+    ] = "bmp",
+    map_name: Annotated[str, typer.Option("--map", help="Colours: cividis, inferno or viridis.")] = "viridis",
     frames: Annotated[int | None, typer.Option(help="Record a sequence of this many frames instead.", min=1)] = None,
     seconds: Annotated[float | None, typer.Option(help="Record a sequence of this many seconds instead.")] = None,
     watch: Annotated[
@@ -127,7 +122,7 @@ def acquire(
     video: Annotated[bool, typer.Option("--video", help="One lossless video file for a sequence.")] = False,
     gauge: GaugePort = None,
     gauge_unit: GaugeUnit = None,
-    gauge_baud: GaugeBaud = BAUD,
+    gauge_baud: GaugeBaud = None,
     gauge_sends: GaugeSends = False,
     gauge_latency_ms: GaugeLatency = 0.0,
     calibration: Annotated[Path | None, typer.Option(help="Calibration file of the frames.")] = None,
@@ -165,9 +160,9 @@ def acquire(
     if save and (sequence or watch):
         raise InputError("--save works for snapshots; import a sequence into a store by tsis records import")
     require_one_of("role", role, ROLES)
-    require_one_of("picture format", picture, FORMATS)
-    require_one_of("colour map", map_name, COLOUR_MAPS)
-    given = None if calibration is None else read_usable_calibration(calibration)
+    require_one_of("picture format", picture, tsis.instrument.FORMATS)
+    require_one_of("colour map", map_name, tsis.imaging.COLOUR_MAPS)
+    given = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     destination = chosen_destination(save, store, kind)
     where = None
     if destination is not None:
@@ -179,7 +174,7 @@ def acquire(
         return
     requested = requested_settings(make, preset, setting or ())
     stored = is_stored(camera)
-    acquisition = Acquisition(
+    acquisition = tsis.instrument.acquisition.Acquisition(
         make, mode=mode, settings=requested, ring_frames=RING_FRAMES, patient=stored, reconnect=not stored
     )
     with (

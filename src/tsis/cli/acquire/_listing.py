@@ -9,10 +9,9 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Column, Table
 
+import tsis
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
-from tsis.instrument import find_cameras
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,10 +25,10 @@ VIRTUAL_NOTE = "no hardware: the virtual probe"
 def list_cameras(*, as_json: bool) -> None:
     """Print every camera that responds, and what the other drivers lack."""
     with waiting("searching for cameras"):
-        findings = find_cameras()
+        findings = tsis.instrument.find_cameras()
     if as_json:
         print_json(
-            envelope(
+            tsis.report.envelope(
                 "acquire", "list", found=[asdict(item) for item in findings.cameras], missing=dict(findings.missing)
             )
         )
@@ -57,7 +56,7 @@ def show_camera(connect_camera: Callable[[], Camera], *, as_json: bool) -> None:
         camera.stop()
     if as_json:
         print_json(
-            envelope(
+            tsis.report.envelope(
                 "acquire",
                 "describe",
                 camera=name,

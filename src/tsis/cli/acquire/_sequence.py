@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+import tsis
 from tsis.cli._force_gauge import force_then
 from tsis.cli._groups import ended_by
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import progress_bar
 from tsis.errors import CameraError, FileInputError, GaugeError
-from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, RecordingReport, record
-from tsis.report import envelope, free_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from tsis.calibration import UsableCalibration
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.gauge import ForceLog
+    from tsis.instrument.recording import RecordingReport
 
 
 ENDED_EARLY = 1  # exit code of a recording shorter than requested
@@ -40,14 +40,18 @@ def take_sequence(
     as_json: bool,
 ) -> None:
     """Record into a new folder until the given frames or seconds, the end of the source, or Ctrl-C."""
-    folder = free_folder(requested)
+    folder = tsis.report.free_folder(requested)
     try:
         folder.mkdir(parents=True)
     except OSError as error:
         reason = error.strerror or error
         raise FileInputError(f"{str(folder)!r:.120} must be a folder that can be created; got: {reason}") from error
     rate = None if acquisition.mode is None else acquisition.mode.frames_per_s
-    sink = LosslessVideo(folder, frames_per_s=rate) if video else FrameFolder(folder)
+    sink = (
+        tsis.instrument.recording.LosslessVideo(folder, frames_per_s=rate)
+        if video
+        else tsis.instrument.recording.FrameFolder(folder)
+    )
     gauge = None if log is None else GaugeColumns(log)
 
     def about() -> dict[str, Any]:
@@ -57,7 +61,7 @@ def take_sequence(
         }
 
     with progress_bar("recording; Ctrl-C ends it") as advance, ended_by(signal.SIGINT) as ended:
-        report = record(
+        report = tsis.instrument.recording.record(
             acquisition,
             sink,
             folder,
@@ -65,7 +69,9 @@ def take_sequence(
             seconds=seconds,
             stopped=ended.is_set,
             progress=lambda saved, passed: _advance(advance, saved, passed, frames, seconds),
-            beside=None if gauge is None else FurtherColumns(names=GaugeColumns.NAMES, of=gauge.of),
+            beside=None
+            if gauge is None
+            else tsis.instrument.recording.FurtherColumns(names=GaugeColumns.NAMES, of=gauge.of),
             about=about,
         )
     _print(report, folder, acquisition, about(), as_json=as_json)
@@ -113,7 +119,7 @@ def _print(
 ) -> None:
     if as_json:
         document = {"folder": str(folder.resolve()), "camera": acquisition.name, "recording": asdict(report)}
-        print_json(envelope("acquire", "record", **document, **about))
+        print_json(tsis.report.envelope("acquire", "record", **document, **about))
         return
     console = people()
     console.print(

@@ -6,14 +6,11 @@ from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.guard import check_press, guard_reference, with_calibrated_scale
+import tsis
 from tsis.cli._force_gauge import force_then
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._saving import stop_not_saved
 from tsis.errors import CameraError, TsisError
-from tsis.imaging import colour_map
-from tsis.instrument import save_snapshot
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -78,7 +75,10 @@ def take_snapshot(
     received = _next(acquisition)
     force = None if log is None else force_then(log, received.arrived_s)
     image = received.frame.tactile_image(force_n=None if force is None else max(0.0, force.force_n))
-    flags = check_press(with_calibrated_scale(image, calibration), reference=guard_reference(calibration))
+    flags = tsis.calibration.guard.check_press(
+        tsis.calibration.guard.with_calibrated_scale(image, calibration),
+        reference=tsis.calibration.guard.guard_reference(calibration),
+    )
     about: dict[str, Any] = {
         "camera": acquisition.name,
         "calibration": None if calibration is None else calibration.citation(),
@@ -89,9 +89,9 @@ def take_snapshot(
     when = datetime.now().astimezone()
 
     def coloured(frame: Frame) -> NDArray[np.uint8]:
-        return colour_map(frame.tactile_image(), name=map_name)
+        return tsis.imaging.colour_map(frame.tactile_image(), name=map_name)
 
-    saved = save_snapshot(
+    saved = tsis.instrument.save_snapshot(
         received.frame,
         folder,
         target=target,
@@ -116,7 +116,7 @@ def _print(
 ) -> None:
     files = {name: str(path.resolve()) for name, path in asdict(saved).items()}
     if as_json:
-        print_json(envelope("acquire", "snapshot", files=files, sequence=received.frame.sequence, **about))
+        print_json(tsis.report.envelope("acquire", "snapshot", files=files, sequence=received.frame.sequence, **about))
         return
     console = people()
     for name, file in files.items():

@@ -12,16 +12,15 @@ from rich.console import Console
 from rich.live import Live
 from rich.markup import escape
 
-from tsis.calibration.guard import WatchState, press_watch
+import tsis
 from tsis.cli._groups import ended_by
 from tsis.cli._output import print_json, print_notice
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.calibration import UsableCalibration
-    from tsis.calibration.guard import GuardFlag, PressWatch
+    from tsis.calibration.guard import GuardFlag, PressWatch, WatchState
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.gauge import ForceLog
 
@@ -51,7 +50,7 @@ def watch_presses(
     console = Console(stderr=as_json, highlight=False)
     frames: Counter[str] = Counter()
     watch: PressWatch | None = None
-    state, position, begun_s = WatchState(), 0, time.monotonic()
+    state, position, begun_s = tsis.calibration.guard.WatchState(), 0, time.monotonic()
     troubles = _Troubles(console)
     with ended_by(signal.SIGINT) as ended, Live(console=console, transient=True, auto_refresh=False) as live:
         while not ended.is_set() and not (seconds is not None and time.monotonic() - begun_s >= seconds):
@@ -61,7 +60,7 @@ def watch_presses(
             if not arrivals and acquisition.ring.closed:
                 break
             for received in arrivals:
-                watch = watch or press_watch(received.frame, calibration)
+                watch = watch or tsis.calibration.guard.press_watch(received.frame, calibration)
                 observed = _observe(watch, state, received, log)
                 _report(console.print, state.raised, observed.flags)
                 state = observed.state
@@ -69,7 +68,11 @@ def watch_presses(
                 live.update(_line(acquisition, observed), refresh=console.is_terminal)
     if as_json:
         total = frames.pop("frames", 0)
-        print_json(envelope("acquire", "watch", frames=total, flagged={name: frames[name] for name in sorted(frames)}))
+        print_json(
+            tsis.report.envelope(
+                "acquire", "watch", frames=total, flagged={name: frames[name] for name in sorted(frames)}
+            )
+        )
         return
     print_notice(console)
 

@@ -15,8 +15,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from tsis.calibration.force import TIPS_MM
-from tsis.calibration.session import DAYS, LiveCalibration, SessionFolder, SessionSetup
+import tsis
 from tsis.catalog import load_probe
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson
@@ -25,15 +24,12 @@ from tsis.cli.acquire import VIRTUAL, live_connector, requested_settings
 from tsis.cli.calibrate._make import OUT, Days, Out, make_outcome
 from tsis.errors import CalibrationError, InputError
 from tsis.files import printable_path
-from tsis.instrument.acquisition import Acquisition
-from tsis.instrument.gauge import BAUD
-from tsis.model import LARGEST_SEED, require_number
-from tsis.virtual import VirtualBench, bench_name
+from tsis.model import LARGEST_SEED, VALID_DAYS, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from tsis.calibration.session import CalibrationFrame, CalibrationStep
+    from tsis.calibration.session import CalibrationFrame, CalibrationStep, LiveCalibration, SessionFolder, SessionSetup
 
 
 class Operator:
@@ -190,7 +186,7 @@ def guide(
     ] = None,
     gauge: GaugePort = None,
     gauge_unit: GaugeUnit = None,
-    gauge_baud: GaugeBaud = BAUD,
+    gauge_baud: GaugeBaud = None,
     gauge_sends: GaugeSends = False,
     gauge_latency_ms: GaugeLatency = 0.0,
     gauge_uncertainty: Annotated[
@@ -215,7 +211,7 @@ def guide(
         Path, typer.Option(help="Folder for the frames; the same options resume a session in it.")
     ] = Path("tsis-calibration-frames"),
     seed: Annotated[int, typer.Option(help="Seed of the virtual rig.", min=0, max=LARGEST_SEED)] = 4,
-    days: Days = DAYS,
+    days: Days = VALID_DAYS,
     out: Out = OUT,
     as_json: AsJson = False,
 ) -> None:
@@ -225,8 +221,8 @@ def guide(
     unfinished step. Without --camera the virtual rig does every step.
     """
     require_number("--days", days, 1, 3650)
-    folder, console = SessionFolder(session), Console(stderr=True, highlight=False)
-    terms = SessionSetup(
+    folder, console = tsis.calibration.session.SessionFolder(session), Console(stderr=True, highlight=False)
+    terms = tsis.calibration.session.SessionSetup(
         name=name,
         probe=probe,
         camera=camera,
@@ -234,19 +230,21 @@ def guide(
         pitch_sd_mm=pitch_sd_mm,
         gauge_share=gauge_uncertainty,
         patch_px=None if patch_px is None else _box(patch_px),
-        tips_mm=tuple(tip_mm or TIPS_MM),
+        tips_mm=tuple(tip_mm or tsis.calibration.force.TIPS_MM),
         repeats=repeats,
     )
     if camera == VIRTUAL:
         if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:
             raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual rig has its own")
-        rig = VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
-        begin(folder, replace(terms, camera=bench_name(seed), patch_px=rig.patch_px), console)
+        rig = tsis.virtual.VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
+        begin(folder, replace(terms, camera=tsis.virtual.bench_name(seed), patch_px=rig.patch_px), console)
         console.print("The virtual rig does every step; the instructions for an operator are:")
         _take_steps(folder, rig.shots, console)
     else:
         make = live_connector(camera)
-        acquisition = Acquisition(make, mode=mode, settings=requested_settings(make, None, setting or ()))
+        acquisition = tsis.instrument.acquisition.Acquisition(
+            make, mode=mode, settings=requested_settings(make, None, setting or ())
+        )
         with (
             gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
             acquisition,
@@ -255,7 +253,11 @@ def guide(
             began = datetime.now(UTC).replace(microsecond=0)
             begin(folder, replace(terms, camera=acquisition.name, settings=settings, began=began), console)
             _take_steps(
-                folder, Operator(LiveCalibration(acquisition, log), console, has_gauge=log is not None).take, console
+                folder,
+                Operator(
+                    tsis.calibration.session.LiveCalibration(acquisition, log), console, has_gauge=log is not None
+                ).take,
+                console,
             )
     publish(make_outcome(folder, days=days), out, as_json=as_json)
 

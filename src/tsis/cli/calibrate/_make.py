@@ -4,51 +4,43 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.calibration.file import CALIBRATION_FILE, calibration_bytes, calibration_sha256, read_calibration
-from tsis.calibration.session import DAYS, SessionFolder, calibrate
+import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import CommandOutcome, people, print_json, print_notice, publish
 from tsis.cli._progress import progress_bar
 from tsis.errors import CalibrationError
-from tsis.files import to_json_value
-from tsis.report import (
-    calibration_document,
-    calibration_notes,
-    calibration_report,
-    calibration_rows,
-    content_rows,
-    envelope,
-    measured_values,
-    specification_notes,
-    specification_rows,
-)
+from tsis.files import CALIBRATION_FILE, to_json_value
+from tsis.model import VALID_DAYS
+
+if TYPE_CHECKING:
+    from tsis.calibration.session import SessionFolder
 
 
 def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
     """Compute the calibration of a session."""
     with progress_bar("reading the frames") as advance:
-        stored, findings = calibrate(session, days=days, progress=advance)
-    rows = calibration_rows(stored, findings)
+        stored, findings = tsis.calibration.session.calibrate(session, days=days, progress=advance)
+    rows = tsis.report.calibration_rows(stored, findings)
     table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {stored.name} of {stored.probe}"))
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
     provenance = {
         "session": str(session.path),
         "terms": to_json_value(session.terms()),
-        "sha256": calibration_sha256(stored),
+        "sha256": tsis.calibration.file.calibration_sha256(stored),
     }
     return CommandOutcome(
-        document=calibration_document(stored, findings, provenance=provenance),
-        page=calibration_report(stored, findings, provenance=provenance),
+        document=tsis.report.calibration_document(stored, findings, provenance=provenance),
+        page=tsis.report.calibration_report(stored, findings, provenance=provenance),
         tables=(table,),
-        notes=calibration_notes(stored, findings),
-        files={CALIBRATION_FILE: calibration_bytes(stored)},
+        notes=tsis.report.calibration_notes(stored, findings),
+        files={CALIBRATION_FILE: tsis.calibration.file.calibration_bytes(stored)},
     )
 
 
@@ -60,12 +52,12 @@ OUT = Path("tsis-calibration")
 def make(
     session: Annotated[Path, typer.Argument(help="Folder of a session, with the frames of each step.")],
     *,
-    days: Days = DAYS,
+    days: Days = VALID_DAYS,
     out: Out = OUT,
     as_json: AsJson = False,
 ) -> None:
     """Compute the calibration file from the frames of a session."""
-    publish(make_outcome(SessionFolder(session), days=days), out, as_json=as_json)
+    publish(make_outcome(tsis.calibration.session.SessionFolder(session), days=days), out, as_json=as_json)
 
 
 SHEET = ("quantity", "measured", "fingertip", "printed")
@@ -77,21 +69,21 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show a calibration file; a file changed since it was written is refused."""
-    stored = read_calibration(calibration)
+    stored = tsis.calibration.file.read_calibration(calibration)
     try:
         stored.require_usable(datetime.now(UTC))
         refusal = ""
     except CalibrationError as error:
         refusal = str(error)
-    rows, sheet = content_rows(stored), specification_rows(stored)
+    rows, sheet = tsis.report.content_rows(stored), tsis.report.specification_rows(stored)
     if as_json:
         print_json(
-            envelope(
+            tsis.report.envelope(
                 "calibrate show",
-                sha256=calibration_sha256(stored),
+                sha256=tsis.calibration.file.calibration_sha256(stored),
                 usable=not refusal,
                 refusal=refusal,
-                values=measured_values(stored),
+                values=tsis.report.measured_values(stored),
                 specification=[dict(zip(SHEET, row, strict=True)) for row in sheet],
             )
         )
@@ -106,7 +98,7 @@ def show(
         for line in sheet:
             printed.add_row(*(escape(cell) for cell in line))
         console.print(printed)
-        for note in specification_notes(stored):
+        for note in tsis.report.specification_notes(stored):
             console.print(f"- {note}", markup=False)
     console.print(refusal or "It may be used today.", markup=False)
     print_notice(console)

@@ -7,28 +7,27 @@ from typing import Annotated
 
 import typer
 
-from tsis.calibration.file import CALIBRATION_FILE, read_handwritten_calibration, write_calibration
-from tsis.calibration.session import DAYS
+import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli.calibrate._make import Days
-from tsis.model import require_number
-from tsis.report import envelope
+from tsis.files import CALIBRATION_FILE
+from tsis.model import VALID_DAYS, require_number
 
 
 def seal(
     values: Annotated[Path, typer.Argument(help="JSON file with name, probe, response and further values.")],
     *,
-    days: Days = DAYS,
+    days: Days = VALID_DAYS,
     out: Annotated[Path, typer.Option(help="Calibration file to write; it must not exist.")] = Path(CALIBRATION_FILE),
     as_json: AsJson = False,
 ) -> None:
     """Check values written by hand, and write them as a calibration file with date, expiry and hash."""
     require_number("--days", days, 1, 3650)
-    handwritten_calibration = read_handwritten_calibration(values, days)
-    cited = write_calibration(handwritten_calibration, out)
+    handwritten_calibration = tsis.calibration.file.read_handwritten_calibration(values, days)
+    cited = tsis.calibration.file.write_calibration(handwritten_calibration, out)
     if as_json:
-        print_json(envelope("calibrate seal", file=str(out.resolve()), sha256=cited))
+        print_json(tsis.report.envelope("calibrate seal", file=str(out.resolve()), sha256=cited))
         return
     console = people()
     console.print(f"Calibration: {out.resolve()}", markup=False, soft_wrap=True)

@@ -11,36 +11,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 
+import tsis
 from tsis.cli._exit_codes import INTERRUPTED
 from tsis.cli._options import AsJson
 from tsis.cli._output import RESULT, people, print_json, print_notice, result_bytes
 from tsis.cli._progress import progress_bar
 from tsis.errors import FileInputError, InputError
 from tsis.files import printable_path, write_durably
-from tsis.matching.trials import (
-    FAILURE_RMS,
-    FAMILIES,
-    LEVEL_LABELS,
-    OWN_METHODS,
-    PEERS,
-    RIVAL_METHODS,
-    BenchmarkMethod,
-    distorted_set,
-    hotel_set,
-    run_trials,
-    summarise,
-    summarise_pooled,
-)
 from tsis.model import require_one_of
-from tsis.plots import curves_over_levels
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from matplotlib.figure import Figure
 
     from tsis.matching.trials import ErrorRatio, Family, Trial, TrialRow, TrialSummary
 
@@ -103,13 +89,15 @@ def benchmark_figures(levels: Sequence[TrialSummary]) -> dict[str, Figure]:
 
 
 def _figure(kind: str, groups: Sequence[str], levels: Sequence[TrialSummary]) -> Figure:
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(6.0 * len(groups), 11.0), layout="constrained")
     axes = figure.subplots(len(QUANTITIES), len(groups), squeeze=False)
     label, positions = _axis(kind, levels)
     for column, group in enumerate(groups):
         own = [level for level in levels if level.group == group]
         for row, quantity in enumerate(QUANTITIES):
-            curves_over_levels(
+            tsis.plots.curves_over_levels(
                 own,
                 axes[row, column],
                 quantity=quantity,
@@ -124,7 +112,7 @@ def _figure(kind: str, groups: Sequence[str], levels: Sequence[TrialSummary]) ->
 
 def _axis(kind: str, levels: Sequence[TrialSummary]) -> tuple[str, dict[str, float]]:
     """Name of the axis, and the position of each level."""
-    for family, (label, values) in LEVEL_LABELS.items():
+    for family, (label, values) in tsis.matching.trials.LEVEL_LABELS.items():
         if family == kind:
             return label, {str(number): value for number, value in enumerate(values, start=1)}
     return "separation / frames", {level.level: float(level.level) for level in levels}
@@ -168,13 +156,6 @@ def _csv(levels: Sequence[TrialSummary]) -> bytes:
 
 ROWS = "rows.csv"
 HOTEL_FAILURE_PX = 5.0
-MEANING = (
-    f"RMS errors over all shapes and levels. Failed: above {FAILURE_RMS:g}, hotel above "
-    f"{HOTEL_FAILURE_PX:g} px; silent: "
-    "failed, and the method trusted its result. Results that it does not trust count, too, though tsis match "
-    "withholds them. Ratio of means to the best coherent point drift of each level, with "
-    "the bootstrap interval of 95 %."
-)
 
 
 def benchmark(
@@ -185,10 +166,17 @@ def benchmark(
     ] = None,
     methods: Annotated[
         str | None,
-        typer.Option(help=f"With commas: {', '.join((*OWN_METHODS, *PEERS))}.", show_default="all that are installed"),
+        typer.Option(
+            help="With commas: tprl, cpd, tps-rpm, rpm-lns, shape-context, pycpd, pycpd-common, pycpd-outliers, "
+            "pycpd-raw, probreg, probreg-common.",
+            show_default="all that are installed",
+        ),
     ] = None,
     families: Annotated[
-        str | None, typer.Option(help=f"With commas: {', '.join((*FAMILIES, HOTEL))}.", show_default="all at hand")
+        str | None,
+        typer.Option(
+            help="With commas: deformation, noise, outliers, rotation, occlusion, hotel.", show_default="all at hand"
+        ),
     ] = None,
     levels: Annotated[str | None, typer.Option(help="Levels from 1, with commas.", show_default="all")] = None,
     shapes: Annotated[
@@ -208,7 +196,12 @@ def benchmark(
     """
     if resume and out is None:
         raise InputError("--resume needs --out, the folder of the interrupted run")
-    contenders = [BenchmarkMethod(name=name) for name in (methods.split(",") if methods else (*OWN_METHODS, *PEERS))]
+    contenders = [
+        tsis.matching.trials.BenchmarkMethod(name=name)
+        for name in (
+            methods.split(",") if methods else (*tsis.matching.trials.OWN_METHODS, *tsis.matching.trials.PEERS)
+        )
+    ]
     absent = {contender.name: contender.absent() for contender in contenders}
     present = {contender.name: contender for contender in contenders if not absent[contender.name]}
     if not present:
@@ -217,7 +210,7 @@ def benchmark(
     file = None if out is None else out / ROWS
     try:
         with progress_bar("Matching") as advance:
-            rows = run_trials(
+            rows = tsis.matching.trials.run_trials(
                 requested, present, seed=seed, file=file, resume=resume, workers=workers, progress=advance
             )
     except KeyboardInterrupt:
@@ -233,15 +226,17 @@ def benchmark(
 def _trials(
     data: Path | None, families: str | None, levels: str | None, shapes: str | None, count: int, seed: int
 ) -> list[Trial]:
-    chosen = families.split(",") if families else [*FAMILIES, *([HOTEL] if data is not None else [])]
+    chosen = (
+        families.split(",") if families else [*tsis.matching.trials.FAMILIES, *([HOTEL] if data is not None else [])]
+    )
     for name in chosen:
-        require_one_of("family of trials", name, (*FAMILIES, HOTEL))
+        require_one_of("family of trials", name, (*tsis.matching.trials.FAMILIES, HOTEL))
     if HOTEL in chosen and data is None:
         raise InputError("--families hotel needs --data, the folder of the sequence")
-    distorted: list[Family] = [family for family in FAMILIES if family in chosen]
+    distorted: list[Family] = [family for family in tsis.matching.trials.FAMILIES if family in chosen]
     trials: list[Trial] = []
     if distorted:
-        trials += distorted_set(
+        trials += tsis.matching.trials.distorted_set(
             data,
             families=distorted,
             shapes=shapes.split(",") if shapes else None,
@@ -250,7 +245,7 @@ def _trials(
             seed=seed,
         )
     if HOTEL in chosen and data is not None:
-        trials += hotel_set(data, count=count, seed=seed)
+        trials += tsis.matching.trials.hotel_set(data, count=count, seed=seed)
     return trials
 
 
@@ -271,15 +266,29 @@ def _stop_interrupted(out: Path | None, *, resume: bool) -> None:
 def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_json: bool) -> None:
     hotel = [row for row in rows if row.trial.startswith(HOTEL)]
     reference = [row for row in rows if not row.trial.startswith(HOTEL)]
-    parts = [(part, limit) for part, limit in ((reference, FAILURE_RMS), (hotel, HOTEL_FAILURE_PX)) if part]
-    levels = [item for part, limit in parts for item in summarise(part, rivals=RIVAL_METHODS, failure=limit)]
-    pooled = [item for part, limit in parts for item in summarise_pooled(part, rivals=RIVAL_METHODS, failure=limit)]
+    parts = [
+        (part, limit)
+        for part, limit in ((reference, tsis.matching.trials.FAILURE_RMS), (hotel, HOTEL_FAILURE_PX))
+        if part
+    ]
+    levels = [
+        item
+        for part, limit in parts
+        for item in tsis.matching.trials.summarise(part, rivals=tsis.matching.trials.RIVAL_METHODS, failure=limit)
+    ]
+    pooled = [
+        item
+        for part, limit in parts
+        for item in tsis.matching.trials.summarise_pooled(
+            part, rivals=tsis.matching.trials.RIVAL_METHODS, failure=limit
+        )
+    ]
     refused = sum(bool(row.refused) for row in rows)
     if refused:
         notes.append(f"{refused} of {len(rows)} results were refused or broke off and count as no movement.")
-    document = envelope(
+    document = tsis.report.envelope(
         "match bench",
-        failure={"distorted": FAILURE_RMS, HOTEL: HOTEL_FAILURE_PX},
+        failure={"distorted": tsis.matching.trials.FAILURE_RMS, HOTEL: HOTEL_FAILURE_PX},
         pooled=[asdict(item) for item in pooled],
         levels=[asdict(level) for level in levels],
         notes=notes,
@@ -292,7 +301,13 @@ def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_jso
     console = people()
     for table in pooled_tables(pooled):
         console.print(table)
-    console.print(MEANING)
+    console.print(
+        f"RMS errors over all shapes and levels. Failed: above {tsis.matching.trials.FAILURE_RMS:g}, hotel above "
+        f"{HOTEL_FAILURE_PX:g} px; silent: "
+        "failed, and the method trusted its result. Results that it does not trust count, too, though tsis match "
+        "withholds them. Ratio of means to the best coherent point drift of each level, with "
+        "the bootstrap interval of 95 %."
+    )
     for note in notes:
         console.print(f"- {note}", markup=False)
     if out is not None:

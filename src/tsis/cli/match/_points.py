@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
+import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
 from tsis.errors import FileInputError, InputError
 from tsis.files import printable_name, printable_path, write_durably
-from tsis.matching import METHODS, UNMATCHED, csv_text, read_points, register
 from tsis.model import require_one_of
-from tsis.plots import point_sets
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,7 +29,7 @@ def points(
     source: Annotated[Path, typer.Argument(metavar="A", help="Source points: CSV, NPY or PLY.")],
     target: Annotated[Path, typer.Argument(metavar="B", help="Target points: CSV, NPY or PLY.")],
     *,
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "tprl",
+    method: Annotated[str, typer.Option(help="One of tprl, cpd, tps-rpm, rpm-lns, shape-context.")] = "tprl",
     out: Annotated[
         Path | None, typer.Option(help="New CSV file for the transformed points, their matches and confidences.")
     ] = None,
@@ -45,22 +42,22 @@ def points(
     Files contain two or three coordinates per line, with or without a header. Matches are row numbers from 0; -1 is
     none.
     """
-    require_one_of("method", method, METHODS)
+    require_one_of("method", method, tsis.matching.METHODS)
     for file in (out, figure):
         _refuse_existing(file)
     if out is not None and out == figure:
         raise InputError(f"--out and --figure must be two files; got {printable_path(out)} for both")
-    first, second = read_points(source), read_points(target)
+    first, second = tsis.matching.read_points(source), tsis.matching.read_points(target)
     if first.shape[1] != second.shape[1]:
         raise InputError(
             f"both files must contain points of the plane or both of space; got {first.shape[1]} coordinates in "
             f"{printable_path(source)} and {second.shape[1]} in {printable_path(target)}"
         )
     with waiting("matching"):
-        result = register(first, second, method=method, rng=np.random.default_rng(seed))
+        result = tsis.matching.register(first, second, method=method, rng=np.random.default_rng(seed))
     transformed, matches = np.asarray(result.moved), np.asarray(result.matches)
     if out is not None:
-        _write(out, csv_text(transformed, match=matches, trust=result.trust).encode())
+        _write(out, tsis.matching.csv_text(transformed, match=matches, trust=result.trust).encode())
     if figure is not None:
         _write(figure, _picture(first, second, result, method))
     _result(source, target, first, second, result, method, seed, (out, figure), as_json=as_json)
@@ -79,13 +76,13 @@ def _result(
     as_json: bool,
 ) -> None:
     matches = np.asarray(registration.matches)
-    paired = matches != UNMATCHED
+    paired = matches != tsis.matching.UNMATCHED
     before, after = (
         _rms_distance(item[paired], second[matches[paired]]) for item in (first, np.asarray(registration.moved))
     )
     if as_json:
         names = {"out": files[0], "figure": files[1]}
-        document = envelope(
+        document = tsis.report.envelope(
             "match",
             method=method,
             seed=seed,
@@ -127,10 +124,12 @@ def _rms_distance(points: NDArray[np.float64], others: NDArray[np.float64]) -> f
 
 
 def _picture(first: NDArray[np.float64], second: NDArray[np.float64], registration: Registration, method: str) -> bytes:
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(12.0, 6.0), layout="constrained")
     before, after = figure.subplots(1, 2, subplot_kw={"projection": "3d"} if first.shape[1] == 3 else {})
-    point_sets(first, second, before, matches=registration.matches).set_title("before, with the matches")
-    point_sets(registration.moved, second, after, source_label="moved source").set_title(f"after {method}")
+    tsis.plots.point_sets(first, second, before, matches=registration.matches).set_title("before, with the matches")
+    tsis.plots.point_sets(registration.moved, second, after, source_label="moved source").set_title(f"after {method}")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)
     return buffer.getvalue()

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.table import Table
 
+import tsis
 from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeOption, chosen_lit_probe
 from tsis.cli._output import CommandResult, Out, show_result
-from tsis.optics import acceptance, layer_facing_lamp
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from tsis.model import Led, Probe
@@ -29,14 +28,16 @@ def angles(
 ) -> None:
     """Critical and acceptance angles of the probe's layers, beside the angles of its lamps."""
     chosen = chosen_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
-    result = acceptance([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
-    faced = [(led, layer_facing_lamp(chosen, led)) for led in chosen.leds if led.power > 0]
+    result = tsis.optics.acceptance(
+        [layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index]
+    )
+    faced = [(led, tsis.optics.layer_facing_lamp(chosen, led)) for led in chosen.leds if led.power > 0]
     lamps = [
         {**asdict(led), "height_mm": chosen.led_height_mm(led), "layer": layer, "widest_deg": _widest(led)}
         for led, layer in faced
     ]
     notes = (*_limits(result), *_lamps(result, faced))
-    document = envelope("optics angles", probe=asdict(chosen), layers=asdict(result), leds=lamps)
+    document = tsis.report.envelope("optics angles", probe=asdict(chosen), layers=asdict(result), leds=lamps)
     show_result(CommandResult(document=document, tables=(_table(chosen, result),), notes=notes), out, as_json=as_json)
 
 

@@ -7,20 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from matplotlib.figure import Figure
 from rich.table import Table
 
+import tsis
 from tsis.cli._options import AsJson, numbers
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import waiting
 from tsis.errors import InputError
-from tsis.optics import guided_modes
-from tsis.optics.propagation import thin_guide
-from tsis.optics.slab import thickness_factor
-from tsis.plots import mode_profiles
-from tsis.report import envelope
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from tsis.optics import GuidedModes
@@ -58,10 +54,10 @@ def modes(
     if index is not None and thickness_um is not None:
         indices, thicknesses = numbers("--index", index), numbers("--thickness-um", thickness_um)
     else:
-        guide = thin_guide(preset)
+        guide = tsis.optics.propagation.thin_guide(preset)
         indices, thicknesses = guide.index.tolist(), guide.thickness_um.tolist()
     with waiting("finding modes"):
-        result = guided_modes(
+        result = tsis.optics.guided_modes(
             indices,
             thicknesses,
             wavelength_um=wavelength_um,
@@ -70,7 +66,7 @@ def modes(
             polarization=polarization.value,
         )
     blind = result.above(indices[0])
-    document = envelope(
+    document = tsis.report.envelope(
         "optics modes",
         index=indices,
         thickness_um=thicknesses,
@@ -121,7 +117,7 @@ def _table(guided: GuidedModes, face: float) -> Table:
 
 def _notes(guided: GuidedModes, face: float, blind: int) -> list[str]:
     if not len(guided):
-        factor = thickness_factor(guided.layers)
+        factor = tsis.optics.slab.thickness_factor(guided.layers)
         return [
             "Nothing is guided: the stack is below cut-off. "
             f"Layers {factor:.4g} times as thick, or a wavelength shorter by that factor, would guide a mode; "
@@ -148,11 +144,13 @@ def _notes(guided: GuidedModes, face: float, blind: int) -> list[str]:
 
 
 def _figure(guided: GuidedModes) -> Figure:
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     levels = np.linspace(guided.n_eff[0], guided.n_eff[-1], MOST_CURVES)
     nearest = np.abs(guided.n_eff - levels[:, np.newaxis]).argmin(axis=1)
     shown: list[int] = np.unique(nearest).tolist()
-    ax = mode_profiles(guided, figure.subplots(), shown=shown)
+    ax = tsis.plots.mode_profiles(guided, figure.subplots(), shown=shown)
     layers = guided.layers
     ax.set_title(
         f"{len(shown)} of {len(guided)} {layers.polarization} modes at {layers.wavelength_um:g} µm; "

@@ -7,18 +7,17 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from matplotlib.figure import Figure
 from rich.table import Table
 
+import tsis
 from tsis.cli._options import AsJson, numbers
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
-from tsis.optics.propagation import Dent, interfaces_um, propagate, thin_guide
-from tsis.plots import guide_index, guide_light, light_out_of_the_top
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from matplotlib.figure import Figure
 
     from tsis.optics.propagation import Propagation, ThinGuide
 
@@ -53,15 +52,18 @@ def propagate_command(
     out: Out = None,
 ) -> None:
     """Propagate the modes of a thin guide under a dent: power that stays guided or leaves on either side."""
-    guide = thin_guide(preset)
-    dents = [Dent(depth_um=depth, tip_radius_um=tip_radius_um) for depth in numbers("--dent-um", dent_um)]
+    guide = tsis.optics.propagation.thin_guide(preset)
+    dents = [
+        tsis.optics.propagation.Dent(depth_um=depth, tip_radius_um=tip_radius_um)
+        for depth in numbers("--dent-um", dent_um)
+    ]
     for dent in dents:
-        interfaces_um(guide, dent, [0.0])  # refuses a dent that is too deep
+        tsis.optics.propagation.interfaces_um(guide, dent, [0.0])  # refuses a dent that is too deep
     results: list[Propagation] = []
     with progress_bar(f"waves by {method}") as advance:
         for dent in dents:
             advance(len(results), len(dents))
-            result = propagate(
+            result = tsis.optics.propagation.propagate(
                 guide,
                 dent,
                 method=method.value,
@@ -83,7 +85,7 @@ def propagate_command(
 
 def _document(preset: str, guide: ThinGuide, results: list[Propagation]) -> dict[str, Any]:
     first = results[0]
-    return envelope(
+    return tsis.report.envelope(
         "optics propagate",
         preset=preset,
         index=guide.index,
@@ -149,14 +151,18 @@ def _figures(results: list[Propagation]) -> dict[str, Callable[[], Figure]]:
 
 
 def _side_view(result: Propagation) -> Figure:
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    guide_index(result, above).set(title=f"dent {result.dent.depth_um:g} µm deep", xlabel="")
-    guide_light(result, below)
+    tsis.plots.guide_index(result, above).set(title=f"dent {result.dent.depth_um:g} µm deep", xlabel="")
+    tsis.plots.guide_light(result, below)
     return figure
 
 
 def _series(results: list[Propagation]) -> Figure:
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(8.0, 4.0), layout="constrained")
-    light_out_of_the_top(results, figure.subplots())
+    tsis.plots.light_out_of_the_top(results, figure.subplots())
     return figure

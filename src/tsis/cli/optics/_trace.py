@@ -8,23 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from matplotlib.figure import Figure
 from rich.table import Table
-from scipy.optimize import brentq
 
+import tsis
 from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeOption, chosen_lit_probe
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar, waiting
 from tsis.errors import InputError, MechanicsError
-from tsis.mechanics.small_strain import indent
 from tsis.model import require_number
-from tsis.optics import acceptance
-from tsis.optics.rays import APERTURE, tip_press, trace_paths, trace_rays
-from tsis.plots import light_on_face, ray_picture
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from matplotlib.figure import Figure
 
     from tsis.model import PressField, Probe
     from tsis.optics.rays import TracedLight
@@ -65,7 +61,7 @@ def trace(
     lit = chosen_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
     pressed = _pressed(lit, tip_radius_mm, force_n, depth_mm)
     with progress_bar("tracing rays") as progress:
-        result = trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
+        result = tsis.optics.rays.trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
     response = CommandResult(
         document=_document(lit, pressed, result, seed),
         tables=(_table(lit, pressed, result),),
@@ -88,8 +84,10 @@ def _pressed(
     with waiting("pressing the sphere"):
         if depth_mm is not None:
             force_n = _force_for(probe, tip_radius_mm, depth_mm)
-        result = indent(probe, sphere_radius_mm=tip_radius_mm, force_n=1.0 if force_n is None else force_n)
-    return tip_press(
+        result = tsis.mechanics.small_strain.indent(
+            probe, sphere_radius_mm=tip_radius_mm, force_n=1.0 if force_n is None else force_n
+        )
+    return tsis.optics.rays.tip_press(
         result.radius_mm,
         result.face_displacement_mm,
         contact_radius_mm=result.contact_radius_mm,
@@ -99,12 +97,16 @@ def _pressed(
 
 def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     """The force that presses a sphere to the given depth."""
+    from scipy.optimize import brentq
+
     require_number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
 
     def depth(log_force: float) -> float | None:
         """None where the force strains the probe beyond what the model describes."""
         try:
-            return indent(probe, sphere_radius_mm=tip_radius_mm, force_n=float(np.exp(log_force))).depth_mm
+            return tsis.mechanics.small_strain.indent(
+                probe, sphere_radius_mm=tip_radius_mm, force_n=float(np.exp(log_force))
+            ).depth_mm
         except MechanicsError:
             return None
 
@@ -146,11 +148,10 @@ def _notes(probe: Probe, traced: TracedLight) -> tuple[str, ...]:
         f"{float(traced.arriving.sum()):.2%} of the light meets the face from inside, counted at every meeting.",
         *_reflected(probe),
         f"{fraction:.2%} of what enters can never reach an undented face: it entered above a layer whose "
-        f"index is below "
+        "index is below "
         "n sin(angle from the axis), as in glass above silicone.",
-        f"{observed} the glass within a numerical aperture of {APERTURE:g}: a camera that looks along the "
-        f"axis sees what "
-        "tissue scatters where light leaves through contact, not what a dent's curvature turns.",
+        f"{observed} the glass within a numerical aperture of {tsis.optics.rays.APERTURE:g}: a camera that looks along "
+        "the axis sees what tissue scatters where light leaves through contact, not what a dent's curvature turns.",
     )
 
 
@@ -159,12 +160,12 @@ def _reflected(probe: Probe) -> tuple[str, ...]:
     if probe.face_curvature_mm is not None:
         return ()
     indices = [layer.refractive_index for layer in probe.layers] + [probe.glass.refractive_index]
-    limit = float(acceptance(indices).acceptance_deg.min())
+    limit = float(tsis.optics.acceptance(indices).acceptance_deg.min())
     return (f"Light up to {limit:.1f} degrees from the horizontal, in air, is totally reflected by an undented face.",)
 
 
 def _document(probe: Probe, pressed: PressField | None, traced: TracedLight, seed: int) -> dict[str, object]:
-    return envelope(
+    return tsis.report.envelope(
         "optics trace",
         probe=asdict(probe),
         seed=seed,
@@ -194,12 +195,21 @@ def _figures(
 
 
 def _picture(probe: Probe, pressed: PressField | None, seed: int) -> Figure:
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(8.0, 4.6), layout="constrained")
-    ray_picture(probe, trace_paths(probe, pressed, rays=PICTURED_RAYS, seed=seed), figure.subplots(), pressed=pressed)
+    tsis.plots.ray_picture(
+        probe,
+        tsis.optics.rays.trace_paths(probe, pressed, rays=PICTURED_RAYS, seed=seed),
+        figure.subplots(),
+        pressed=pressed,
+    )
     return figure
 
 
 def _map(traced: TracedLight, what: str) -> Figure:
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
-    light_on_face(traced, figure.subplots(), what=what)
+    tsis.plots.light_on_face(traced, figure.subplots(), what=what)
     return figure

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.errors import InputError
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -80,7 +80,11 @@ def edit(
             edited = records.edit_press(_require_version(_press(records, target, press), version), **changes)
     what = f"target {number}" if press is None else f"press {edited.id[:8]} of target {number}"
     if as_json:
-        print_json(envelope("records edit", target=number, press=None if press is None else edited.id, **_now(edited)))
+        print_json(
+            tsis.report.envelope(
+                "records edit", target=number, press=None if press is None else edited.id, **_now(edited)
+            )
+        )
         return
     console = people()
     console.print(f"Changed {', '.join(changes)} of {what}; it is version {edited.version} now.", markup=False)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.errors import InputError
 from tsis.model import require_one_of
-from tsis.report import ENDINGS, MASKED, PAGE_FORMS, envelope, require_absent, write_form
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +32,9 @@ Identified = Annotated[
 def export(
     number: TargetNumber,
     *,
-    forms: Annotated[list[str], typer.Option("--format", help=f"Form: {', '.join(ENDINGS)}; repeatable.")],
+    forms: Annotated[
+        list[str], typer.Option("--format", help="Form: html, pdf, csv, hdf5, zarr, fhir, dicom, bundle; repeatable.")
+    ],
     out: Annotated[
         Path | None,
         typer.Option(
@@ -52,30 +54,35 @@ def export(
     """
     requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
     for form in requested:
-        require_one_of("form of export", form, ENDINGS)
-    if identified and not set(requested) & set(MASKED):
-        raise InputError(f"--identified belongs to {' and '.join(MASKED)}; the other forms mask nothing (leave it out)")
+        require_one_of("form of export", form, tsis.report.ENDINGS)
+    if identified and not set(requested) & set(tsis.report.MASKED):
+        raise InputError(
+            f"--identified belongs to {' and '.join(tsis.report.MASKED)}; the other forms mask nothing (leave it out)"
+        )
     stem = f"target-{number}"
-    destination = out or Path(stem if len(requested) > 1 else f"{stem}{ENDINGS[requested[0]]}")
-    require_absent(destination)
+    destination = out or Path(stem if len(requested) > 1 else f"{stem}{tsis.report.ENDINGS[requested[0]]}")
+    tsis.report.require_absent(destination)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
         record = records.record(records.target(number))
-        if set(requested) - set(PAGE_FORMS):  # they name missing libraries
+        if set(requested) - set(tsis.report.PAGE_FORMS):  # they name missing libraries
             record.require_whole()
         if len(requested) == 1:
-            seal = write_form(requested[0], record, destination, identified=identified)
+            seal = tsis.report.write_form(requested[0], record, destination, identified=identified)
         else:
             from tsis.records.export import export_folder
 
             draft, seal = together.enter_context(export_folder(destination)), ""
             for form in requested:
-                seal += write_form(form, record, draft / f"{stem}{ENDINGS[form]}", identified=identified)
+                seal += tsis.report.write_form(
+                    form, record, draft / f"{stem}{tsis.report.ENDINGS[form]}", identified=identified
+                )
     single = len(requested) == 1
     files = {
-        form: str((destination if single else destination / f"{stem}{ENDINGS[form]}").resolve()) for form in requested
+        form: str((destination if single else destination / f"{stem}{tsis.report.ENDINGS[form]}").resolve())
+        for form in requested
     }
     if as_json:
-        print_json(envelope("records export", target=number, files=files, bundle_sha256=seal or None))
+        print_json(tsis.report.envelope("records export", target=number, files=files, bundle_sha256=seal or None))
         return
     console = people()
     for form, file in files.items():
@@ -134,7 +141,7 @@ def send(
             token = os.environ.get(TOKEN) or None
             stored = stow_rs(files, url=to, token=token, timeout_s=timeout_s, allow_plain_http=plain_http)
     if as_json:
-        print_json(envelope("records send", target=number, to=to, stored=list(stored)))
+        print_json(tsis.report.envelope("records send", target=number, to=to, stored=list(stored)))
         return
     console = people()
     console.print(f"{len(stored)} instances of target {number} are in the archive.", markup=False)

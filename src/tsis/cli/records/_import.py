@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
+import tsis
 from tsis.cli._options import AsJson, scale_of
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import progress_bar, waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, is_there, opened, target_number
-from tsis.report import entered_text, envelope
 
 if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration
@@ -87,7 +87,9 @@ def import_(
             raise
         position = str(records.folder.resolve())
     if as_json:
-        print_json(envelope("records import", store=position, imported=[_document(item) for item in entered]))
+        print_json(
+            tsis.report.envelope("records import", store=position, imported=[_document(item) for item in entered])
+        )
         return
     console = people()
     for item in entered:
@@ -125,7 +127,7 @@ class _Calibrations:
 
 
 def _line(entered: ImportedBatch) -> str:
-    text = entered_text(
+    text = tsis.report.entered_text(
         entered.target, new=entered.new, added=entered.added, present=entered.present, estimates=entered.estimates
     )
     return f"{entered.batch.kind} in {entered.batch.source}: {text}"

@@ -8,11 +8,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import estimate_table, people, print_json, print_notice
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.files import to_json_value
-from tsis.report import envelope, estimate_document, estimate_messages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,7 +33,11 @@ def list_targets(
     with opened(store, kind, database) as records:
         result, position = records.targets(), str(records.folder.resolve())
     if as_json:
-        print_json(envelope("records list", store=position, kind=kind, targets=[_document(item) for item in result]))
+        print_json(
+            tsis.report.envelope(
+                "records list", store=position, kind=kind, targets=[_document(item) for item in result]
+            )
+        )
         return
     console = people()
     table = Table("number", "name", "presses", "estimates", "last press (UTC)", title=escape(f"Targets ({kind}s)"))
@@ -91,7 +95,7 @@ def show(
         result = stored.estimate
         truth = target.truth if set(result.samples) <= set(target.truth) else None
         console.print(estimate_table(result, title=f"Current estimate: {stored.kind}, {stored.probe}", truth=truth))
-        for estimate_message in estimate_messages(result):
+        for estimate_message in tsis.report.estimate_messages(result):
             console.print(f"- {estimate_message}", markup=False)
         console.print(f"Flags: {', '.join(result.flags) or 'none'}", markup=False)
     for estimate_message in record.damaged:
@@ -136,7 +140,7 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
     created = [
         _estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in record.estimates
     ]
-    return envelope(
+    return tsis.report.envelope(
         "records show",
         target=to_json_value(record.target),
         presses=[to_json_value(press) for press in record.presses],
@@ -157,4 +161,4 @@ def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict
 
     reference = estimate_to_json(stored)
     created = reference.pop("estimate")
-    return {**reference, **estimate_document(stored.estimate, truth), "provenance": created["provenance"]}
+    return {**reference, **tsis.report.estimate_document(stored.estimate, truth), "provenance": created["provenance"]}

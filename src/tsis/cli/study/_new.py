@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import tsis
 from tsis.cli._options import AsJson, ProbeName
 from tsis.cli._output import people, print_json, print_notice
 from tsis.errors import InputError
 from tsis.model import LARGEST_SEED
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -101,7 +101,7 @@ def new(
     plan = study.plan
     if as_json:
         print_json(
-            envelope(
+            tsis.report.envelope(
                 "study new",
                 folder=str(folder.resolve()),
                 name=plan.name,

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.catalog import load_probe
 from tsis.cli._options import AsJson, ProbeName
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.errors import InputError
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -105,7 +105,7 @@ def _range_mm(table: DetectionRangeTable, diameter_mm: float, depth_mm: float) -
 def _document(
     plan: ScanPlan, seconds: float, smallest: dict[float, float | None], table: DetectionRangeTable | None
 ) -> dict[str, object]:
-    return envelope(
+    return tsis.report.envelope(
         "study plan",
         strips=plan.strips,
         presses_a_strip=plan.presses_a_strip,

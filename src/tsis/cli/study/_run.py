@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+import tsis
 from tsis.cli._exit_codes import INTERRUPTED
 from tsis.cli._groups import ended_by
 from tsis.cli._options import AsJson
@@ -18,7 +19,6 @@ from tsis.cli._progress import progress_bar
 from tsis.cli._store import DATABASE, PHANTOM, opened
 from tsis.cli.study._new import ByName, StudyFolder
 from tsis.model import LARGEST_SEED
-from tsis.report import envelope
 
 
 def run(
@@ -58,7 +58,7 @@ def run(
         )
     if as_json:
         print_json(
-            envelope(
+            tsis.report.envelope(
                 "study run",
                 folder=str(folder.resolve()),
                 device=study.plan.device,
@@ -104,7 +104,7 @@ def import_(
     entered = len(after.readings) - len(study.readings)
     if as_json:
         entries = {"folder": str(folder.resolve()), "device": device, "threshold": after.threshold_of(device)}
-        print_json(envelope("study import", **entries, entered=entered, head=after.chain.head))
+        print_json(tsis.report.envelope("study import", **entries, entered=entered, head=after.chain.head))
         return
     console = people()
     console.print(
@@ -129,7 +129,7 @@ def export(
     with export_file(readings) as draft:
         draft.write_bytes(content)
     if as_json:
-        print_json(envelope("study export", file=str(readings.resolve())))
+        print_json(tsis.report.envelope("study export", file=str(readings.resolve())))
         return
     console = people()
     console.print(f"Readings: {readings.resolve()}", markup=False, soft_wrap=True)

@@ -9,11 +9,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli.study._new import StudyFolder
 from tsis.files import one_line
-from tsis.report import envelope
 
 if TYPE_CHECKING:
     from tsis.study import Study
@@ -38,7 +38,7 @@ def show(
     left = () if by is not None else study.missing(device or plan.device, operator)
     if as_json:
         print_json(
-            envelope(
+            tsis.report.envelope(
                 "study show",
                 folder=str(folder.resolve()),
                 name=plan.name,
@@ -111,7 +111,9 @@ def verify(
 
     result = verification(folder, head=head)
     if as_json:
-        print_json(envelope("study verify", folder=str(folder.resolve()), **study_verification_document(result)))
+        print_json(
+            tsis.report.envelope("study verify", folder=str(folder.resolve()), **study_verification_document(result))
+        )
     else:
         console = people()
         for fault in result.faults:

@@ -6,7 +6,6 @@ import uuid
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
-import cv2
 from fastapi import APIRouter, Body, Query, Response
 
 from tsis.console.api._documented import OF_ACTS, OF_BODIES, OF_CONTROL, OF_JOBS, picture
@@ -34,7 +33,8 @@ from tsis.console.api._query import Acting, Caller, TheInstrument
 from tsis.console.live import display_levels
 from tsis.console.services import CameraChoice, Instrument
 from tsis.errors import CameraError, InputError
-from tsis.instrument import QUICK_PNG, whole_levels
+from tsis.files import QUICK_PNG, encode_picture
+from tsis.instrument import whole_levels
 from tsis.model import require_one_of
 from tsis.records import require_label
 
@@ -240,14 +240,14 @@ def get_frame_png(instrument: TheInstrument) -> Response:
     """
     received = instrument.camera_controller.fresh()
     levels = whole_levels(received.frame.pixels, received.frame.full_scale)
-    return _sent(received, cv2.imencode(".png", levels, QUICK_PNG)[1].tobytes(), "image/png")
+    return _sent(received, encode_picture(levels, level=QUICK_PNG), "image/png")
 
 
 @frames_router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))
 def get_frame_jpg(instrument: TheInstrument, quality: Quality = 85) -> Response:
     """Send the newest frame as a small picture of 8 bits, for the eye."""
     received = instrument.camera_controller.fresh()
-    content = cv2.imencode(".jpg", display_levels(received), [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    content = encode_picture(display_levels(received), "jpg", quality=quality)
     return _sent(received, content, "image/jpeg")
 
 

@@ -6,7 +6,6 @@ from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Any
 
-import cv2
 from fastapi import APIRouter, Body, Request, Response
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -53,7 +52,7 @@ from tsis.console.api._query import (
 )
 from tsis.console.api._responses import estimate_item, job_result
 from tsis.errors import InputError
-from tsis.instrument import QUICK_PNG
+from tsis.files import QUICK_PNG, encode_picture
 from tsis.records import PRIORS, environment, recompute
 
 if TYPE_CHECKING:
@@ -117,7 +116,7 @@ def list_presses(instrument: TheInstrument, number: TargetNumber, page: PageOfLi
 def get_press_frame(instrument: TheInstrument, number: TargetNumber, identity: PressIdentity) -> Response:
     """Send the stored frame of a press, after its hash was found right; 503 when it is damaged."""
     _, press = find_press(instrument, number, identity)
-    content = cv2.imencode(".png", instrument.store.levels(press.frame), QUICK_PNG)[1].tobytes()
+    content = encode_picture(instrument.store.levels(press.frame), level=QUICK_PNG)
     return Response(content, media_type="image/png", headers={"TSIS-Full-Scale": f"{press.full_scale:g}"})
 
 

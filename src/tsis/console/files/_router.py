@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from functools import wraps
 from typing import TYPE_CHECKING, ParamSpec
 
-import cv2
 import numpy as np
 from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import FileResponse, PlainTextResponse
@@ -15,8 +14,8 @@ from tsis.console._statuses import AbsentError, status_of
 from tsis.console.files._exporting import MEDIA_TYPES, ExportFile, write_export
 from tsis.console.studies import FORMS, report_bytes
 from tsis.errors import InputError, TsisError
-from tsis.files import LARGEST_TARGET
-from tsis.imaging import COLOUR_MAPS, colour_map
+from tsis.files import LARGEST_TARGET, encode_picture
+from tsis.imaging import COLOUR_MAPS, block_means, colour_map
 from tsis.model import TactileImage, require_integer, require_one_of
 from tsis.report import ENDINGS, PAGE_FORMS
 
@@ -98,7 +97,7 @@ def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: s
     fraction = size / max(grey.shape)
     if fraction < 1.0:
         rows, columns = (max(1, round(side * fraction)) for side in grey.shape)
-        grey = np.asarray(cv2.resize(grey, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float64)
+        grey = block_means(grey, (rows, columns))
     return _png(grey, full_scale, name)
 
 
@@ -106,9 +105,8 @@ def _png(grey: NDArray[np.float64], full_scale: float, name: str) -> bytes:
     if name == GREY:
         shown: NDArray[np.uint8] = np.rint(np.clip(grey / full_scale, 0.0, 1.0) * 255.0).astype(np.uint8)
     else:
-        shown = colour_map(TactileImage(grey=grey, full_scale=full_scale), name=name)[..., ::-1]
-    _, content = cv2.imencode(".png", shown)
-    return content.tobytes()
+        shown = colour_map(TactileImage(grey=grey, full_scale=full_scale), name=name)
+    return encode_picture(shown)
 
 
 FRAME_CACHE = "private, no-cache"  # a frame never changes, but who has logged out may not see it: the browser asks

@@ -13,10 +13,10 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from tsis.errors import InputError
+from tsis.files import encode_picture
 from tsis.imaging import COLOUR_MAPS, colour_map
 from tsis.model import TactileImage, require_number, require_one_of
 
@@ -95,7 +95,7 @@ def packet(frame: ReceivedFrame, *, number: int, came_ms: float, jpeg_quality: i
     header = HEADER.pack(MAGIC, encoding, number % 2**32, rows, columns, came_ms, frame.frame.full_scale, 0)
     if jpeg_quality is None:
         return header + levels.tobytes()
-    return header + cv2.imencode(".jpg", levels, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes()
+    return header + encode_picture(levels, "jpg", quality=jpeg_quality)
 
 
 def display_levels(frame: ReceivedFrame) -> NDArray[np.uint8]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from tsis.calibration.guard import GuardFlag
-from tsis.imaging import segment
+from tsis.imaging import block_means, segment
 from tsis.model import TactileImage
 
 if TYPE_CHECKING:
@@ -126,11 +125,7 @@ def analyse_frame(
 
 def histogram(frame: Frame) -> NDArray[np.int64]:
     """Pixels in equal bins of grey levels from 0 to full scale, shape (BINS,)."""
-    levels = np.asarray(frame.pixels)
-    if levels.dtype not in (np.uint8, np.uint16):
-        levels = levels.astype(np.float32)
-    counts = cv2.calcHist([levels], [0], None, [BINS], [0.0, frame.full_scale + 1.0])
-    return np.asarray(counts.ravel(), dtype=np.int64)
+    return np.histogram(frame.pixels, BINS, (0.0, frame.full_scale + 1.0))[0]
 
 
 def exposure_warnings(counts: NDArray[np.int64], clipped_fraction: float) -> tuple[str, ...]:
@@ -147,8 +142,7 @@ def reduced(levels: NDArray[Any]) -> NDArray[np.float64]:
     """A frame reduced by means over equal areas to at most `LARGEST_SIDE_PX`."""
     shrink = max(1.0, max(levels.shape) / LARGEST_SIDE_PX)
     size = (max(3, round(levels.shape[1] / shrink)), max(3, round(levels.shape[0] / shrink)))
-    grey = np.asarray(levels, dtype=np.float32)  # OpenCV would round the means of whole numbers
-    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.float64)
+    return block_means(levels, size[::-1])
 
 
 def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView | None:

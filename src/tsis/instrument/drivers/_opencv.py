@@ -7,16 +7,15 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
-from tsis.errors import CameraError
+from tsis.errors import CameraError, MissingExtraError
 from tsis.instrument._camera import Frame, Mode, Setting, checked_setting
 from tsis.instrument._discovery import CameraInfo
 from tsis.instrument._image_files import grey_of_opencv
-from tsis.instrument._quiet import quiet_decoders
+from tsis.instrument._quiet import opencv, quiet_decoders
 from tsis.instrument.drivers._files import natural_key
-from tsis.instrument.drivers._video import OpenCVCapture
+from tsis.instrument.drivers._video import BRIGHTNESS, EXPOSURE, GAIN, HEIGHT, WIDTH, OpenCVCapture
 from tsis.model import require_number
 
 if TYPE_CHECKING:
@@ -25,10 +24,15 @@ if TYPE_CHECKING:
 
 _LINUX_DEVICES = Path("/sys/class/video4linux")
 _TRIED_ELSEWHERE = 4
+_FEATURE = "the camera source opencv"
 
 
 def missing_requirement() -> str | None:
-    """Nothing: OpenCV comes with the plain install."""
+    """What is not installed, with the cure; None when nothing is missing."""
+    try:
+        opencv(_FEATURE)
+    except MissingExtraError as error:
+        return str(error)
     return None
 
 
@@ -62,6 +66,7 @@ def _line(file: Path) -> str:
 
 def _opening() -> tuple[CameraInfo, ...]:
     cameras = []
+    cv2 = opencv(_FEATURE)
     with quiet_decoders():
         for index in range(_TRIED_ELSEWHERE):
             capture = cv2.VideoCapture(index)
@@ -71,7 +76,7 @@ def _opening() -> tuple[CameraInfo, ...]:
     return tuple(cameras)
 
 
-_PROPERTIES = {"brightness": cv2.CAP_PROP_BRIGHTNESS, "gain": cv2.CAP_PROP_GAIN, "exposure": cv2.CAP_PROP_EXPOSURE}
+_PROPERTIES = {"brightness": BRIGHTNESS, "gain": GAIN, "exposure": EXPOSURE}
 _UNSUPPORTED = -1.0  # OpenCV's value of a property that the driver does not have
 
 
@@ -86,7 +91,7 @@ class OpenCVDevice(OpenCVCapture):
     index
         Number of the camera, from 0.
     capture
-        Opens an index like ``cv2.VideoCapture``.
+        Opens an index like ``cv2.VideoCapture``, which is the default.
     clock
         Seconds, monotonic.
     """
@@ -95,7 +100,7 @@ class OpenCVDevice(OpenCVCapture):
         self,
         index: int,
         *,
-        capture: Callable[[int], Any] = cv2.VideoCapture,
+        capture: Callable[[int], Any] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._index = int(require_number("index", index, 0, 9999))
@@ -111,7 +116,7 @@ class OpenCVDevice(OpenCVCapture):
         """Connect to the camera with a new handle; `CameraError` when no camera answers at this index."""
         self.stop()
         with quiet_decoders():
-            capture = self._open_capture(self._index)
+            capture = (self._open_capture or opencv(_FEATURE).VideoCapture)(self._index)
         if not capture.isOpened():
             raise CameraError(
                 f"no camera answers at index {self._index}; check its cable and permissions, or try another index"
@@ -141,8 +146,8 @@ class OpenCVDevice(OpenCVCapture):
         """Begin to deliver frames; a ``mode`` other than the present one is requested and checked."""
         capture = self._opened()
         if mode is not None and mode not in self.modes():
-            capture.set(cv2.CAP_PROP_FRAME_WIDTH, mode.width_px)
-            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, mode.height_px)
+            capture.set(WIDTH, mode.width_px)
+            capture.set(HEIGHT, mode.height_px)
             (present,) = self.modes()
             if (present.width_px, present.height_px) != (mode.width_px, mode.height_px):
                 raise CameraError(f"{self.name} does not take {mode}; it is in {present}")

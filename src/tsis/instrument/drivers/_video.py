@@ -6,19 +6,21 @@ import os
 import threading
 from typing import TYPE_CHECKING, Any
 
-import cv2
-
 from tsis.errors import CameraError, FileInputError
 from tsis.files import LARGEST_PIXELS, printable_path, read_head
 from tsis.instrument._camera import Frame, Mode
 from tsis.instrument._image_files import grey_of_opencv
-from tsis.instrument._quiet import quiet_decoders, quiet_ffmpeg
+from tsis.instrument._quiet import opencv, quiet_decoders, quiet_ffmpeg
 from tsis.instrument.drivers._files import StoredFrames
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
+
+
+# Numbers of OpenCV's properties CAP_PROP_...: a reader of this module needs no OpenCV.
+POS_MSEC, WIDTH, HEIGHT, FPS, FRAME_COUNT, BRIGHTNESS, GAIN, EXPOSURE = 0, 3, 4, 5, 7, 10, 14, 15
 
 
 class OpenCVCapture:
@@ -41,8 +43,8 @@ class OpenCVCapture:
     def modes(self) -> tuple[Mode, ...]:
         """The present mode of the device, or the declared mode of the file; without a rate where it declares none."""
         capture = self._opened()
-        width, height = (int(capture.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
-        rate = float(capture.get(cv2.CAP_PROP_FPS))
+        width, height = (int(capture.get(side)) for side in (WIDTH, HEIGHT))
+        rate = float(capture.get(FPS))
         return (Mode(width_px=width, height_px=height, frames_per_s=rate if rate > 0 else None),)
 
     def stop(self) -> None:
@@ -89,12 +91,13 @@ class VideoFile(OpenCVCapture, StoredFrames):
         path = printable_path(self._path)
         if read_head(self._path).lstrip().startswith(_LISTS):
             raise FileInputError(f"{path} must be a video file; got a list that names other files")
+        cv2 = opencv("video files")
         with quiet_decoders(), quiet_ffmpeg():
             # by its absolute path, so that no name is taken for an address, a device or a pattern
             capture = cv2.VideoCapture(os.path.realpath(self._path), cv2.CAP_FFMPEG)
         if not capture.isOpened():
             raise FileInputError(f"{path} must be a complete video file; no decoder could open it")
-        columns, rows = (int(capture.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        columns, rows = (int(capture.get(side)) for side in (WIDTH, HEIGHT))
         if not 0 < columns * rows <= LARGEST_PIXELS:
             capture.release()
             raise FileInputError(f"{path} must hold at most {LARGEST_PIXELS} pixels a frame; got {columns} x {rows}")
@@ -109,7 +112,7 @@ class VideoFile(OpenCVCapture, StoredFrames):
             After the last whole frame, when the file ends before its declared number of frames.
         """
         self._require_started()
-        declared = int(self._opened().get(cv2.CAP_PROP_FRAME_COUNT))
+        declared = int(self._opened().get(FRAME_COUNT))
         # The last frame of a file that is cut short may be decoded from half its bytes, so one frame waits.
         waiting, read = self._next(0), 1
         while waiting is not None and self._running.is_set():
@@ -137,11 +140,11 @@ class VideoFile(OpenCVCapture, StoredFrames):
                 return None
             try:
                 present, pixels = self._capture.read()
-            except (cv2.error, MemoryError) as error:
+            except (opencv("video files").error, MemoryError) as error:
                 raise FileInputError(
                     f"{printable_path(self._path)} must be a readable video; decoding failed"
                 ) from error
-            time_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
+            time_s = float(self._capture.get(POS_MSEC)) / 1000.0
         if not present or pixels is None:
             return None
         return Frame(pixels=grey_of_opencv(pixels), sequence=sequence, time_s=time_s, name=f"{self.name}#{sequence}")

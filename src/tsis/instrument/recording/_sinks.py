@@ -6,11 +6,10 @@ import shutil
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
-import cv2
-
 from tsis.errors import InputError
-from tsis.instrument._image_files import QUICK_PNG, whole_levels
-from tsis.instrument._quiet import quiet_decoders, quiet_ffmpeg
+from tsis.files import QUICK_PNG, encode_picture
+from tsis.instrument._image_files import whole_levels
+from tsis.instrument._quiet import opencv, quiet_decoders, quiet_ffmpeg
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,10 +47,10 @@ class FrameFolder:
     def save(self, frame: Frame, number: int) -> str:
         """Write ``frame-000000.png`` and so on."""
         name = f"frame-{number:06d}.png"
-        content = cv2.imencode(".png", whole_levels(frame.pixels, frame.full_scale), QUICK_PNG)[1]
+        content = encode_picture(whole_levels(frame.pixels, frame.full_scale), level=QUICK_PNG)
         try:
             with (self._folder / name).open("xb") as file:
-                file.write(content.tobytes())
+                file.write(content)
         except OSError:
             with suppress(OSError):
                 (self._folder / name).unlink(missing_ok=True)  # half a frame would be read as a damaged one
@@ -100,6 +99,7 @@ class LosslessVideo:
             return
         self._writer.release()
         self._writer = None
+        cv2 = opencv("video files")
         with quiet_decoders(), quiet_ffmpeg():
             written = cv2.VideoCapture(str(self._file.resolve()), cv2.CAP_FFMPEG)
             count = int(written.get(cv2.CAP_PROP_FRAME_COUNT)) if written.isOpened() else 0
@@ -108,6 +108,7 @@ class LosslessVideo:
             raise OSError(5, f"the video holds {count} of {self._saved} frames")
 
     def _opened(self, columns: int, rows: int) -> Any:
+        cv2 = opencv("video files")
         codec = cv2.VideoWriter.fourcc(*"FFV1")
         with quiet_decoders(), quiet_ffmpeg():
             writer = cv2.VideoWriter(

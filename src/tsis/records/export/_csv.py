@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
 import math
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.files import FORMULA_STARTS, free_to_json, json_bytes
+from tsis.files import free_to_json, json_bytes, table_bytes
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
 from tsis.records.export._whole import export_folder, frame_png
 
@@ -176,32 +174,6 @@ and so has text that begins with an apostrophe: take one away to have what was e
 Where "trusted" is no, the model did not hold, and there is no result: the cells are empty. Where "identified" is no,
 the data told hardly more than was believed before, and the mean says little: use the interval.
 """
-
-
-def cell(value: Any) -> str:
-    """The text of a cell, guarded so that no spreadsheet takes it for a formula.
-
-    Examples
-    --------
-    >>> cell("=1+1"), cell(-1.5), cell(True), cell(None)
-    ("'=1+1", '-1.5', 'yes', '')
-    """
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    text = str(value)
-    return f"'{text}" if text.startswith(FORMULA_STARTS) or text.lstrip().startswith(FORMULA_STARTS) else text
-
-
-def table_bytes(rows: Sequence[Sequence[Any]]) -> bytes:
-    """Rows, headings first, in the form of RFC 4180."""
-    out = io.StringIO(newline="")
-    writer = csv.writer(out, lineterminator="\r\n")
-    writer.writerows([cell(item) for item in row] for row in rows)
-    return out.getvalue().encode()
 
 
 def csv_files(record: TargetRecord) -> dict[str, bytes]:

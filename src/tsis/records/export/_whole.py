@@ -5,11 +5,8 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import cv2
-
 from tsis.errors import FileInputError
-from tsis.files import as_path, atomic_file, atomic_folder, printable_path
-from tsis.instrument import QUICK_PNG
+from tsis.files import QUICK_PNG, as_path, atomic_file, atomic_folder, encode_picture, printable_path
 
 if TYPE_CHECKING:
     import os
@@ -53,4 +50,4 @@ def _refusing(requested: Path) -> Iterator[None]:
 
 def frame_png(record: TargetRecord, press: StoredPress) -> bytes:
     """The frame of a press as a grey PNG file of 8 or 16 bits; `RecordsError` when it does not match its press."""
-    return bytes(cv2.imencode(".png", record.levels(press), QUICK_PNG)[1].tobytes())
+    return encode_picture(record.levels(press), level=QUICK_PNG)

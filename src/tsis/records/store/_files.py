@@ -6,12 +6,22 @@ import hashlib
 import json
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import DISK, SHA256, Disk, image_fault, printable_path, read_bytes, write_durably
-from tsis.instrument import QUICK_PNG, whole_levels
+from tsis.files import (
+    DISK,
+    QUICK_PNG,
+    SHA256,
+    Disk,
+    decode_grey_png,
+    encode_picture,
+    image_fault,
+    printable_path,
+    read_bytes,
+    write_durably,
+)
+from tsis.instrument import whole_levels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -127,7 +137,7 @@ class Blobs:
 
 def frame_bytes(image: TactileImage) -> bytes:
     """The PNG file of a frame; `InputError` when its levels are not whole numbers in [0, full_scale]."""
-    return bytes(cv2.imencode(".png", whole_levels(image.grey, image.full_scale), QUICK_PNG)[1].tobytes())
+    return encode_picture(whole_levels(image.grey, image.full_scale), level=QUICK_PNG)
 
 
 def frame_levels(content: bytes, name: str) -> NDArray[Any]:
@@ -138,10 +148,8 @@ def frame_levels(content: bytes, name: str) -> NDArray[Any]:
     RecordsError
         When the content is no grey image file.
     """
-    levels = None
-    if image_fault(content) is None:
-        levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-    if levels is None or levels.ndim != 2:
+    levels = decode_grey_png(content) if image_fault(content) is None else None
+    if levels is None:
         raise RecordsError(f"frame {name[:12]} must be a grey PNG file; it is not (tsis records verify)")
     levels.flags.writeable = False
     return levels

@@ -7,8 +7,7 @@ import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tsis.files import json_bytes
-from tsis.records.export import table_bytes
+from tsis.files import json_bytes, table_bytes
 from tsis.report._folder import free_folder, require_room, write_folder
 from tsis.report._page import Card, Page, Table, html
 from tsis.report.study._document import study_document

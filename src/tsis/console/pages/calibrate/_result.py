@@ -8,7 +8,6 @@ from nicegui import ui
 
 from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import read_calibration
-from tsis.calibration.session import DAYS
 from tsis.console.pages.components import (
     ProgressBar,
     cards,
@@ -23,6 +22,7 @@ from tsis.console.pages.components import (
 )
 from tsis.console.services import ENDED, FAILED
 from tsis.files import to_json_value
+from tsis.model import VALID_DAYS
 from tsis.report import Table, calibration_page, content_rows
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class Making:
             with ui.element("div").classes("row"):
                 panel_title("Calibration")
                 ui.element("div").classes("spring")
-                self._days = unit_field("Good for", str(DAYS), unit="days").classes("calibrate-days")
+                self._days = unit_field("Good for", str(VALID_DAYS), unit="days").classes("calibrate-days")
                 self._make = ui.button("Make the calibration", icon="calculate", on_click=self._begin)
                 self._make.props("no-caps unelevated")
             self._bar = ProgressBar("Progress of the calibration")

@@ -6,12 +6,10 @@ import struct
 import zlib
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from tsis.errors import FileInputError
-from tsis.files import LARGEST_PIXELS, png_fault
-from tsis.instrument import quiet_decoders
+from tsis.files import LARGEST_PIXELS, decode_grey_png, png_fault
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,11 +43,7 @@ def read_picture(content: bytes, name: str, rows: int, columns: int) -> NDArray[
         broken = _data_fault(content, rows * (1 + columns * np.dtype(dtype).itemsize))
     if broken is not None:
         raise FileInputError(f"{name} must be a complete PNG file, but {broken}")
-    try:
-        with quiet_decoders():
-            levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        raise FileInputError(f"{name} must be a readable PNG file; decoding failed") from error
+    levels = decode_grey_png(content)
     if levels is None or levels.shape != (rows, columns) or levels.dtype != dtype:
         raise FileInputError(f"{name} must be a readable PNG file of {rows} x {columns} grey levels; it is not")
     levels.flags.writeable = False
