@@ -53,8 +53,8 @@ def test_rates_are_those_of_scikit_learn(seed: int) -> None:
     [
         ("sensitivity", [True], [False], "sensitivity must have at least one target with an inclusion"),
         ("specificity", [True], [True], "specificity must have at least one target without an inclusion"),
-        ("positive_predictive_value", [False], [True], "target said to hold an inclusion"),
-        ("negative_predictive_value", [True], [True], "target said to hold no inclusion"),
+        ("positive_predictive_value", [False], [True], "target decided present"),
+        ("negative_predictive_value", [True], [True], "target decided absent"),
         ("positive_likelihood_ratio", [True], [True], "target without an inclusion"),
         ("positive_likelihood_ratio", [False, False], [True, False], "first or second must count at least one"),
         ("negative_likelihood_ratio", [True], [False], "target with an inclusion"),

@@ -124,7 +124,7 @@ def test_operators_alike_are_said_to_be_cut() -> None:
         (lambda: repeatability([[1.0], [2.0]]), "got 2 of at most 1 readings"),
         (lambda: repeatability([[1.0, 2.0], []]), r"readings\[1\] must not be empty"),
         (lambda: repeatability([[1.0, 2.0], [np.nan]]), r"readings\[1\] must be finite"),
-        (lambda: repeatability([[0.1, 0.1, 0.1], [0.7, 0.7, 0.7]]).interval(), "readings of a target must differ"),
+        (lambda: repeatability([[0.1, 0.1, 0.1], [0.7, 0.7, 0.7]]).interval(), "readings must differ between repeats"),
         (lambda: reproducibility(np.ones((2, 1, 2))), "at least 2 targets, operators and repeats; got shape"),
         (lambda: reproducibility(np.ones((2, 2))), "readings must have 3 axes"),
         (lambda: reproducibility(np.full((2, 2, 2), 0.1)).interval(), "readings must differ between repeats"),

@@ -15,6 +15,8 @@ from tsis.model import require_number, require_type
 class MeasuredValue:
     """A number and its standard uncertainty.
 
+    Raises `InputError` when a number is not finite or out of its range.
+
     Parameters
     ----------
     value
@@ -25,11 +27,6 @@ class MeasuredValue:
         Degrees of freedom of ``sd``, 1 or more; infinite for an exactly known ``sd``.
     unit
         Unit of both, e.g. ``"mm"``; empty for a pure number.
-
-    Raises
-    ------
-    InputError
-        When a number is not finite or out of its range.
 
     Examples
     --------

@@ -22,22 +22,10 @@ MOST_TARGETS = 10**9
 
 
 def doubled_placements(scores: NDArray[Any], present: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Twice the number of correctly ranked pairs of each target with the other class.
+    """Twice the number of correctly ranked pairs of each target with the other class, for targets with and without.
 
     Whole numbers make equal rankings exactly equal. One sort replaces all pairs (Sun and Xu, IEEE Signal Process. Lett.
     21 (2014) 1389).
-
-    Parameters
-    ----------
-    scores
-        Shape (targets,), finite; higher means that an inclusion is likelier.
-    present
-        Whether a target contains an inclusion, shape (targets,).
-
-    Returns
-    -------
-    inside, outside
-        Shapes (targets with,) and (targets without,); the sum of either is twice the number of correctly ranked pairs.
     """
     within, without = np.sort(scores[present]), np.sort(scores[~present])
     inside = np.searchsorted(without, scores[present], "left") + np.searchsorted(without, scores[present], "right")
@@ -55,7 +43,8 @@ def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVE
     """Interval of an area under the curve, from the area and both numbers of targets.
 
     Newcombe's method 5 (Stat. Med. 25 (2006) 559): all areas that a score test does not reject, with the variance of
-    exponential scores. It is valid for few targets, and for areas of 0 and 1.
+    exponential scores. It is valid for few targets, and for areas of 0 and 1. Raises `InputError` when a number is out
+    of its range.
 
     Parameters
     ----------
@@ -65,11 +54,6 @@ def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVE
         Numbers of targets with and without an inclusion, 1 or more.
     level
         Confidence, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When a number is out of its range.
 
     Examples
     --------
@@ -137,17 +121,15 @@ class AucCovariance:
 def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
     """Areas under the curves of several methods, and their covariance.
 
+    Raises `InputError` when the scores are not finite or their shape does not fit, or a class has fewer than two
+    targets.
+
     Parameters
     ----------
     scores
         Scores of each method for the same targets, shape (methods, targets); higher speaks for an inclusion.
     present
         Whether a target holds an inclusion, booleans of shape (targets,); at least two targets of each kind.
-
-    Raises
-    ------
-    InputError
-        When the scores are not finite or their shape does not fit, or a class has fewer than two targets.
 
     Examples
     --------
@@ -168,17 +150,8 @@ def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
 def delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], level: float = LEVEL) -> Interval:
     """DeLong's interval of one area, cut to [0, 1].
 
-    Parameters
-    ----------
-    scores, present
-        Shape (targets,), as `tsis.detection._roc` takes them.
-    level
-        Confidence, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When a class has fewer than two targets, or the variance is estimated as 0, as it is for areas of 0 and 1.
+    Raises `InputError` when a class has fewer than two targets, or the variance is estimated as 0, as it is for areas
+    of 0 and 1.
 
     Examples
     --------
@@ -198,17 +171,9 @@ def delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], lev
     return Interval(low=max(auc - half, 0.0), high=min(auc + half, 1.0), level=level, method="delong")
 
 
-def difference_variance(first: NDArray[np.float64], second: NDArray[np.float64], present: NDArray[np.bool_]) -> float:
-    """Variance of the difference of two areas on the same targets; exactly 0 where nothing varies.
-
-    Parameters
-    ----------
-    first, second
-        Scores of two methods, shape (targets,).
-    present
-        Whether a target holds an inclusion, shape (targets,), at least two of each kind.
-    """
-    inside, outside = _placed(np.stack([first, second]), present)
+def difference_variance(scores: NDArray[np.float64], present: NDArray[np.bool_]) -> float:
+    """Variance of the difference of two areas, from scores of shape (2, targets); exactly 0 where nothing varies."""
+    inside, outside = _placed(scores, present)
     return float(_covariance(inside[:1] - inside[1:], outside[:1] - outside[1:])[0, 0])
 
 
@@ -228,13 +193,6 @@ def _covariance(inside: NDArray[np.int64], outside: NDArray[np.int64]) -> NDArra
 
 def is_normal(auc: float, present: int, absent: int) -> bool:
     """Whether DeLong's interval of an area covers as it says, as measured by ``benchmarks/detection_intervals.py``.
-
-    Parameters
-    ----------
-    auc
-        Area, in [0, 1].
-    present, absent
-        Numbers of targets with and without an inclusion.
 
     Examples
     --------

@@ -51,18 +51,7 @@ class ProportionalBias:
         return float(2 * stdtr(self.degrees_of_freedom, -abs(self.slope) / self.standard_error))
 
     def interval(self, level: float = LEVEL) -> Interval:
-        """Student's interval of the slope.
-
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability.
-        """
+        """Student's interval of the slope with the confidence ``level``, in (0, 1); else `InputError`."""
         half = float(stdtrit(self.degrees_of_freedom, 0.5 + checked_level(level) / 2)) * self.standard_error
         return Interval(low=self.slope - half, high=self.slope + half, level=level, method="t")
 
@@ -105,35 +94,18 @@ class BlandAltman:
         return float(self.differences.std(ddof=1))
 
     def bias_interval(self, level: float = LEVEL) -> Interval:
-        """Student's interval of the mean difference.
+        """Student's interval of the mean difference with the confidence ``level``, in (0, 1).
 
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or all differences are equal.
+        Raises `InputError` when the level is no probability, or all differences are equal.
         """
-        half = (
-            float(stdtrit(self.targets - 1, 0.5 + checked_level(level) / 2)) * self._spread() / math.sqrt(self.targets)
-        )
+        quantile = float(stdtrit(self.targets - 1, 0.5 + checked_level(level) / 2))
+        half = quantile * self._spread() / math.sqrt(self.targets)
         return Interval(low=self.bias - half, high=self.bias + half, level=level, method="t")
 
     def limits(self, coverage: float = COVERAGE) -> tuple[float, float]:
         """Limits of agreement: bias less and plus 1.96 standard deviations.
 
-        Parameters
-        ----------
-        coverage
-            Fraction of normal differences between them, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the fraction is out of range.
+        ``coverage`` is the fraction of normal differences between them, in (0, 1); else `InputError` is raised.
         """
         away = _normal(coverage) * self.standard_deviation
         return self.bias - away, self.bias + away
@@ -142,6 +114,8 @@ class BlandAltman:
         self, level: float = LEVEL, *, coverage: float = COVERAGE, method: str = "exact"
     ) -> tuple[Interval, Interval]:
         """Interval of the lower and of the upper limit of agreement, each by itself.
+
+        Raises `InputError` when a fraction is out of range, the method is unknown, or all differences are equal.
 
         Parameters
         ----------
@@ -152,11 +126,6 @@ class BlandAltman:
         method
             ``"exact"``: from the noncentral t distribution, exact for normal differences (Carkeet, Optom. Vis. Sci. 92
             (2015) e71). ``"approximate"``: symmetric, of Bland and Altman (1999), too short outwards for few targets.
-
-        Raises
-        ------
-        InputError
-            When a fraction is out of range, the method is unknown, or all differences are equal.
         """
         tail = (1 - checked_level(level)) / 2
         away, spread, n = _normal(coverage), self._spread(), self.targets
@@ -204,15 +173,12 @@ class BlandAltman:
 def bland_altman(first: ArrayLike, second: ArrayLike) -> BlandAltman:
     """Compare two methods of measurement on the same targets.
 
+    Raises `InputError` when a reading is not finite, the lengths differ, or there is only one target.
+
     Parameters
     ----------
     first, second
         One reading of each target by either method, shape (targets,), at least 2, in one unit.
-
-    Raises
-    ------
-    InputError
-        When a reading is not finite, the lengths differ, or there is only one target.
 
     Examples
     --------

@@ -32,6 +32,8 @@ def bootstrap_auc(
 ) -> Interval:
     """Percentile interval of an area under the curve from the stratified bootstrap.
 
+    Raises `InputError` when the input is invalid, a class is missing, or all draws have the same area.
+
     Parameters
     ----------
     scores, present
@@ -44,11 +46,6 @@ def bootstrap_auc(
         How many studies are drawn, 100 or more.
     progress
         Called with (done, total) after each batch.
-
-    Raises
-    ------
-    InputError
-        When the input is invalid, a class is missing, or all draws have the same area.
 
     Examples
     --------
@@ -76,32 +73,16 @@ def drawn_areas(
     draws: int = DRAWS,
     progress: Callable[[int, int], None] | None = None,
 ) -> NDArray[np.float64]:
-    """Areas under the curves of methods in resampled studies, with the same targets for all methods.
+    """Areas of methods in resampled studies, shape (draws, methods), from scores of shape (methods, targets).
 
-    Parameters
-    ----------
-    scores
-        Shape (methods, targets), finite.
-    present
-        Whether a target holds an inclusion, shape (targets,), both kinds.
-    rng, draws, progress
-        As for `bootstrap_auc`.
-
-    Returns
-    -------
-    ndarray
-        Shape (draws, methods).
-
-    Raises
-    ------
-    InputError
-        When a class is missing, ``rng`` is no generator, or ``draws`` lies outside its range.
+    All methods have the same targets. Raises `InputError` when a class is missing, ``rng`` is no generator, or
+    ``draws`` lies outside its range.
     """
     m, n = both_classes(present, needed_by="a curve")
     draws = checked_draws(rng, draws)
     positions = [_resampled_indices(row[present], row[~present]) for row in scores]
     result = np.empty((draws, len(scores)))
-    for start, stop in batches(draws, m + n):
+    for start, stop in batches(draws, m + n, progress):
         inside = rng.multinomial(m, np.full(m, 1 / m), stop - start)
         outside = rng.multinomial(n, np.full(n, 1 / n), stop - start)
         for index, (order, left, right) in enumerate(positions):
@@ -109,8 +90,6 @@ def drawn_areas(
             np.cumsum(outside[:, order], axis=1, out=below[:, 1:])
             right_pairs = (inside * (below[:, left] + below[:, right])).sum(axis=1)
             result[start:stop, index] = right_pairs / (2 * m * n)
-        if progress is not None:
-            progress(stop, draws)
     return result
 
 
@@ -129,11 +108,14 @@ def _resampled_indices(
     return order, np.searchsorted(ranked, inside, "left"), np.searchsorted(ranked, inside, "right")
 
 
-def batches(draws: int, targets: int) -> Iterator[tuple[int, int]]:
-    """First and last draw of each batch of limited memory."""
+def batches(draws: int, targets: int, progress: Callable[[int, int], None] | None) -> Iterator[tuple[int, int]]:
+    """First and last draw of each batch of limited memory; reports each finished batch."""
     size = max(AT_ONCE // targets, 1)
     for start in range(0, draws, size):
-        yield start, min(start + size, draws)
+        stop = min(start + size, draws)
+        yield start, stop
+        if progress is not None:
+            progress(stop, draws)
 
 
 def checked_draws(rng: object, draws: int) -> int:

@@ -49,6 +49,8 @@ class BrierScore:
 def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLike | None = None) -> BrierScore:
     """Brier score of probabilities, in Murphy's parts.
 
+    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, or the lengths differ.
+
     Parameters
     ----------
     probabilities
@@ -58,11 +60,6 @@ def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLi
     groups
         Whole numbers of shape (targets,), equal within a group; None groups equal probabilities, which is of little use
         where few are equal.
-
-    Raises
-    ------
-    InputError
-        When a probability is none, the truth no booleans, or the lengths differ.
 
     Examples
     --------
@@ -100,23 +97,14 @@ def brier_interval(
 ) -> Interval:
     """Bootstrap percentile interval of the Brier score; too narrow for few targets.
 
+    Raises `InputError` when the input is invalid, or all squared errors are equal.
+
     Parameters
     ----------
     probabilities, present
         As for `brier_score`.
-    rng
-        Source of the draws.
-    level
-        Confidence, in (0, 1).
-    draws
-        How many studies are drawn, 100 or more.
-    progress
-        Called with (done, total) after each batch.
-
-    Raises
-    ------
-    InputError
-        When the input is invalid, or all squared errors are equal.
+    rng, level, draws, progress
+        As for `bootstrap_auc`.
 
     Examples
     --------
@@ -135,21 +123,16 @@ def brier_interval(
             f"of {squares[0]:g}: add targets"
         )
     drawn = np.empty(draws)
-    for start, stop in batches(draws, len(squares)):
+    for start, stop in batches(draws, len(squares), progress):
         picked = rng.multinomial(len(squares), np.full(len(squares), 1 / len(squares)), stop - start)
         drawn[start:stop] = picked @ squares / len(squares)
-        if progress is not None:
-            progress(stop, draws)
     return percentiles(drawn, level)
 
 
 def probabilities_and_truth(probabilities: ArrayLike, present: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Check probabilities and truth, one of each per target.
 
-    Raises
-    ------
-    InputError
-        When a probability lies outside [0, 1], the truth is no booleans, or the lengths differ.
+    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, or the lengths differ.
     """
     values, truth = scored(probabilities, present, name="probabilities")
     outside = (values < 0) | (values > 1)
@@ -212,6 +195,9 @@ def reliability_curve(
 ) -> ReliabilityCurve:
     """Compare grouped probabilities with observed frequencies.
 
+    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, the lengths differ, or a
+    choice is unknown.
+
     Parameters
     ----------
     probabilities
@@ -222,11 +208,6 @@ def reliability_curve(
         Number of bins, 1 or more; equal probabilities are in one bin.
     widths
         ``"equal-count"``, ends at quantiles of the probabilities, or ``"equal-width"``.
-
-    Raises
-    ------
-    InputError
-        When a probability is none, the truth no booleans, the lengths differ, or a choice is unknown.
 
     Examples
     --------

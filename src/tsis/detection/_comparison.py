@@ -11,8 +11,7 @@ from scipy.special import erfc, ndtri
 
 from tsis.detection._auc import area, difference_variance
 from tsis.detection._bootstrap import DRAWS, drawn_areas, percentiles
-from tsis.detection._inputs import LEVEL, Interval, both_classes, checked_level, same_length, scored
-from tsis.model import require_array
+from tsis.detection._inputs import LEVEL, Interval, both_classes, checked_level, scored
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,7 +58,8 @@ class Comparison:
 def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *, level: float = LEVEL) -> Comparison:
     """Compare two methods by DeLong's paired test.
 
-    The test assumes a normal distribution: below some 30 targets of each kind it is approximate.
+    The test assumes a normal distribution: below some 30 targets of each kind it is approximate. Raises `InputError`
+    when the input is bad, or a class has fewer than two targets.
 
     Parameters
     ----------
@@ -70,11 +70,6 @@ def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *
     level
         Confidence of the interval, in (0, 1).
 
-    Raises
-    ------
-    InputError
-        When the input is bad, or a class has fewer than two targets.
-
     Examples
     --------
     >>> truth = [False, False, False, True, True, True]
@@ -82,16 +77,13 @@ def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *
     >>> round(found.difference, 3), round(found.z, 3)
     (0.222, 1.414)
     """
-    one, two, truth = _pair(first, second, present)
+    scores, truth = _pair(first, second, present)
     both_classes(truth, least=2, needed_by="a paired test")
-    checked_level(level)
-    spread = math.sqrt(difference_variance(one, two, truth))
-    difference = area(one, truth) - area(two, truth)
-    half = float(ndtri(0.5 + level / 2)) * spread
-    interval = Interval(
-        low=max(difference - half, -1.0), high=min(difference + half, 1.0), level=level, method="delong"
-    )
-    return _compared(one, two, truth, spread, interval)
+    half = float(ndtri(0.5 + checked_level(level) / 2))
+    spread = math.sqrt(difference_variance(scores, truth))
+    difference = area(scores[0], truth) - area(scores[1], truth)
+    low, high = max(difference - half * spread, -1.0), min(difference + half * spread, 1.0)
+    return _compared(scores, truth, spread, Interval(low=low, high=high, level=level, method="delong"))
 
 
 def bootstrap_compare_detectors(
@@ -106,23 +98,15 @@ def bootstrap_compare_detectors(
 ) -> Comparison:
     """Compare two methods by the stratified bootstrap, with the same resampled targets for both.
 
-    The interval is that of percentiles; the test divides the difference by the standard deviation of the draws.
+    The interval is that of percentiles; the test divides the difference by the standard deviation of the draws. Raises
+    `InputError` when the input is bad, or a class is missing.
 
     Parameters
     ----------
-    first, second, present, level
+    first, second, present
         As for `compare_detectors`; one target of each kind is enough.
-    rng
-        Source of the draws.
-    draws
-        How many studies are drawn, 100 or more.
-    progress
-        Called with (done, total) after each batch.
-
-    Raises
-    ------
-    InputError
-        When the input is bad, or a class is missing.
+    rng, level, draws, progress
+        As for `bootstrap_auc`.
 
     Examples
     --------
@@ -131,27 +115,22 @@ def bootstrap_compare_detectors(
     >>> same.difference, same.p, same.remark[:39]
     (0.0, None, 'the difference does not vary from targe')
     """
-    one, two, truth = _pair(first, second, present)
+    scores, truth = _pair(first, second, present)
     checked_level(level)
-    areas = drawn_areas(np.stack([one, two]), truth, rng=rng, draws=draws, progress=progress)
+    areas = drawn_areas(scores, truth, rng=rng, draws=draws, progress=progress)
     drawn = areas[:, 0] - areas[:, 1]
     spread = float(drawn.std(ddof=1)) if np.ptp(drawn) > 0 else 0.0
-    return _compared(one, two, truth, spread, percentiles(drawn, level))
+    return _compared(scores, truth, spread, percentiles(drawn, level))
 
 
-def _pair(
-    first: ArrayLike, second: ArrayLike, present: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    one, truth = scored(first, present, name="first")
-    two = require_array("second", second, ndim=1)
-    same_length("second", two, "present", truth)
-    return one, two, truth
+def _pair(first: ArrayLike, second: ArrayLike, present: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Scores of both methods, shape (2, targets), and the truth."""
+    (first, truth), (second, _) = scored(first, present, name="first"), scored(second, present, name="second")
+    return np.stack([first, second]), truth
 
 
-def _compared(
-    one: NDArray[np.float64], two: NDArray[np.float64], truth: NDArray[np.bool_], spread: float, interval: Interval
-) -> Comparison:
-    first, second = area(one, truth), area(two, truth)
+def _compared(scores: NDArray[np.float64], truth: NDArray[np.bool_], spread: float, interval: Interval) -> Comparison:
+    first, second = (area(row, truth) for row in scores)
     varies = spread > 0
     z = (first - second) / spread if varies else None
     return Comparison(

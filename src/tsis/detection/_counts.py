@@ -21,6 +21,7 @@ class Counts:
     """Counts of decisions by truth.
 
     A rate is a `Proportion` with an interval; `InputError` is raised where the study has no target of its denominator.
+    Raises `InputError` when a number is not whole or negative, or all are 0.
 
     Parameters
     ----------
@@ -32,11 +33,6 @@ class Counts:
         Targets without an inclusion, decided absent.
     false_negatives
         Targets with an inclusion, decided absent.
-
-    Raises
-    ------
-    InputError
-        When a number is not whole or negative, or all are 0.
 
     Examples
     --------
@@ -58,7 +54,7 @@ class Counts:
 
     @classmethod
     def of(cls, decided: ArrayLike, present: ArrayLike) -> Counts:
-        """Count decisions.
+        """Count decisions; `InputError` when either is empty or not boolean, or their lengths differ.
 
         Parameters
         ----------
@@ -67,23 +63,18 @@ class Counts:
         present
             Whether it was present, likewise.
 
-        Raises
-        ------
-        InputError
-            When either is empty or not boolean, or their lengths differ.
-
         Examples
         --------
         >>> Counts.of([True, True, False], [True, False, False])
         Counts(true_positives=1, false_positives=1, true_negatives=1, false_negatives=0)
         """
-        message, truth = booleans("decided", decided), booleans("present", present)
-        same_length("decided", message, "present", truth)
+        positive, truth = booleans("decided", decided), booleans("present", present)
+        same_length("decided", positive, "present", truth)
         return cls(
-            true_positives=int(np.count_nonzero(message & truth)),
-            false_positives=int(np.count_nonzero(message & ~truth)),
-            true_negatives=int(np.count_nonzero(~message & ~truth)),
-            false_negatives=int(np.count_nonzero(~message & truth)),
+            true_positives=int(np.count_nonzero(positive & truth)),
+            false_positives=int(np.count_nonzero(positive & ~truth)),
+            true_negatives=int(np.count_nonzero(~positive & ~truth)),
+            false_negatives=int(np.count_nonzero(~positive & truth)),
         )
 
     @property
@@ -119,39 +110,36 @@ class Counts:
     @property
     def positive_predictive_value(self) -> Proportion:
         """Fraction of inclusions present among those decided present, at the prevalence of this study."""
-        message = self.true_positives + self.false_positives
-        return _proportion(
-            "positive_predictive_value", self.true_positives, message, "target said to hold an inclusion"
-        )
+        decided = self.true_positives + self.false_positives
+        return _proportion("positive_predictive_value", self.true_positives, decided, "target decided present")
 
     @property
     def negative_predictive_value(self) -> Proportion:
         """Fraction of targets without inclusion among those decided absent, at the prevalence of this study."""
-        message = self.true_negatives + self.false_negatives
-        return _proportion(
-            "negative_predictive_value", self.true_negatives, message, "target said to hold no inclusion"
-        )
+        decided = self.true_negatives + self.false_negatives
+        return _proportion("negative_predictive_value", self.true_negatives, decided, "target decided absent")
 
     @property
     def positive_likelihood_ratio(self) -> ProportionRatio:
         """Factor of a positive decision on the odds of an inclusion: sensitivity / (1 - specificity)."""
-        missed = self.specificity.trials - self.specificity.successes
-        return ProportionRatio(first=self.sensitivity, second=Proportion(successes=missed, trials=self.absent))
+        return ProportionRatio(first=self.sensitivity, second=_complement(self.specificity))
 
     @property
     def negative_likelihood_ratio(self) -> ProportionRatio:
         """Factor of a negative decision on the odds of an inclusion: (1 - sensitivity) / specificity."""
-        missed = self.sensitivity.trials - self.sensitivity.successes
-        return ProportionRatio(first=Proportion(successes=missed, trials=self.present), second=self.specificity)
+        return ProportionRatio(first=_complement(self.sensitivity), second=self.specificity)
 
     @property
     def youden(self) -> ProportionDifference:
         """Youden's index, sensitivity + specificity - 1: 1 at best, 0 by chance."""
-        false = self.specificity.trials - self.specificity.successes
-        return ProportionDifference(first=self.sensitivity, second=Proportion(successes=false, trials=self.absent))
+        return ProportionDifference(first=self.sensitivity, second=_complement(self.specificity))
 
 
 def _proportion(name: str, successes: int, trials: int, requested: str) -> Proportion:
     if trials == 0:
-        raise InputError(f"{name} must have at least one {requested} to be a share of; got 0: add such targets")
+        raise InputError(f"{name} must have at least one {requested} to be a fraction of; got 0: add such targets")
     return Proportion(successes=successes, trials=trials)
+
+
+def _complement(proportion: Proportion) -> Proportion:
+    return Proportion(successes=proportion.trials - proportion.successes, trials=proportion.trials)

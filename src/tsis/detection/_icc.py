@@ -21,18 +21,9 @@ SMALLEST = 1e-70  # deviation whose fourth power does not underflow
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanSquares:
-    """Mean squares of a table of ratings, from the analysis of variance.
+    """Mean squares of a table of ratings: between targets, between raters, of the residual of both, and within targets.
 
-    Attributes
-    ----------
-    targets, raters
-        Between targets, and between raters.
-    residual
-        Residual of both.
-    within
-        Within targets: raters and residual together.
-    target_count, rater_count
-        Rows and columns.
+    Within a target, the scatter is that of raters and residual together.
     """
 
     targets: float
@@ -44,17 +35,7 @@ class MeanSquares:
 
     @classmethod
     def of(cls, ratings: ArrayLike) -> MeanSquares:
-        """Mean squares of a table.
-
-        Parameters
-        ----------
-        ratings
-            Finite, shape (targets, raters), at least 2 by 2.
-
-        Raises
-        ------
-        InputError
-            When the table is not finite or too small.
+        """Mean squares of a finite table of shape (targets, raters), at least 2 by 2; else `InputError`.
 
         Examples
         --------
@@ -130,15 +111,7 @@ class IntraclassCorrelation:
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval from the F distribution; that of the forms 2 is approximate, after Satterthwaite.
 
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or raters do not scatter.
+        ``level`` is the confidence, in (0, 1). Raises `InputError` when it is not, or when raters do not scatter.
         """
         tail = (1 - checked_level(level)) / 2
         if self._residual == 0:
@@ -193,17 +166,14 @@ class IntraclassCorrelation:
 def intraclass_correlation(ratings: ArrayLike, form: str = "ICC(2,1)") -> IntraclassCorrelation:
     """Intraclass correlation of a table of ratings.
 
+    Raises `InputError` when the table is bad, the form unknown, or the ratings do not vary as it needs.
+
     Parameters
     ----------
     ratings
         Finite, shape (targets, raters), at least 2 by 2; a rater may be a repeat or an instrument.
     form
         See `IntraclassCorrelation`.
-
-    Raises
-    ------
-    InputError
-        When the table is bad, the form unknown, or the ratings do not vary as it needs.
 
     Examples
     --------

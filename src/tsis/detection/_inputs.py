@@ -67,10 +67,7 @@ ABSENT = {
 def booleans(name: str, value: ArrayLike) -> NDArray[np.bool_]:
     """Return a read-only copy of a row of truth values, not empty.
 
-    Raises
-    ------
-    InputError
-        When it is empty, masked, has more axes than one, or holds anything but True and False.
+    Raises `InputError` when it is empty, masked, has more axes than one, or holds anything but True and False.
     """
     if np.ma.is_masked(value):
         raise InputError(f"{name} must not hold masked values; leave those targets out before")
@@ -94,10 +91,7 @@ def booleans(name: str, value: ArrayLike) -> NDArray[np.bool_]:
 def scored(scores: ArrayLike, present: ArrayLike, *, name: str = "scores") -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Check scores and truth, one of each per target.
 
-    Raises
-    ------
-    InputError
-        When either is empty or no row, a score is not finite, or their lengths differ.
+    Raises `InputError` when either is empty or no row, a score is not finite, or their lengths differ.
     """
     values = require_array(name, scores, ndim=1)
     truth = booleans("present", present)
@@ -116,10 +110,7 @@ def same_length(name: str, value: NDArray[Any], other_name: str, other: NDArray[
 def both_classes(present: NDArray[np.bool_], *, least: int = 1, needed_by: str) -> tuple[int, int]:
     """Numbers of targets with and without an inclusion, both at least ``least``.
 
-    Raises
-    ------
-    InputError
-        When a class is missing or too small; the message names it.
+    Raises `InputError` when a class is missing or too small; the message names it.
     """
     inside = int(np.count_nonzero(present))
     results = {True: inside, False: len(present) - inside}
@@ -137,10 +128,7 @@ def both_classes(present: NDArray[np.bool_], *, least: int = 1, needed_by: str) 
 def readings(name: str, value: ArrayLike, *, ndim: int) -> NDArray[np.float64]:
     """Return a read-only copy of finite readings whose fourth powers are finite too.
 
-    Raises
-    ------
-    InputError
-        When they are empty, of another shape or too large.
+    Raises `InputError` when they are empty, of another shape or too large.
     """
     result = require_array(name, value, ndim=ndim)
     largest = float(np.abs(result).max())

@@ -48,29 +48,13 @@ class OperatingPoint:
     rule: str
 
     def decide(self, scores: ArrayLike) -> NDArray[np.bool_]:
-        """Decide which targets have an inclusion.
-
-        Parameters
-        ----------
-        scores
-            Shape (targets,), finite.
-
-        Raises
-        ------
-        InputError
-            When the scores are invalid.
-        """
+        """Decide which targets have an inclusion, from finite scores of shape (targets,); else `InputError`."""
         decided: NDArray[np.bool_] = require_array("scores", scores, ndim=1) >= self.threshold
         return decided
 
 
 def youden_point(curve: Roc) -> OperatingPoint:
     """The threshold of the largest sensitivity + specificity - 1; among equals that of the highest specificity.
-
-    Parameters
-    ----------
-    curve
-        The detector. The point is chosen on its targets, so its counts are optimistic.
 
     Examples
     --------
@@ -84,19 +68,7 @@ def youden_point(curve: Roc) -> OperatingPoint:
 
 
 def at_sensitivity(curve: Roc, requested: float) -> OperatingPoint:
-    """The highest threshold whose sensitivity is at least ``requested``.
-
-    Parameters
-    ----------
-    curve
-        The detector. The point is chosen on its targets, so its counts are optimistic.
-    requested
-        Sensitivity, in [0, 1].
-
-    Raises
-    ------
-    InputError
-        When ``requested`` is no share.
+    """The highest threshold whose sensitivity is at least ``requested``, in [0, 1]; else `InputError`.
 
     Examples
     --------
@@ -112,17 +84,7 @@ def at_sensitivity(curve: Roc, requested: float) -> OperatingPoint:
 def at_specificity(curve: Roc, requested: float) -> OperatingPoint:
     """The threshold of the largest sensitivity whose specificity is at least ``requested``; of equals the highest.
 
-    Parameters
-    ----------
-    curve
-        The detector. The point is chosen on its targets, so its counts are optimistic.
-    requested
-        Specificity, in [0, 1].
-
-    Raises
-    ------
-    InputError
-        When ``requested`` is no share.
+    ``requested`` lies in [0, 1]; else `InputError` is raised.
 
     Examples
     --------
@@ -132,27 +94,23 @@ def at_specificity(curve: Roc, requested: float) -> OperatingPoint:
     """
     require_number("requested", requested, 0, 1, hint="a specificity")
     allowed = curve.blanks - curve.false_positives >= requested * curve.blanks - ROUNDING
-    return _point(
-        curve, int(np.argmax(np.where(allowed, curve.true_positives, -1))), f"specificity of at least {requested:g}"
-    )
+    best = int(np.argmax(np.where(allowed, curve.true_positives, -1)))
+    return _point(curve, best, f"specificity of at least {requested:g}")
 
 
 def at_costs(curve: Roc, *, prevalence: float, missed: float, false_alarm: float) -> OperatingPoint:
     """The threshold of the least expected cost; among equals that of the highest specificity.
 
+    Raises `InputError` when a number is out of its range.
+
     Parameters
     ----------
     curve
-        The detector. The point is chosen on its targets, so its counts are optimistic.
+        The detector.
     prevalence
         Fraction of targets with an inclusion where the threshold will be used, in [0, 1].
     missed, false_alarm
         Costs of a missed inclusion and of a false one, in any common unit, not negative and not both 0.
-
-    Raises
-    ------
-    InputError
-        When a number is out of its range.
 
     Examples
     --------
@@ -161,15 +119,15 @@ def at_costs(curve: Roc, *, prevalence: float, missed: float, false_alarm: float
     >>> [at_costs(curve, prevalence=0.5, missed=cost, false_alarm=1).threshold for cost in (0.5, 5)]
     [4.5, 2.5]
     """
-    require_number("prevalence", prevalence, 0, 1, hint="a share of targets")
+    require_number("prevalence", prevalence, 0, 1, hint="a fraction of targets")
     costs = [require_number(name, cost, 0, 1e100) for name, cost in (("missed", missed), ("false_alarm", false_alarm))]
     if not any(costs):
         raise InputError("missed or false_alarm must cost something; got 0 for both")
     of_missed = prevalence * missed * (1 - curve.true_positive_rate)
     cost = of_missed + (1 - prevalence) * false_alarm * curve.false_positive_rate
     least = cost <= cost.min() * (1 + ROUNDING)
-    return _point(curve, int(np.argmax(least)), f"least cost: {missed:g} a miss, {false_alarm:g} a false alarm, "
-                  f"prevalence {prevalence:g}")  # fmt: skip
+    rule = f"least cost: {missed:g} a miss, {false_alarm:g} a false alarm, prevalence {prevalence:g}"
+    return _point(curve, int(np.argmax(least)), rule)
 
 
 def held_out_counts(
@@ -182,6 +140,9 @@ def held_out_counts(
 ) -> Counts:
     """Cross-validated decisions: each threshold is chosen without the targets on which it decides.
 
+    Raises `InputError` when the input is invalid, a class has fewer than two targets, or ``folds`` is not in 2 to their
+    number.
+
     Parameters
     ----------
     scores, present
@@ -192,11 +153,6 @@ def held_out_counts(
         Number of stratified folds; None leaves out one target at a time.
     rng
         Shuffles the folds; needed with ``folds``.
-
-    Raises
-    ------
-    InputError
-        When the input is invalid, a class has fewer than two targets, or ``folds`` is not in 2 to their number.
 
     Examples
     --------

@@ -17,7 +17,7 @@ from tsis.errors import InputError
 from tsis.inclusion import UNTRUSTED_FLAGS
 from tsis.model import LARGEST_EVIDENCE, Estimate, require_number, require_type
 
-LEAST_PREVALENCE = 1e-9
+PREVALENCE = (1e-9, 1 - 1e-9)  # range
 NEAREST_TO_ONE = 2.0**-53  # distance from 1 below which a probability rounds to 1
 NEAREST_TO_NONE = 5e-324
 LARGEST_EXPONENT = 709.0  # whose exponential does not overflow
@@ -27,6 +27,8 @@ ABSENCE_FLAG = "no_inclusion"  # concerns the parameters of an inclusion, not it
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PresenceProbability:
     """Probability of an inclusion, with its prior and caveats.
+
+    Raises `InputError` when a number is no probability.
 
     Parameters
     ----------
@@ -38,11 +40,6 @@ class PresenceProbability:
         Flags of the estimate that its model is not valid: the probability then compares two poor models.
     evidence
         Natural logarithm of the likelihood ratio before the probability was rounded; None if not saved.
-
-    Raises
-    ------
-    InputError
-        When a number is no probability.
 
     Examples
     --------
@@ -60,7 +57,7 @@ class PresenceProbability:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "probability", require_number("probability", self.probability, 0, 1))
-        prior = require_number("prior", self.prior, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
+        prior = require_number("prior", self.prior, *PREVALENCE, hint="a fraction of targets")
         object.__setattr__(self, "prior", prior)
         require_type("caveats", self.caveats, tuple)
         if self.evidence is not None:
@@ -89,29 +86,21 @@ class PresenceProbability:
         return float(np.exp(np.minimum(self.log_likelihood_ratio, LARGEST_EXPONENT)))
 
     def at_prevalence(self, prevalence: float) -> PresenceProbability:
-        """The probability for the same frames at another prevalence.
+        """The probability for the same frames at another prevalence of targets with an inclusion.
 
-        The ranges of size, depth and modulus remain those of the estimate's prior.
-
-        Parameters
-        ----------
-        prevalence
-            Fraction of targets with an inclusion, in [1e-9, 1 - 1e-9].
-
-        Raises
-        ------
-        InputError
-            When the prevalence is out of range.
+        The prevalence lies in [1e-9, 1 - 1e-9]; else `InputError` is raised. The ranges of size, depth and modulus
+        remain those of the estimate's prior.
         """
-        require_number("prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
+        require_number("prevalence", prevalence, *PREVALENCE, hint="a fraction of targets")
         transformed = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))
-        if self.is_bound:  # the ratio is only a bound: 0 and 1 stay
-            transformed = self.probability
-        return replace(self, probability=transformed, prior=prevalence)
+        # Where the ratio is only a bound, 0 and 1 stay.
+        return replace(self, probability=self.probability if self.is_bound else transformed, prior=prevalence)
 
 
 def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProbability:
     """Probability of an inclusion from an estimate.
+
+    Raises `InputError` when the estimate has no such probability, or its prior is unknown.
 
     Parameters
     ----------
@@ -119,11 +108,6 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
         A result of `tsis.inclusion.estimate`.
     prior
         Prior probability of an inclusion of the estimate; by default that of its provenance.
-
-    Raises
-    ------
-    InputError
-        When the estimate has no such probability, or its prior is unknown.
 
     Examples
     --------
@@ -149,11 +133,10 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
         )
     if prior is not None and stated is not None and prior != stated:
         raise InputError(f"prior must be that of the estimate, {stated:g}; got {prior!r:.60}: leave it out")
-    uncertainties = tuple(flag for flag in estimate.flags if flag in UNTRUSTED_FLAGS and flag != ABSENCE_FLAG)
     return PresenceProbability(
         probability=estimate.presence,
         prior=stated if prior is None else prior,  # type: ignore[arg-type]
-        caveats=uncertainties,
+        caveats=tuple(flag for flag in estimate.flags if flag in UNTRUSTED_FLAGS and flag != ABSENCE_FLAG),
         evidence=estimate.log_bayes_factor,
     )
 

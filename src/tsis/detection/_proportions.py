@@ -10,7 +10,7 @@ from scipy.special import betaincinv, ndtri
 
 from tsis.detection._inputs import LEVEL, Interval, checked_level, choice
 from tsis.errors import InputError
-from tsis.model import require_integer, require_number
+from tsis.model import require_integer
 
 MOST_TRIALS = 10**12
 
@@ -19,17 +19,14 @@ MOST_TRIALS = 10**12
 class Proportion:
     """A binomial proportion.
 
+    Raises `InputError` when a number is not whole or out of its range.
+
     Parameters
     ----------
     successes
         From 0 to ``trials``.
     trials
         1 or more.
-
-    Raises
-    ------
-    InputError
-        When a number is not whole or out of its range.
 
     Examples
     --------
@@ -59,20 +56,10 @@ class Proportion:
         return self.successes / self.trials
 
     def interval(self, level: float = LEVEL, method: str = "wilson") -> Interval:
-        """Interval of the true proportion.
+        """Interval of the true proportion with the confidence ``level``, in (0, 1).
 
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-        method
-            ``"wilson"``, with a mean coverage near the level, or ``"exact"`` (Clopper and Pearson), which is wider,
-            with a coverage of at least the level.
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or the method unknown.
+        The method is ``"wilson"``, with a mean coverage near the level, or ``"exact"`` (Clopper and Pearson), which is
+        wider, with a coverage of at least the level. Other levels and methods raise `InputError`.
         """
         of = wilson_interval if choice("method", method, ("wilson", "exact")) == "wilson" else exact_interval
         return of(self.successes, self.trials, level)
@@ -81,17 +68,14 @@ class Proportion:
 def wilson_interval(successes: int, trials: int, level: float = LEVEL) -> Interval:
     """Wilson's score interval: all proportions that a score test does not reject.
 
+    Raises `InputError` when a number is out of its range.
+
     Parameters
     ----------
     successes, trials
         As for `Proportion`.
     level
         Confidence, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When a number is out of its range.
 
     Examples
     --------
@@ -111,17 +95,14 @@ def wilson_interval(successes: int, trials: int, level: float = LEVEL) -> Interv
 def exact_interval(successes: int, trials: int, level: float = LEVEL) -> Interval:
     """Clopper and Pearson's interval of a proportion, from the binomial distribution.
 
+    Raises `InputError` when a number is out of its range.
+
     Parameters
     ----------
     successes, trials
         As for `Proportion`.
     level
         Confidence, in (0, 1); true coverage is never less.
-
-    Raises
-    ------
-    InputError
-        When a number is out of its range.
 
     Examples
     --------
@@ -142,15 +123,12 @@ SMALLEST_RATIO, LARGEST_RATIO = 1e-40, 1e15  # range of the search for the ends
 class ProportionRatio:
     """Ratio of two proportions, such as a likelihood ratio.
 
+    Raises `InputError` when both proportions are 0.
+
     Parameters
     ----------
     first, second
         Proportions of two groups without common targets; not both 0.
-
-    Raises
-    ------
-    InputError
-        When both proportions are 0.
 
     Examples
     --------
@@ -180,15 +158,7 @@ class ProportionRatio:
     def interval(self, level: float = LEVEL) -> Interval:
         """Koopman's score interval, which is valid for small groups and for proportions of 0 and 1.
 
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability.
+        ``level`` is the confidence, in (0, 1); else `InputError` is raised.
         """
         z = float(ndtri(0.5 + checked_level(level) / 2))
         low = 0.0 if self.first.successes == 0 else 1 / self._upper_end(z, self.second, self.first)
@@ -239,15 +209,7 @@ class ProportionDifference:
     def interval(self, level: float = LEVEL) -> Interval:
         """Newcombe's hybrid interval (1998, method 10), from the Wilson intervals of both proportions.
 
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability.
+        ``level`` is the confidence, in (0, 1); else `InputError` is raised.
         """
         first, second = self.first.interval(level), self.second.interval(level)
         below = math.hypot(self.first.value - first.low, second.high - self.second.value)
@@ -256,21 +218,7 @@ class ProportionDifference:
 
 
 def score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float:
-    """Score statistic of the proportions under a true ``ratio`` of first to second, in standard errors.
-
-    Parameters
-    ----------
-    first, second
-        Proportions of independent groups.
-    ratio
-        The ratio under test, positive.
-
-    Raises
-    ------
-    InputError
-        When the ratio is not positive.
-    """
-    require_number("ratio", ratio, 1e-300, 1e300)
+    """Score statistic of independent proportions under a true ratio of first to second, in standard errors."""
     m, n, x, y = first.trials, second.trials, first.successes, second.successes
     # The likelihood under that ratio is largest at a root of a quadratic in the first proportion.
     linear = ratio * (m + y) + x + n

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -40,15 +39,7 @@ class FittedValue:
     def interval(self, level: float = LEVEL) -> Interval:
         """Wald's interval; it assumes a normal distribution, and is approximate below some 30 targets of each kind.
 
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability.
+        ``level`` is the confidence, in (0, 1); else `InputError` is raised.
         """
         half = float(ndtri(0.5 + checked_level(level) / 2)) * self.standard_error
         return Interval(low=self.value - half, high=self.value + half, level=level, method="wald")
@@ -56,7 +47,7 @@ class FittedValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recalibration:
-    """``logit(true share) = intercept + slope * logit(probability)``.
+    """``logit(true fraction) = intercept + slope * logit(probability)``.
 
     Attributes
     ----------
@@ -76,18 +67,15 @@ class Recalibration:
 def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration:
     """Fit slope and intercept of the logits by maximum likelihood.
 
+    Raises `InputError` when the input is invalid, a class is missing, or the probabilities separate both kinds, so that
+    the slope is infinite.
+
     Parameters
     ----------
     probabilities
         That each target contains an inclusion, shape (targets,), strictly between 0 and 1, not all equal.
     present
         Whether it does, booleans of shape (targets,), both kinds.
-
-    Raises
-    ------
-    InputError
-        When the input is invalid, a class is missing, or the probabilities separate both kinds, so that the slope is
-        infinite.
 
     Examples
     --------
@@ -132,14 +120,10 @@ def _line(logits: NDArray[Any], truth: NDArray[np.bool_]) -> tuple[list[float], 
     model = linear_model.LogisticRegression(C=np.inf, solver="newton-cholesky", tol=TOLERANCE, max_iter=STEPS)
     model.fit(logits[:, None], truth)
     at = np.array([model.intercept_[0], model.coef_[0, 0]])
-    variances = np.diag(np.linalg.inv(_curvature(np.stack([np.ones_like(logits), logits], axis=1), at)))
-    return [float(item) for item in at], [math.sqrt(variance) for variance in variances]
-
-
-def _curvature(design: NDArray[Any], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    design = np.stack([np.ones_like(logits), logits], axis=1)
     chance = expit(design @ at)
-    bent: NDArray[np.float64] = (design * (chance * (1 - chance))[:, None]).T @ design
-    return bent
+    curvature = (design * (chance * (1 - chance))[:, None]).T @ design
+    return at.tolist(), np.sqrt(np.diag(np.linalg.inv(curvature))).tolist()
 
 
 def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> FittedValue:

@@ -20,9 +20,18 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
-REPEATABILITY_SD = 1.959963984540054 * math.sqrt(
-    2
-)  # standard deviations between two readings, which 95 % do not exceed
+REPEATABILITY_SD = math.sqrt(2) * 1.959963984540054  # standard deviations that 95 % of differences do not exceed
+
+
+def _chi_square_interval(coefficient: float, degrees_of_freedom: int, level: float) -> Interval:
+    """Interval of a repeatability coefficient, exact for normal readings."""
+    tail = (1 - checked_level(level)) / 2
+    if coefficient == 0:
+        raise InputError("readings must differ between repeats for an interval; got equal ones: record more digits")
+    low, high = (
+        coefficient * math.sqrt(degrees_of_freedom / float(chdtri(degrees_of_freedom, at))) for at in (tail, 1 - tail)
+    )
+    return Interval(low=low, high=high, level=level, method="chi-square")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,37 +66,20 @@ class Repeatability:
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval of the repeatability coefficient, exact for normal readings.
 
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or readings of a target never differ.
+        ``level`` is the confidence, in (0, 1). Raises `InputError` when it is not, or when repeats never differ.
         """
-        tail, free = (1 - checked_level(level)) / 2, self.degrees_of_freedom
-        if self.within_sd == 0:
-            raise InputError(
-                "readings of a target must differ for an interval; got repeats that are all equal: record more digits"
-            )
-        low, high = (self.coefficient * math.sqrt(free / float(chdtri(free, at))) for at in (tail, 1 - tail))
-        return Interval(low=low, high=high, level=level, method="chi-square")
+        return _chi_square_interval(self.coefficient, self.degrees_of_freedom, level)
 
 
 def repeatability(readings: Sequence[ArrayLike]) -> Repeatability:
     """Repeatability from repeats on several targets, by the one-way analysis of variance.
 
+    Raises `InputError` when a row is empty or not finite, or there are fewer than 2 targets or no repeats.
+
     Parameters
     ----------
     readings
         One row of finite readings per target, at least 2 targets; rows may differ in length, and one has at least 2.
-
-    Raises
-    ------
-    InputError
-        When a row is empty or not finite, or there are fewer than 2 targets or no repeats.
 
     Examples
     --------
@@ -159,41 +151,18 @@ class Reproducibility:
         return REPEATABILITY_SD * math.sqrt(sum(weight * square for weight, square, _ in self._terms()))
 
     def repeatability_interval(self, level: float = LEVEL) -> Interval:
-        """Interval of the repeatability coefficient, exact for normal readings.
-
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or repeats never differ.
-        """
-        tail, free = (1 - checked_level(level)) / 2, self.degrees_of_freedom[3]
-        self._require_scatter()
-        middle = self.repeatability_coefficient
-        low, high = (middle * math.sqrt(free / float(chdtri(free, at))) for at in (tail, 1 - tail))
-        return Interval(low=low, high=high, level=level, method="chi-square")
+        """Interval of the repeatability coefficient; see `Repeatability.interval`."""
+        return _chi_square_interval(self.repeatability_coefficient, self.degrees_of_freedom[3], level)
 
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval of the coefficient between operators, by Graybill and Wang's modified large samples.
 
-        With two or three operators its upper end is large.
-
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, or repeats never differ.
+        With two or three operators its upper end is large. ``level`` is the confidence, in (0, 1). Raises `InputError`
+        when it is not, or when repeats never differ.
         """
         tail = (1 - checked_level(level)) / 2
-        self._require_scatter()
+        if self.repeat_sd == 0:
+            raise InputError("readings must differ between repeats for an interval; got equal ones: record more digits")
         middle = (self.coefficient / REPEATABILITY_SD) ** 2
         below = above = 0.0
         for weight, square, free in self._terms():
@@ -212,23 +181,16 @@ class Reproducibility:
         weights = (1 / (targets * repeats), (targets - 1) / (targets * repeats), (repeats - 1) / repeats)
         return tuple(zip(weights, self.mean_squares[1:], self.degrees_of_freedom[1:], strict=True))
 
-    def _require_scatter(self) -> None:
-        if self.repeat_sd == 0:
-            raise InputError("readings must differ between repeats for an interval; got equal ones: record more digits")
-
 
 def reproducibility(readings: ArrayLike) -> Reproducibility:
     """Reproducibility from a balanced study, by the two-way analysis of variance with interaction, all random.
+
+    Raises `InputError` when the table is not finite or too small.
 
     Parameters
     ----------
     readings
         Finite, shape (targets, operators, repeats), at least 2 of each.
-
-    Raises
-    ------
-    InputError
-        When the table is not finite or too small.
 
     Examples
     --------

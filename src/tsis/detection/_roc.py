@@ -30,6 +30,8 @@ METHODS = ("delong", "newcombe", "bootstrap")
 class Roc:
     """A step curve; a target is decided as an inclusion where its score is at least the threshold.
 
+    Raises `InputError` when a score is not finite, the truth is not boolean, the lengths differ, or a class is missing.
+
     Parameters
     ----------
     scores
@@ -45,11 +47,6 @@ class Roc:
         At each threshold, rising from 0 to 1.
     true_positives, false_positives
         Numbers of targets with and without an inclusion that are decided as one at each threshold.
-
-    Raises
-    ------
-    InputError
-        When a score is not finite, the truth no booleans, their lengths differ, or a class is missing.
     """
 
     scores: NDArray[np.float64]
@@ -103,17 +100,12 @@ class Roc:
         return area(self.scores, self.present)
 
     def counts(self, index: int) -> Counts:
-        """Decisions at the threshold of that index, counted.
+        """Decisions at the threshold of that index, counted; `InputError` when there is no such threshold.
 
         Parameters
         ----------
         index
             Into ``thresholds``, from 0.
-
-        Raises
-        ------
-        InputError
-            When there is no such threshold.
         """
         index = require_integer("index", index, 0, len(self.thresholds) - 1)
         result, false = int(self.true_positives[index]), int(self.false_positives[index])
@@ -135,6 +127,9 @@ class Roc:
     ) -> Interval:
         """Interval of the area under the curve.
 
+        Raises `InputError` when the level is no probability, the method unknown or without a spread here, or ``rng``
+        missing.
+
         Parameters
         ----------
         level
@@ -146,11 +141,6 @@ class Roc:
             from 0 and from 1 is at least 5; else Newcombe's. The interval's ``method`` names it.
         rng, draws, progress
             For the bootstrap: random generator, number of draws, and a function called with (done, total).
-
-        Raises
-        ------
-        InputError
-            When the level is no probability, the method unknown or without a spread here, or ``rng`` missing.
         """
         if method is None:
             method = "delong" if is_normal(self.auc, self.targets, self.blanks) else "newcombe"
@@ -168,15 +158,8 @@ def roc(scores: ArrayLike, present: ArrayLike) -> Roc:
 
     Parameters
     ----------
-    scores
-        Scores of the targets, shape (targets,), finite; higher means that an inclusion is likelier.
-    present
-        Whether the target holds an inclusion, booleans of shape (targets,), both kinds.
-
-    Raises
-    ------
-    InputError
-        When a score is not finite, the truth no booleans, their lengths differ, or a class is missing.
+    scores, present
+        As for `Roc`, which raises `InputError` for invalid ones.
 
     Examples
     --------

@@ -59,13 +59,8 @@ def radius_prior(
         return RadiusPrior(radius_mm=None, sd_mm=0.0, largest_mm=largest)
     sd = RADIUS_SD_MM if radius_sd_mm is None else radius_sd_mm
     require_radius("radius_mm", probe, radius_mm)
-    require_number(
-        "radius_sd_mm",
-        sd,
-        0.0,
-        radius_mm / 10,
-        hint="millimetres, up to a tenth of the radius; omit both if the radius is unknown",
-    )
+    hint = "millimetres, up to a tenth of the radius; omit both if the radius is unknown"
+    require_number("radius_sd_mm", sd, 0.0, radius_mm / 10, hint=hint)
     return RadiusPrior(radius_mm=radius_mm, sd_mm=sd, largest_mm=largest)
 
 

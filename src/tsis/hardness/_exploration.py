@@ -21,17 +21,14 @@ if TYPE_CHECKING:
 class HardnessPrior:
     """Ranges of the sphere: uniform in the logarithm of the modulus and in Poisson's ratio.
 
+    Raises `InputError` when a range is empty or lies outside.
+
     Parameters
     ----------
     young_kpa
         Least and greatest modulus, within [1, 1e5] kPa.
     poisson
         Least and greatest Poisson's ratio, within [0.45, 0.495].
-
-    Raises
-    ------
-    InputError
-        When a range is empty or lies outside.
 
     Examples
     --------
@@ -78,12 +75,7 @@ SMALLEST_RADIUS_MM = 1.0  # of a sphere of unknown radius
 class RadiusPrior:
     """Prior of the sphere's radius: a value with its standard deviation, or a range.
 
-    Attributes
-    ----------
-    radius_mm, sd_mm
-        None and 0 for an unknown radius.
-    largest_mm
-        The largest radius that the probe can measure.
+    ``radius_mm`` is None for an unknown radius, up to ``largest_mm``, the largest that the probe can measure.
     """
 
     radius_mm: float | None
@@ -104,21 +96,11 @@ class RadiusPrior:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HardnessPosterior:
-    """Posterior of the modulus, and the misfit of the best sphere.
+    """Posterior of the modulus, and the misfit of the best sphere."""
 
-    Attributes
-    ----------
-    young_kpa
-        Equally weighted samples, ascending: quantiles, so equal frames give equal samples.
-    misfit
-        Least squared misfit of the residuals.
-    best
-        Modulus in kPa, Poisson's ratio and radius in mm of the most likely node.
-    """
-
-    young_kpa: NDArray[np.float64]
-    misfit: float
-    best: tuple[float, float, float]
+    young_kpa: NDArray[np.float64]  # equally weighted samples, ascending: quantiles, so equal frames give equal samples
+    misfit: float  # least squared misfit of the residuals
+    best: tuple[float, float, float]  # modulus in kPa, Poisson's ratio and radius in mm of the most likely node
 
 
 def explore_modulus(likelihood: HardnessLikelihood, prior: HardnessPrior, radius: RadiusPrior) -> HardnessPosterior:

@@ -25,22 +25,12 @@ RIGID_KPA, RIGID_POISSON = 1e8, 0.3  # of a steel ball: all of the compliance is
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactPress:
-    """One press as measured by gauge and camera.
+    """One press as measured by gauge and camera."""
 
-    Attributes
-    ----------
-    force_n
-        Force by the gauge, N.
-    seen
-        Contact read from the frame.
-    ball_radius_mm, ball_radius_sd
-        Radius of the pressed rigid ball, and its relative standard deviation; None for the object.
-    """
-
-    force_n: float
-    seen: ContactReading
-    ball_radius_mm: float | None = None
-    ball_radius_sd: float = 0.0
+    force_n: float  # by the gauge
+    seen: ContactReading  # from the frame
+    ball_radius_mm: float | None = None  # of the pressed rigid ball; None for the object
+    ball_radius_sd: float = 0.0  # relative standard deviation of that radius
 
 
 class HardnessLikelihood:

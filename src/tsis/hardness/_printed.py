@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 def lagrangian_strain(gradient: ArrayLike) -> NDArray[np.float64]:
     """Strain tensor of a map at each point.
 
+    Raises `InputError` when the gradient is not a stack of square matrices of finite numbers.
+
     Parameters
     ----------
     gradient
@@ -46,11 +48,6 @@ def lagrangian_strain(gradient: ArrayLike) -> NDArray[np.float64]:
     -------
     Symmetric tensors, shape (n, d, d), without unit: half of the change of squared lengths. A rotation gives 0; a
     stretch by ``s`` gives ``(s**2 - 1) / 2``.
-
-    Raises
-    ------
-    InputError
-        When the gradient is not a stack of square matrices of finite numbers.
 
     Examples
     --------
@@ -65,17 +62,8 @@ def lagrangian_strain(gradient: ArrayLike) -> NDArray[np.float64]:
 def axial_strain(gradient: ArrayLike) -> NDArray[np.float64]:
     """Component ``e_zz`` of the strain along the last axis, shape (n,): (5.17) corrected.
 
-    ``e_zz = du_z/dz + 1/2 [(du_x/dz)**2 + (du_y/dz)**2 + (du_z/dz)**2]`` of the displacement u.
-
-    Parameters
-    ----------
-    gradient
-        Derivatives of the map, shape (n, d, d).
-
-    Raises
-    ------
-    InputError
-        When the gradient is not a stack of square matrices of finite numbers.
+    ``e_zz = du_z/dz + 1/2 [(du_x/dz)**2 + (du_y/dz)**2 + (du_z/dz)**2]`` of the displacement u. Argument and errors are
+    those of `lagrangian_strain`.
 
     Examples
     --------
@@ -89,17 +77,8 @@ def axial_strain(gradient: ArrayLike) -> NDArray[np.float64]:
 def printed_axial_strain(gradient: ArrayLike) -> NDArray[np.float64]:
     """(5.17) as printed, shape (n,): of the map instead of the displacement, with cubes instead of squares.
 
-    ``df_z/dz + 1/2 [(df_x/dz)**3 + (df_y/dz)**3 + (df_z/dz)**3]``; for comparison only: it is no strain.
-
-    Parameters
-    ----------
-    gradient
-        Derivatives of the map, shape (n, d, d).
-
-    Raises
-    ------
-    InputError
-        When the gradient is not a stack of square matrices of finite numbers.
+    ``df_z/dz + 1/2 [(df_x/dz)**3 + (df_y/dz)**3 + (df_z/dz)**3]``; for comparison only: it is no strain. Argument and
+    errors are those of `lagrangian_strain`.
 
     Examples
     --------
@@ -242,7 +221,8 @@ def printed_estimate(
     targets = after[result.matches[pairs]] if spline == "matches" else result.moved
     strain = strain_of(fit_spline(before[pairs], targets).gradient(before))
     forces = (first.force_n or 0.0, second.force_n or 0.0)
-    stress_kpa = _stress_kpa(stress, forces, (area_before, area_after))
+    light, heavy = MN_PER_N * forces[0] / area_before, MN_PER_N * forces[1] / area_after  # force over area (5.5)
+    stress_kpa = {"first": light, "second": heavy, "difference": heavy - light}[stress]
     mean = float(strain.mean())
     if abs(mean) < LEAST_STRAIN:
         raise InputError(f"images must differ by some strain; got {mean:g}: press the second time with more force")
@@ -287,9 +267,3 @@ def _lit_surface(image: TactileImage, depth_mm_per_grey: float, count: int) -> t
     lit = bright.patch.mask[np.ix_(rows, columns)]
     x, y = np.meshgrid(lifted.x_mm, lifted.y_mm)
     return spread_out(np.column_stack([x[lit], y[lit], lifted.height[lit]]), count), bright.area_mm2 or 0.0
-
-
-def _stress_kpa(stress: str, forces_n: tuple[float, float], areas_mm2: tuple[float, float]) -> float:
-    """Force over area (5.5) of the chosen press."""
-    first, second = (MN_PER_N * force / area for force, area in zip(forces_n, areas_mm2, strict=True))
-    return {"first": first, "second": second, "difference": second - first}[stress]

@@ -65,7 +65,8 @@ def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration,
     """Read the contact in a frame.
 
     The grey level of a pixel, less the stray light of the face around the contact, gives the pressure by the inverse of
-    ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
+    ``grey = light * gain * saturation * erf(0.886 p / saturation)``. Raises `InputError` when there is no contact, it
+    leaves the picture or the face, or its light is saturated.
 
     Parameters
     ----------
@@ -77,11 +78,6 @@ def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration,
         Response of grey level to pressure.
     blur_mm
         Standard deviation of the point spread on the face.
-
-    Raises
-    ------
-    InputError
-        When there is no contact, it leaves the picture or the face, or its light is saturated.
     """
     label = image.name or "an image"
     level = _evened(image, calibration)
@@ -97,7 +93,12 @@ def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration,
     extent = PATCH_RANGE * float(np.sqrt((bright.area_mm2 or 0.0) / np.pi))
     _check_position(image, probe, circle.centre_px, extent)
     stray, stray_sd = _stray(level, probe, circle.centre_px, extent, calibration)
-    _check_light(bright.peak - stray, calibration, label)
+    fraction = (bright.peak - stray) / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
+    if fraction > FULLEST:
+        raise InputError(
+            f"light must stay below saturation; in {label!r} it reaches {fraction:.2g} of that of full contact at "
+            f"saturation_kpa = {calibration.saturation_kpa:g}: direct contact needs a rougher skin or less force"
+        )
     moments = _moments(
         *_disc(level, circle.centre_px, extent, stray),
         pixel_mm2=float(np.prod(image.scale())),
@@ -212,16 +213,6 @@ def _stray(
         return 0.0, calibration.read_noise_grey
     noise = float(np.sqrt((calibration.read_noise_grey**2 + ROUNDING) / ring.count[0]))
     return float(ring.mean_grey[0]), float(np.hypot(noise, STRAY_GREY))
-
-
-def _check_light(peak: float, calibration: Calibration, label: str) -> None:
-    """Refuse a contact whose light is saturated."""
-    fraction = peak / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
-    if fraction > FULLEST:
-        raise InputError(
-            f"light must stay below saturation; in {label!r} it reaches {fraction:.2g} of that of full contact at "
-            f"saturation_kpa = {calibration.saturation_kpa:g}: direct contact needs a rougher skin or less force"
-        )
 
 
 def _pressure(grey: NDArray[np.float64], calibration: Calibration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -44,17 +44,13 @@ class ShoreHardness:
 def shore(young_kpa: float) -> ShoreHardness:
     """Convert Young's modulus to Shore A and Shore 00.
 
-    Both relations assume linear elasticity; durometers indent deeply, and real readings scatter by some points.
+    Both relations assume linear elasticity; durometers indent deeply, and real readings scatter by some points. Raises
+    `InputError` when the modulus lies outside its range.
 
     Parameters
     ----------
     young_kpa
         Modulus in kPa, in [0.1, 1e6].
-
-    Raises
-    ------
-    InputError
-        When the modulus lies outside its range.
 
     Examples
     --------

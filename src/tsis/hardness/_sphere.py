@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics.finite_strain import SphereResolution, State
+    from tsis.mechanics.finite_strain import SphereResolution
     from tsis.model import SoftSphere
 
 
@@ -72,7 +72,10 @@ def press_fields(
     require_enough_force(forces_n[0], softer, sphere.radius_mm, lightest=LIGHTEST)
     failure: MechanicsError | None = None
     with one_blas_thread():
-        for mesh in (resolution, *_neighbours(resolution)):
+        # Newton's method may stall where the contact's edge meets a node of one mesh.
+        for more, more_of_face in ((0, 0), (1, 0), (0, 1), (2, 1)):
+            cells, face_cells = resolution.cells + more, resolution.face_cells + more_of_face
+            mesh = replace(resolution, cells=cells, face_cells=face_cells)
             press = SphereOnDeformedFace(probe, sphere.radius_mm, sphere.young_kpa, sphere.poisson, mesh)
             try:
                 return press.fields(forces_n, stop_at_limit=stop_at_limit)
@@ -80,16 +83,6 @@ def press_fields(
                 failure = failure or error
     assert failure is not None
     raise failure
-
-
-def _neighbours(resolution: SphereResolution) -> list[SphereResolution]:
-    """Meshes to try next: Newton's method may stall where the contact's edge meets a node of one mesh."""
-    cells, face_cells = resolution.cells, resolution.face_cells
-    return [
-        replace(resolution, cells=cells + 1),
-        replace(resolution, face_cells=face_cells + 1),
-        replace(resolution, cells=cells + 2, face_cells=face_cells + 1),
-    ]
 
 
 def require_small_sphere(probe: Probe, radius_mm: float) -> None:
@@ -114,16 +107,13 @@ class SphereOnDeformedFace(SphereOnProbe):
             )
             states = follow_load_path(self.potential, first, forces, refuse=self._refuse)
             for state, force in zip(states, forces_n, strict=True):
-                result.append(self._contact_view(state, force))
+                field = self.read(state, force).field
+                weights = self.face.face.weights(self.shape.arc_at(field.radius_mm))[:, 0]
+                outward = weights @ self.potential.displacements(state.unknowns)[self.face.nodes, 0]
+                result.append(to_deformed_radius(field, np.asarray(outward)))
         if not result:
             raise MechanicsError(f"the press does not converge at {forces_n[0]:.3g} N; ask for another resolution")
         return tuple(result)
-
-    def _contact_view(self, state: State, force_n: float) -> PressField:
-        field = self.read(state, force_n).field
-        weights = self.face.face.weights(self.shape.arc_at(field.radius_mm))[:, 0]
-        outward = weights @ self.potential.displacements(state.unknowns)[self.face.nodes, 0]
-        return to_deformed_radius(field, np.asarray(outward))
 
 
 def to_deformed_radius(field: PressField, outward_mm: NDArray[np.float64]) -> PressField:

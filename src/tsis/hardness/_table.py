@@ -184,7 +184,7 @@ def build_contact_table(
 ) -> ContactTable:
     """The contact table of a probe: from the package or the disk cache, else solved in some minutes.
 
-    Probes with proportional moduli have one table.
+    Probes with proportional moduli have one table. Raises `MechanicsError` when no force on a sphere converges.
 
     Parameters
     ----------
@@ -197,11 +197,6 @@ def build_contact_table(
     cached
         Whether to use the tables of the package and the disk cache.
 
-    Raises
-    ------
-    MechanicsError
-        When no force on a sphere converges.
-
     Examples
     --------
     >>> import tsis
@@ -211,7 +206,9 @@ def build_contact_table(
     """
     require_type("probe", probe, Probe)
     require_type("resolution", resolution, SphereResolution)
-    unit = _with_skin(probe, SKIN_KPA)
+    factor = SKIN_KPA / probe.layers[0].young_kpa
+    layers = tuple(replace(layer, young_kpa=factor * layer.young_kpa) for layer in probe.layers)
+    unit = replace(probe, layers=layers)
     key = content_key(
         {
             "format": FORMAT_VERSION,
@@ -225,20 +222,8 @@ def build_contact_table(
         return _solve(unit, resolution, progress)
 
     arrays = (_shipped(key) or cached_arrays(KIND, key, solved)) if cached else solved()
-    return ContactTable(
-        coefficients=arrays["coefficients"],
-        softness=arrays["softness"],
-        deepest=arrays["deepest"],
-        error=arrays["error"],
-        skin_compliance=skin_compliance(probe),
-        key=key,
-    )
-
-
-def _with_skin(probe: Probe, young_kpa: float) -> Probe:
-    """The probe with all moduli scaled to a skin of ``young_kpa``."""
-    factor = young_kpa / probe.layers[0].young_kpa
-    return replace(probe, layers=tuple(replace(layer, young_kpa=factor * layer.young_kpa) for layer in probe.layers))
+    curves = {name: arrays[name] for name in ("coefficients", "softness", "deepest", "error")}
+    return ContactTable(**curves, skin_compliance=skin_compliance(probe), key=key)
 
 
 def _rounded(content: Any) -> Any:
@@ -267,13 +252,16 @@ def _solve(
         if progress is not None:
             progress(done, len(cases))
         added.append(added_log_radius(probe, case, resolution))
-    rows, weights = zip(*(_rows(case, len(part)) for case, part in zip(cases, added, strict=True)), strict=True)
+    depths = [np.cbrt(LOADS[: len(part)]) for part in added]
+    pairs = zip(cases, depths, strict=True)
+    rows = [terms(depth, case.softness, case.radius_mm, case.poisson) for case, depth in pairs]
+    weights = [firmness(depth) for depth in depths]
     coefficients = _fit(rows, added, weights)
     middle = [index for index, case in enumerate(cases) if case.poisson == MIDDLE_POISSON][:6]
     return {
         "coefficients": coefficients,
         "softness": np.array([cases[index].softness for index in middle]),
-        "deepest": np.array([np.cbrt(LOADS[len(added[index]) - 1]) for index in middle]),
+        "deepest": np.array([depths[index][-1] for index in middle]),
         "error": np.array([_left_out_error(index, rows, added, weights) for index in middle]),
     }
 
@@ -287,12 +275,6 @@ def added_log_radius(probe: Probe, case: SphereCase, resolution: SphereResolutio
     fields = press_fields(probe, sphere, forces_n=forces.tolist(), resolution=resolution, stop_at_limit=True)
     radii = np.array([hertzian_radius_mm(field) for field in fields])
     return np.asarray(np.log(radii / case.radius_mm) - np.log(0.75 * LOADS[: len(radii)]) / 3)
-
-
-def _rows(case: SphereCase, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Terms and weights of the presses of one sphere."""
-    depth = np.cbrt(LOADS[:count])
-    return terms(depth, case.softness, case.radius_mm, case.poisson), firmness(depth)
 
 
 def _fit(

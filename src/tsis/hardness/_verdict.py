@@ -11,7 +11,7 @@ import scipy
 from tsis.model import IMPROBABLE, NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from tsis.hardness._exploration import HardnessPosterior, HardnessPrior, RadiusPrior
     from tsis.hardness._likelihood import ContactPress, HardnessLikelihood
@@ -55,38 +55,22 @@ def identifiability(posterior: HardnessPosterior, prior: HardnessPrior) -> str:
     )
 
 
-def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
-    findings = []
+def _about_frames(presses: Sequence[ContactPress]) -> Iterator[Finding]:
     clipped = max(press.seen.clipped_fraction for press in presses)
     if clipped > CLIPPED:
-        findings.append(
-            (
-                "saturated",
-                f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is unknown: expose shorter.",
-            )
-        )
+        note = f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is unknown: expose shorter."
+        yield "saturated", note
     oval = max(press.seen.axis_ratio for press in presses)
     if oval > NOT_ROUND:
-        findings.append(
-            (
-                "not_round",
-                f"A contact is {oval:.2f} times as long as wide: this is no sphere on the probe's axis, which the "
-                "model assumes.",
-            )
-        )
-    return findings
+        shape = f"A contact is {oval:.2f} times as long as wide"
+        yield "not_round", f"{shape}: this is no sphere on the probe's axis, which the model assumes."
 
 
-def _about_modulus(posterior: HardnessPosterior, prior: HardnessPrior) -> list[Finding]:
+def _about_modulus(posterior: HardnessPosterior, prior: HardnessPrior) -> Iterator[Finding]:
     low, high = np.quantile(posterior.young_kpa, [0.05, 0.95])
-    findings = []
     if posterior.young_kpa.std() > NOT_IDENTIFIED * prior.young_sd_kpa or high > WIDE * low:
-        findings.append(
-            (
-                "young_kpa_not_identified",
-                f"The modulus is not identifiable from these presses: {low:.3g} to {high:.3g} kPa.",
-            )
-        )
+        note = f"The modulus is not identifiable from these presses: {low:.3g} to {high:.3g} kPa."
+        yield "young_kpa_not_identified", note
     ends = np.log(prior.young_kpa)
     position = (np.log(posterior.young_kpa) - ends[0]) / (ends[1] - ends[0])
     for fraction, side, end in (
@@ -94,68 +78,49 @@ def _about_modulus(posterior: HardnessPosterior, prior: HardnessPrior) -> list[F
         (np.mean(position > 1 - EDGE), "upper", prior.young_kpa[1]),
     ):
         if fraction > CUT_OFF:
-            findings.append(
-                (
-                    "young_kpa_cut_off",
-                    f"The modulus piles up at the prior's {side} end of {end:g} kPa: it may lie beyond.",
-                )
-            )
-    return findings
+            note = f"The modulus piles up at the prior's {side} end of {end:g} kPa: it may lie beyond."
+            yield "young_kpa_cut_off", note
 
 
-def _about_presses(objects: Sequence[ContactPress], radius: RadiusPrior) -> list[Finding]:
-    findings = []
+def _about_presses(objects: Sequence[ContactPress], radius: RadiusPrior) -> Iterator[Finding]:
     forces = [press.force_n for press in objects]
     if max(forces) < (1 + SAME_FORCE) * min(forces):
-        findings.append(
-            (
-                "one_force",
-                "All presses have one force: a second one would test whether the contact grows as that of a sphere.",
-            )
-        )
+        note = "All presses have one force: a second one would test whether the contact grows as that of a sphere."
+        yield "one_force", note
     if radius.radius_mm is None:
-        findings.append(
-            (
-                "radius_unknown",
-                f"The object's radius is unknown within [1, {radius.largest_mm:.3g}] mm: small contacts determine the "
-                "modulus over the radius, and large ones little more (give radius_mm).",
-            )
+        yield (
+            "radius_unknown",
+            f"The object's radius is unknown within [1, {radius.largest_mm:.3g}] mm: small contacts determine the "
+            "modulus over the radius, and large ones little more (give radius_mm).",
         )
-    return findings
 
 
 def _about_table(
     objects: Sequence[ContactPress], likelihood: HardnessLikelihood, posterior: HardnessPosterior
-) -> list[Finding]:
+) -> Iterator[Finding]:
     _, poisson, radius = posterior.best
     table = likelihood.table
     outside = 0.0
     for press in objects:
         softness, depth = table.coordinates(posterior.young_kpa, poisson, radius, press.force_n)
         outside = max(outside, float(np.mean(depth > table.deepest_at(softness))))
-    if outside <= BEYOND:
-        return []
-    return [
-        (
+    if outside > BEYOND:
+        yield (
             "outside_table",
             f"For {100 * outside:.0f} % of the moduli a force flattens the sphere further than the mechanics were "
             "solved for: press less.",
         )
-    ]
 
 
-def _about_fit(presses: Sequence[ContactPress], posterior: HardnessPosterior, radius: RadiusPrior) -> list[Finding]:
+def _about_fit(presses: Sequence[ContactPress], posterior: HardnessPosterior, radius: RadiusPrior) -> Iterator[Finding]:
     fitted = 2 if radius.radius_mm is None else 1
     chance = float(scipy.stats.chi2.sf(posterior.misfit, 2 * len(presses) - fitted))
-    if chance >= IMPROBABLE:
-        return []
-    return [
-        (
+    if chance < IMPROBABLE:
+        yield (
             "model_does_not_fit",
             f"Forces, light and contact radii contradict each other (chance below {probability_bound(chance)}): "
             "this is no homogeneous sphere of that radius, or force, calibration or probe are wrong.",
         )
-    ]
 
 
 HARDNESS_FLAGS = MappingProxyType(

@@ -14,6 +14,8 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import minimize
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from tsis.model import TactileImage
@@ -91,16 +93,24 @@ def steepest_circle(field: SlopeField, centre: tuple[float, float], extent: floa
     def shallowness(circle: NDArray[np.float64]) -> float:
         return -float(field.fall(circle[0], circle[1], circle[2:3])[0])
 
+    return _lowest(shallowness, np.array(start), step, extent=extent, tolerance=1e-6)
+
+
+def _lowest(
+    function: Callable[[NDArray[np.float64]], float],
+    start: NDArray[np.float64],
+    step: float,
+    *,
+    extent: float,
+    tolerance: float,
+) -> tuple[float, float]:
+    """Position (x, y) of a minimum, from a simplex of that step at the start."""
+    simplex = start + step * np.vstack([np.zeros(len(start)), np.eye(len(start))])
     result = minimize(
-        shallowness,
-        np.array(start),
+        function,
+        start,
         method="Nelder-Mead",
-        options={
-            "initial_simplex": np.array(start) + step * np.vstack([np.zeros(3), np.eye(3)]),
-            "xatol": TOLERANCE * extent,
-            "fatol": 1e-6,
-            "maxiter": 400,
-        },
+        options={"initial_simplex": simplex, "xatol": TOLERANCE * extent, "fatol": tolerance, "maxiter": 400},
     )
     return float(result.x[0]), float(result.x[1])
 
@@ -156,14 +166,7 @@ def symmetry_centre(
     start = min(starts, key=asymmetry)
     if asymmetry(start) >= 1.0:
         return None
-    simplex = start + float(shifts[1] - shifts[0]) * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    result = minimize(
-        asymmetry,
-        start,
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": TOLERANCE * extent, "fatol": 1e-12, "maxiter": 400},
-    )
-    return float(result.x[0]), float(result.x[1])
+    return _lowest(asymmetry, start, float(shifts[1] - shifts[0]), extent=extent, tolerance=1e-12)
 
 
 def _disc(radius: float, pixel: tuple[float, float]) -> NDArray[np.float64]:

@@ -59,16 +59,11 @@ def change_magnitude(
     if frame.shape != reference.shape:
         raise ImageMismatchError(f"reference_rgb must have the frame's shape {frame.shape}; got {reference.shape}")
     change = frame - reference
-    magnitude = np.sqrt(np.square(change).sum(axis=2))
-    return _equalised(change, magnitude) if equalise_lamps else magnitude
-
-
-def _equalised(change: NDArray[np.float64], magnitude: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The magnitude with channels of equal spread inside the patch; unchanged without a patch."""
-    mask = segment(TactileImage(grey=magnitude)).mask
-    if not mask.any():
+    magnitude: NDArray[np.float64] = np.sqrt(np.square(change).sum(axis=2))
+    if not equalise_lamps:
         return magnitude
-    spread = change[mask].std(axis=0)
+    mask = segment(TactileImage(grey=magnitude)).mask
+    spread = change[mask].std(axis=0) if mask.any() else np.zeros(change.shape[2])
     lit = spread > 0
     if not lit.any():
         return magnitude

@@ -60,12 +60,8 @@ class CurvatureLoss:
 
     Guided light of even radiance fills all directions beyond the critical angle from the undented face's normal. The
     fraction of its power that meets the tilted face within the critical angle leaves; partial reflection is neglected.
-    For small slopes that is ``2 / pi * tan(critical) * slope``.
-
-    Parameters
-    ----------
-    refractive_index
-        Index of the layer at the face, against air, in [1.01, 4].
+    For small slopes that is ``2 / pi * tan(critical) * slope``. The refractive index is that of the layer at the face,
+    against air, in [1.01, 4].
 
     Examples
     --------

@@ -17,50 +17,19 @@ SCALE_TOLERANCE = 1e-6  # relative; far above the rounding of a scale in a file
 
 
 def subtract_dark(image: TactileImage, dark: TactileImage) -> TactileImage:
-    """Subtract the camera's dark level.
+    """Subtract the camera's dark level: a frame with the lamps off, at the same camera settings; best a mean of many.
 
-    Parameters
-    ----------
-    image
-        Any frame, grey levels.
-    dark
-        A frame with the lamps off, at the same camera settings; best a mean of many.
-
-    Returns
-    -------
-    TactileImage
-        ``image - dark``; noise can make it negative.
-
-    Raises
-    ------
-    ImageMismatchError
-        When size, scale or full scale differ.
+    Noise can make the result negative. Raises `ImageMismatchError` when size, scale or full scale differ.
     """
     require_same_frame(image, dark, "dark")
     return replace(image, grey=image.grey - dark.grey)
 
 
 def flatten(image: TactileImage, flat: TactileImage) -> TactileImage:
-    """Divide by the light's pattern and preserve the mean brightness.
+    """Divide by the light's pattern and preserve the mean brightness: ``image * mean(flat) / flat``.
 
-    Parameters
-    ----------
-    image
-        A frame without dark level.
-    flat
-        A frame of a uniform object under the same light, without dark level.
-
-    Returns
-    -------
-    TactileImage
-        ``image * mean(flat) / flat``.
-
-    Raises
-    ------
-    ImageMismatchError
-        When size, scale or full scale differ.
-    InputError
-        When the flat field has dark pixels.
+    ``flat`` is a frame of a uniform object under the same light. Both are without dark level. Raises
+    `ImageMismatchError` when size, scale or full scale differ; `InputError` when the flat field has dark pixels.
     """
     require_same_frame(image, flat, "flat")
     floor = SMALLEST_LIGHT * float(np.median(flat.grey))
@@ -75,10 +44,7 @@ def flatten(image: TactileImage, flat: TactileImage) -> TactileImage:
 def subtract_background(image: TactileImage, reference: TactileImage) -> TactileImage:
     """Subtract the frame of the untouched probe: the change of grey level by the contact.
 
-    Raises
-    ------
-    ImageMismatchError
-        When size, scale or full scale differ.
+    Raises `ImageMismatchError` when size, scale or full scale differ.
     """
     require_same_frame(image, reference, "reference")
     return replace(image, grey=image.grey - reference.grey)
@@ -88,26 +54,8 @@ def match_light(reference: TactileImage, image: TactileImage) -> TactileImage:
     """Scale the reference to the brightness of the lamps in ``image``.
 
     Lamps drift by some per cent while they warm up. The ratio is the median of ``image / reference``, so it is valid
-    while less than half of the field is touched. Do not use it on frames with contact over the whole field.
-
-    Parameters
-    ----------
-    reference
-        The untouched probe, lit somewhere.
-    image
-        A frame of the same probe, mostly untouched.
-
-    Returns
-    -------
-    TactileImage
-        The reference times the ratio.
-
-    Raises
-    ------
-    ImageMismatchError
-        When size, scale or full scale differ.
-    InputError
-        When the reference is dark.
+    while less than half of the field is touched. Do not use it on frames with contact over the whole field. Raises
+    `ImageMismatchError` when size, scale or full scale differ; `InputError` when the reference is dark.
 
     Examples
     --------

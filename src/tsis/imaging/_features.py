@@ -63,22 +63,22 @@ class Features:
     """
 
     contact: bool
-    centroid_px: tuple[float, float] | None
-    centroid_mm: tuple[float, float] | None
-    peak: float
-    total: float
-    area_px: float
+    centroid_px: tuple[float, float] | None = None
+    centroid_mm: tuple[float, float] | None = None
+    peak: float = 0.0
+    total: float = 0.0
+    area_px: float = 0.0
     area_mm2: float | None
-    equivalent_diameter_px: float
+    equivalent_diameter_px: float = 0.0
     equivalent_diameter_mm: float | None
-    semi_axes_px: tuple[float, float] | None
-    semi_axes_mm: tuple[float, float] | None
-    angle_deg: float | None
-    eccentricity: float | None
-    circularity: float | None
-    saturated_fraction: float
-    cropped: bool
-    profile: RadialProfile | None
+    semi_axes_px: tuple[float, float] | None = None
+    semi_axes_mm: tuple[float, float] | None = None
+    angle_deg: float | None = None
+    eccentricity: float | None = None
+    circularity: float | None = None
+    saturated_fraction: float = 0.0
+    cropped: bool = False
+    profile: RadialProfile | None = None
     patch: Patch
 
 
@@ -126,20 +126,24 @@ def features(
     """
     change = signal(image, reference, invert=invert)
     patch = segment(change, method=method, least_grey=least_grey)
+    scale = image.mm_per_pixel
     if not patch.is_contact:
-        return _no_contact(patch, image)
+        zero_mm = None if scale is None else 0.0
+        return Features(contact=False, area_mm2=zero_mm, equivalent_diameter_mm=zero_mm, patch=patch)
     rows, columns = np.nonzero(patch.mask)
     grey = change.grey[rows, columns]
-    centroid = _weighted_centre(rows, columns, grey)
+    weight = np.maximum(grey, 0.0)
+    centroid = float(np.average(columns, weights=weight)), float(np.average(rows, weights=weight))
+    beside = centroid[0] - image.axis()[0], centroid[1] - image.axis()[1]
     area_px = float(rows.size)
     shape_px = _ellipse(rows, columns, (1.0, 1.0))
-    scale = image.mm_per_pixel
     shape = shape_px if scale is None else _ellipse(rows, columns, scale)
     area_mm2 = None if scale is None else area_px * scale[0] * scale[1]
+    edges_mm = np.linspace(0.0, 2.0 * shape[0], PROFILE_RINGS + 1)  # to twice the long semi-axis
     return Features(
         contact=True,
         centroid_px=centroid,
-        centroid_mm=None if scale is None else _from_axis(centroid, image, scale),
+        centroid_mm=None if scale is None else (beside[0] * scale[0], beside[1] * scale[1]),
         peak=float(smoothed(change.grey)[patch.mask].max()),
         total=float(grey.sum()),
         area_px=area_px,
@@ -153,48 +157,9 @@ def features(
         circularity=_circularity(patch.contour_px * (scale or (1.0, 1.0))),
         saturated_fraction=float(np.mean(image.grey[patch.mask] >= image.full_scale)),
         cropped=patch.cropped,
-        profile=None if scale is None else _profile(change, centroid, shape[0]),
+        profile=None if scale is None else radial_profile(change, centre_px=centroid, edges_mm=edges_mm),
         patch=patch,
     )
-
-
-def _no_contact(patch: Patch, image: TactileImage) -> Features:
-    """Features without contact: sizes are zero, positions unknown."""
-    zero_mm = None if image.mm_per_pixel is None else 0.0
-    return Features(
-        contact=False,
-        centroid_px=None,
-        centroid_mm=None,
-        peak=0.0,
-        total=0.0,
-        area_px=0.0,
-        area_mm2=zero_mm,
-        equivalent_diameter_px=0.0,
-        equivalent_diameter_mm=zero_mm,
-        semi_axes_px=None,
-        semi_axes_mm=None,
-        angle_deg=None,
-        eccentricity=None,
-        circularity=None,
-        saturated_fraction=0.0,
-        cropped=False,
-        profile=None,
-        patch=patch,
-    )
-
-
-def _weighted_centre(
-    rows: NDArray[np.intp], columns: NDArray[np.intp], grey: NDArray[np.float64]
-) -> tuple[float, float]:
-    """Centroid (x, y) in pixels with grey levels as weights; negative levels have no weight."""
-    weight = np.maximum(grey, 0.0)
-    return float(np.average(columns, weights=weight)), float(np.average(rows, weights=weight))
-
-
-def _from_axis(point: tuple[float, float], image: TactileImage, scale: tuple[float, float]) -> tuple[float, float]:
-    """A position in pixels as mm from the probe's axis."""
-    axis = image.axis()
-    return (point[0] - axis[0]) * scale[0], (point[1] - axis[1]) * scale[1]
 
 
 def _ellipse(
@@ -228,8 +193,3 @@ def _enclosed(points: NDArray[np.float64]) -> float:
     """Area inside a closed polygon."""
     step = np.diff(points, axis=0)
     return float(abs((points[:-1, 0] * step[:, 1] - points[:-1, 1] * step[:, 0]).sum())) / 2.0
-
-
-def _profile(change: TactileImage, centre: tuple[float, float], radius_mm: float) -> RadialProfile:
-    """Rings from the centroid to twice the patch's long semi-axis."""
-    return radial_profile(change, centre_px=centre, edges_mm=np.linspace(0.0, 2.0 * radius_mm, PROFILE_RINGS + 1))

@@ -41,6 +41,8 @@ class HeightSurface:
 def height_surface(image: TactileImage, *, max_points: int = 128, height_per_grey: float = 1.0) -> HeightSurface:
     """Convert a signal to a surface of at most ``max_points`` along either side.
 
+    Raises `InputError` when the scale is unknown or ``max_points`` lies outside its range.
+
     Parameters
     ----------
     image
@@ -54,11 +56,6 @@ def height_surface(image: TactileImage, *, max_points: int = 128, height_per_gre
     -------
     HeightSurface
         Each height is the mean over a block of pixels.
-
-    Raises
-    ------
-    InputError
-        When the scale is unknown or ``max_points`` lies outside its range.
 
     Examples
     --------

@@ -54,23 +54,16 @@ def find_lost_light(
 ) -> LostLight:
     """Compute the parts of a press that the field of view crops and full scale clips.
 
-    The arguments are those of `tsis.imaging.render`.
-
-    Raises
-    ------
-    InputError
-        When the blur lies outside its range or the contact model is unknown.
+    The arguments are those of `tsis.imaging.render`. Raises `InputError` when the blur lies outside its range or the
+    contact model is unknown.
 
     Examples
     --------
     >>> from tsis.model import Calibration, PressField
     >>> radius = np.linspace(0.0, 12.0, 25)
+    >>> flat, even = np.zeros(25), np.full(25, 2.0)
     >>> press = PressField(
-    ...     radius_mm=radius,
-    ...     face_displacement_mm=np.zeros(25),
-    ...     pressure_kpa=np.full(25, 2.0),
-    ...     approach_mm=1.0,
-    ...     force_n=0.9,
+    ...     radius_mm=radius, face_displacement_mm=flat, pressure_kpa=even, approach_mm=1.0, force_n=0.9
     ... )
     >>> calibration = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
     >>> lost = find_lost_light(press, Sensor(rows=246), calibration)  # the middle 9.6 mm of a face of 24 mm

@@ -70,7 +70,8 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
     The signal is blurred by one pixel and cut at a threshold. The patch is the connected part with the greatest sum of
     grey levels, with its holes filled. The peak of a contact exceeds the dark side by six standard deviations of the
     pixel noise. It also exceeds the dark side by six of the dark side's own spread, because drift of the lamps is
-    smooth, or by a tenth of full scale, because a frame lit all over has no dark side to measure.
+    smooth, or by a tenth of full scale, because a frame lit all over has no dark side to measure. Raises
+    `UnknownNameError` when no method has that name.
 
     Parameters
     ----------
@@ -86,11 +87,6 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
     -------
     Patch
         The patch; ``is_contact`` is False when there is none.
-
-    Raises
-    ------
-    UnknownNameError
-        When no method has that name.
 
     Examples
     --------

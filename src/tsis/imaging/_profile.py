@@ -93,7 +93,9 @@ def radial_profile(
     [20.0, 20.0]
     """
     require_image("image", image)
-    edges = _checked_edges(edges_mm)
+    edges: NDArray[np.float64] = require_array("edges_mm", edges_mm, ndim=1)
+    if edges.size < 2 or edges[0] < 0 or np.any(np.diff(edges) <= 0):
+        raise InputError(f"edges_mm must be at least two ascending radii, the first >= 0; got {edges.tolist()}")
     centre = image.axis() if centre_px is None else require_pair("centre_px", centre_px)
     rings = _ring_of_pixel(image.grey.shape, image.scale(), centre, edges.tobytes())
     grey, clipped = image.grey, image.grey >= image.full_scale
@@ -129,10 +131,3 @@ def _ring_of_pixel(
     rings[rings < 0] = limits.size - 1
     rings.flags.writeable = False
     return rings
-
-
-def _checked_edges(edges_mm: ArrayLike) -> NDArray[np.float64]:
-    edges: NDArray[np.float64] = require_array("edges_mm", edges_mm, ndim=1)
-    if edges.size < 2 or edges[0] < 0 or np.any(np.diff(edges) <= 0):
-        raise InputError(f"edges_mm must be at least two ascending radii, the first >= 0; got {edges.tolist()}")
-    return edges

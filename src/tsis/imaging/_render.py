@@ -71,6 +71,9 @@ def render(
 ) -> NDArray[np.float64]:
     """Expected light of a press on the sensor, before noise.
 
+    Raises `InputError` when the blur lies outside its range, the contact model is unknown or the light is no
+    `LightMap`.
+
     Parameters
     ----------
     field
@@ -90,11 +93,6 @@ def render(
     Returns
     -------
     Grey levels above the background, shape (rows, columns), not clipped.
-
-    Raises
-    ------
-    InputError
-        When the blur lies outside its range, the contact model is unknown or the light is no `LightMap`.
 
     Examples
     --------

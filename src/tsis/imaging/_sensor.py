@@ -149,7 +149,7 @@ class LedDrift:
     """Drift of the light: ``(1 + warm_up exp(-t / tau)) exp(wander W(t))``, where W is a random walk of 1 an hour.
 
     Lamps are brightest when cold, so the light settles from above. The defaults suit small white lamps at constant
-    current; they are assumed, not measured.
+    current; they are assumed, not measured. Raises `InputError` when a value lies outside its range.
 
     Parameters
     ----------
@@ -159,11 +159,6 @@ class LedDrift:
         Time constant tau of warming up, s, in [1e-3, 1e5].
     wander
         Relative standard deviation of the random walk after an hour, in [0, 0.5].
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
     """
 
     warm_up: float = 0.05

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from tsis.errors import CameraError
 from tsis.model import TactileImage, require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -19,6 +20,19 @@ if TYPE_CHECKING:
 
 SILENT_S = 1.0
 LATE_FRAMES = 3.0  # of a camera whose frames take longer
+
+
+def silence_timeout_s(values: Mapping[str, float]) -> float:
+    """Silence after which a running camera with these settings counts as lost: 1 s, or three frames if that is longer.
+
+    Examples
+    --------
+    >>> silence_timeout_s({"frames_per_s": 30.0, "exposure_ms": 20.0}), silence_timeout_s({"frames_per_s": 0.5})
+    (1.0, 6.0)
+    """
+    rate = values.get("frames_per_s", 0.0)
+    period_s = max(1.0 / rate if rate > 0 else 0.0, values.get("exposure_ms", 0.0) / 1000.0)
+    return max(SILENT_S, LATE_FRAMES * period_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,13 +79,7 @@ class Mode:
 
 
 def named_mode(modes: Iterable[Mode], label: str) -> Mode:
-    """The mode of that label.
-
-    Raises
-    ------
-    UnknownNameError
-        When there is none; the message suggests the nearest.
-    """
+    """The mode of that label; `UnknownNameError` when there is none; the message suggests the nearest."""
     by_label = {mode.label: mode for mode in modes}
     return by_label[require_one_of("mode", label, by_label)]
 
@@ -106,6 +114,18 @@ class Setting:
     def checked(self, value: float) -> float:
         """Return ``value`` if it lies in the range."""
         return require_number(self.name, value, self.low, self.high, hint=self.unit)
+
+
+def checked_setting(settings: Iterable[Setting], name: str, value: float, *, camera: str) -> float:
+    """The value for the setting of that name, if it lies in its range.
+
+    Raises `UnknownNameError` when there is no such setting; `InputError` when the value lies outside its range;
+    `CameraError` when the camera has no settings.
+    """
+    by_name = {setting.name: setting for setting in settings}
+    if not by_name:
+        raise CameraError(f"{camera} has no setting called {name!r}; it has none at all")
+    return by_name[require_one_of("setting", name, by_name)].checked(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -196,7 +216,7 @@ _OF_LIGHT = frozenset({"brightness", "gain", "gain_db", "exposure", "exposure_ms
 
 
 def preset(name: str, settings: Iterable[Setting]) -> dict[str, float]:
-    """Values of the settings that a preset changes, by name.
+    """Values of the settings that a preset changes, by name; `UnknownNameError` when there is no such preset.
 
     Parameters
     ----------
@@ -205,11 +225,6 @@ def preset(name: str, settings: Iterable[Setting]) -> dict[str, float]:
         where its driver gives them.
     settings
         The camera's settings just after opening.
-
-    Raises
-    ------
-    UnknownNameError
-        When there is no such preset.
 
     Examples
     --------

@@ -97,6 +97,8 @@ def find_cameras(
 ) -> CameraListing:
     """Search every source for cameras; a source that fails or hangs is reported and stops no other.
 
+    Raises `UnknownNameError` when a source has another name.
+
     Parameters
     ----------
     sources
@@ -105,11 +107,6 @@ def find_cameras(
         Returns the module of a source; the imported one when None.
     timeout_s
         Time limit of one source, in [0.01, 600] s.
-
-    Raises
-    ------
-    UnknownNameError
-        When a source has another name.
     """
     require_number("timeout_s", timeout_s, 0.01, 600.0, hint="seconds")
     names = [require_one_of("camera source", name, LIVE_SOURCES) for name in sources]
@@ -148,19 +145,13 @@ def connect(spec: str) -> Camera:
     require_type("spec", spec, str)
     name, _, identity = spec.partition(":")
     require_one_of("camera source", name, SOURCES)
-    if name == "opencv":
-        if not identity.isdecimal() and identity:
-            raise InputError(f"opencv cameras go by their number, as in opencv:0; got {spec!r:.80}")
-        return _class(*_LIVE[name][1:])(int(identity or 0))  # type: ignore[no-any-return]
-    if name in _LIVE:
-        return _class(*_LIVE[name][1:])(identity)  # type: ignore[no-any-return]
-    if not identity:
+    if name == "opencv" and identity and not identity.isdecimal():
+        raise InputError(f"opencv cameras go by their number, as in opencv:0; got {spec!r:.80}")
+    if name in _STORED and not identity:
         raise InputError(f"{name}: must be followed by a path, as in {name}:frames; got {spec!r}")
-    return _class(*_STORED[name])(identity)  # type: ignore[no-any-return]
-
-
-def _class(module: str, name: str) -> Any:
-    return getattr(importlib.import_module(f"{_HOME}.{module}"), name)
+    module, camera = _LIVE[name][1:] if name in _LIVE else _STORED[name]
+    driver = getattr(importlib.import_module(f"{_HOME}.{module}"), camera)
+    return driver(int(identity or 0) if name == "opencv" else identity)  # type: ignore[no-any-return]
 
 
 def _searching_module(source: str) -> Any:

@@ -39,18 +39,9 @@ RED_WEIGHT, BLUE_WEIGHT = 0.2126, 0.0722
 
 
 def luma(colour: NDArray[Any]) -> NDArray[np.float64]:
-    """Rec. 709 luma of the stored values: ``0.2126 R + 0.7152 G + 0.0722 B``.
+    """Rec. 709 luma of the stored values: ``0.2126 R + 0.7152 G + 0.0722 B``, on their scale.
 
     Gamma is not removed, because a camera file does not state which one was applied.
-
-    Parameters
-    ----------
-    colour
-        Red, green and blue levels, shape (rows, columns, 3).
-
-    Returns
-    -------
-    Grey levels, shape (rows, columns), on the scale of the input.
 
     Examples
     --------
@@ -139,10 +130,7 @@ def read_image(
 def read_colour(path: str | os.PathLike[str]) -> NDArray[Any]:
     """Read a colour image file as stored: shape (rows, columns, 3), red-green-blue, uint8 or uint16, read-only.
 
-    Raises
-    ------
-    FileInputError
-        As `read_image`, and when the file has no colour.
+    Raises `FileInputError` as `read_image`, and when the file has no colour.
     """
     source = as_path(path)
     levels = _decode(source).levels
@@ -153,34 +141,27 @@ def read_colour(path: str | os.PathLike[str]) -> NDArray[Any]:
 
 
 def _decode(path: Path) -> _Picture:
+    name = printable_path(path)
     if not read_head(path).startswith(_MAGIC):
-        raise FileInputError(f"{printable_path(path)} must be a PNG, JPEG, BMP or TIFF file; got something else")
+        raise FileInputError(f"{name} must be a PNG, JPEG, BMP or TIFF file; got something else")
     data = read_bytes(path)
     broken = image_fault(data)
     if broken is not None:
-        raise FileInputError(
-            f"{printable_path(path)} must be a complete image file, but {broken}; copy or save it again"
-        )
+        raise FileInputError(f"{name} must be a complete image file, but {broken}; copy or save it again")
     try:
         pixels = without_metadata(data)
         with quiet_decoders(), Image.open(io.BytesIO(pixels), formats=_FORMATS) as image:
-            _require_supported(path, image, pixels)
+            _require_supported(name, image, pixels)
             levels, kind = _levels(image, pixels)
             file_format = image.format
     except FileInputError:
         raise
     except UnidentifiedImageError as error:
-        raise FileInputError(
-            f"{printable_path(path)} must be a PNG, JPEG, BMP or TIFF file; got something else"
-        ) from error
+        raise FileInputError(f"{name} must be a PNG, JPEG, BMP or TIFF file; got something else") from error
     except Image.DecompressionBombError as error:
-        raise FileInputError(
-            f"{printable_path(path)} must hold at most {LARGEST_PIXELS} pixels; it declares more"
-        ) from error
+        raise FileInputError(f"{name} must hold at most {LARGEST_PIXELS} pixels; it declares more") from error
     except Exception as error:  # hostile bytes make decoders raise nearly anything
-        raise FileInputError(
-            f"{printable_path(path)} must be a readable image file; decoding failed: {one_line(error)}"
-        ) from error
+        raise FileInputError(f"{name} must be a readable image file; decoding failed: {one_line(error)}") from error
     provenance = {
         "format": file_format,
         "kind": kind,
@@ -190,27 +171,22 @@ def _decode(path: Path) -> _Picture:
     return _Picture(levels=levels, provenance=provenance)
 
 
-def _require_supported(path: Path, image: Image.Image, data: bytes) -> None:
+def _require_supported(name: str, image: Image.Image, data: bytes) -> None:
     """Refuse unsupported files by their header, before a pixel is decoded."""
     level_bytes = 2 if image.mode.startswith("I;16") or _stored_bits(image) == 16 else 1
     pixel_bytes = level_bytes * len(image.getbands())
     broken = size_fault(*image.size, len(data), kind=image.format or "", pixel_bytes=pixel_bytes)
     if broken is not None:
-        raise FileInputError(f"{printable_path(path)} must hold {broken}")
+        raise FileInputError(f"{name} must hold {broken}")
     if image.mode not in _GREY_MODES | _COLOUR_MODES:
         kind = _REFUSED_MODES.get(image.mode, f"pixels of kind {image.mode}")
-        raise FileInputError(
-            f"{printable_path(path)} must hold 8- or 16-bit grey or RGB pixels; got {kind} (save it as 8-bit grey PNG)"
-        )
+        cure = "save it as 8-bit grey PNG"
+        raise FileInputError(f"{name} must hold 8- or 16-bit grey or RGB pixels; got {kind} ({cure})")
     pictures = getattr(image, "n_frames", 1)
     if pictures != 1:
-        raise FileInputError(
-            f"{printable_path(path)} must hold one picture; got {pictures} (save each as its own file)"
-        )
+        raise FileInputError(f"{name} must hold one picture; got {pictures} (save each as its own file)")
     if rows_missing(data):
-        raise FileInputError(
-            f"{printable_path(path)} must hold all pixels that it declares; some are missing or damaged"
-        )
+        raise FileInputError(f"{name} must hold all pixels that it declares; some are missing or damaged")
 
 
 def _levels(image: Image.Image, data: bytes) -> tuple[NDArray[Any], str]:
@@ -246,10 +222,7 @@ def _levels_by_opencv(data: bytes) -> NDArray[Any]:
 def png_bytes(image: TactileImage) -> bytes:
     """Encode a raw frame as a grey PNG, 8 bits when its full scale is at most 255, else 16.
 
-    Raises
-    ------
-    InputError
-        As `whole_levels`: the file would lose information, or could not be read back.
+    Raises `InputError` as `whole_levels`: the file would lose information, or could not be read back.
 
     Examples
     --------
@@ -263,10 +236,7 @@ def png_bytes(image: TactileImage) -> bytes:
 def whole_levels(grey: NDArray[Any], full_scale: float) -> NDArray[Any]:
     """Grey levels as whole numbers of 8 bits when the full scale is at most 255, else of 16.
 
-    Raises
-    ------
-    InputError
-        When they are not whole numbers in [0, full_scale], or more than a readable file may contain.
+    Raises `InputError` when they are not whole numbers in [0, full_scale], or more than a readable file may contain.
     """
     if grey.size > LARGEST_PIXELS:
         raise InputError(f"grey must have at most {LARGEST_PIXELS} pixels to be stored; got {grey.shape}")

@@ -32,13 +32,7 @@ SIDECAR_FORMAT, SIDECAR_VERSION = "tsis-snapshot", 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """Files of a saved frame.
-
-    Attributes
-    ----------
-    colour, raw, sidecar
-        The colour picture, the raw grey levels, and the JSON file about both.
-    """
+    """Files of a saved frame: the colour picture, the raw grey levels, and the JSON file about both."""
 
     colour: Path
     raw: Path

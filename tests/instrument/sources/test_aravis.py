@@ -9,6 +9,7 @@ from typing import NoReturn
 import pytest
 
 from tsis.errors import CameraError, InputError, MissingExtraError
+from tsis.instrument._camera import silence_timeout_s
 from tsis.instrument.drivers.aravis import Aravis, AravisCamera, find_cameras_here, load, missing_requirement
 from tsis.instrument.drivers.aravis._camera import Watch
 
@@ -47,10 +48,11 @@ def test_a_library_without_the_calls_is_too_old() -> None:
 
 
 def test_a_camera_is_lost_after_a_second_of_silence_or_three_frame_times() -> None:
-    for period_s, limit in ((0.0, 1.0), (1 / 30, 1.0), (2.0, 6.0)):
+    for rate, limit in ((0.0, 1.0), (30.0, 1.0), (0.5, 6.0)):
+        silent_s = silence_timeout_s({"frames_per_s": rate})
         ticks = count()
         watch = Watch(lambda ticks=ticks: 0.25 * next(ticks))  # type: ignore[misc]
-        silent = [watch.reason(heard=False, period_s=period_s) for _ in range(int(4 * limit))]
+        silent = [watch.reason(heard=False, silent_s=silent_s) for _ in range(int(4 * limit))]
         assert silent[:-1] == [None] * (len(silent) - 1)
         assert silent[-1] == f"nothing came for {limit:g} s"
 

@@ -75,8 +75,10 @@ def test_a_producer_is_opened_once_and_closed_with_its_last_use(
     monkeypatch.setattr(genicam_producers, "_harvester", Harvester)
     producers, one, two = Producers(), tmp_path / "1.cti", tmp_path / "2.cti"
     first = producers.take(one)
-    with producers.using(one) as second, producers.using(two):
-        assert second is first
+    assert producers.take(one) is first
+    producers.take(two)
+    producers.give_back(two)
+    producers.give_back(one)
     assert events == ["open 1.cti", "open 2.cti", "close 2.cti"]
     producers.give_back(one)
     producers.take(one)

@@ -73,5 +73,5 @@ def test_a_camera_of_colours_only_or_without_a_size_is_refused() -> None:
         modes(nodes)
     nodes = FakeNodes()
     del nodes.values["Height"]
-    with pytest.raises(CameraError, match="does not tell the size"):
+    with pytest.raises(CameraError, match="does not report the size"):
         modes(nodes)

@@ -5,7 +5,8 @@ from tests.instrument.sources.genicam_stand_ins import FakeNodes
 
 from tsis.errors import CameraError, InputError, UnknownNameError
 from tsis.instrument import Setting
-from tsis.instrument.drivers.genicam._settings import adjust, run_free, settings, timeout_s
+from tsis.instrument._camera import silence_timeout_s
+from tsis.instrument.drivers.genicam._settings import adjust, run_free, settings
 
 
 def test_settings_have_our_names_and_units_and_the_cameras_ranges() -> None:
@@ -55,6 +56,6 @@ def test_running_free_means_no_trigger_and_nothing_automatic() -> None:
 
 
 def test_a_slow_camera_is_given_the_time_of_two_frames() -> None:
-    assert timeout_s({}) == 1.0
-    assert timeout_s({"frames_per_s": 0.25}) == 12.0
-    assert timeout_s({"frames_per_s": 30.0, "exposure_ms": 3000.0}) == 9.0
+    assert silence_timeout_s({}) == 1.0
+    assert silence_timeout_s({"frames_per_s": 0.25}) == 12.0
+    assert silence_timeout_s({"frames_per_s": 30.0, "exposure_ms": 3000.0}) == 9.0

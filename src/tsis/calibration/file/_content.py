@@ -37,13 +37,7 @@ def calibration_sha256(calibration: ProbeCalibration) -> str:
 
 
 def calibration_bytes(calibration: ProbeCalibration) -> bytes:
-    """Content of the calibration file.
-
-    Raises
-    ------
-    InputError
-        When it exceeds `LARGEST_BYTES`.
-    """
+    """Content of the calibration file; `InputError` when it exceeds `LARGEST_BYTES`."""
     content = to_json_value(calibration)
     require_bounded_arrays(content, "calibration")
     document = {
@@ -65,12 +59,7 @@ def calibration_bytes(calibration: ProbeCalibration) -> bytes:
 def write_calibration(calibration: ProbeCalibration, path: str | os.PathLike[str]) -> str:
     """Write a new file atomically and return its identity.
 
-    Raises
-    ------
-    FileInputError
-        When the file exists already or cannot be written.
-    InputError
-        As `calibration_bytes`.
+    Raises `FileInputError` when the file exists already or cannot be written; `InputError` as `calibration_bytes`.
     """
     target = as_path(path)
     content = calibration_bytes(calibration)
@@ -90,12 +79,8 @@ def write_calibration(calibration: ProbeCalibration, path: str | os.PathLike[str
 def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
     """Read a calibration file; `ProbeCalibration.require_usable` checks its use.
 
-    Raises
-    ------
-    FileInputError
-        When it is missing, of another format or version, or a value is out of range.
-    CalibrationError
-        When its hash does not match: it was changed or damaged.
+    Raises `FileInputError` when it is missing, of another format or version, or a value is out of range;
+    `CalibrationError` when its hash does not match: it was changed or damaged.
     """
     source = as_path(path)
     return _parsed(read_object(source, most=LARGEST_BYTES), printable_path(source))
@@ -104,10 +89,7 @@ def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
 def parse_calibration(content: bytes, name: str) -> ProbeCalibration:
     """Parse the content of a calibration file; ``name`` identifies it in errors.
 
-    Raises
-    ------
-    FileInputError, CalibrationError
-        As `read_calibration`.
+    Raises `FileInputError` or `CalibrationError` as `read_calibration`.
     """
     if len(content) > LARGEST_BYTES:
         raise FileInputError(f"{name} must be at most {LARGEST_BYTES} bytes; got {len(content)}")

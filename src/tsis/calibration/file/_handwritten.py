@@ -21,17 +21,14 @@ FROM_FRAMES = ("reference", "force_line", "specification", "made", "expires")
 def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:
     """Read values that were entered by hand, and date them from now.
 
+    Raises `FileInputError` when the file is invalid, or contains parts that only a session's frames provide.
+
     Parameters
     ----------
     path
         JSON file with name, probe, and a response or a scale.
     days
         Validity of the calibration, days.
-
-    Raises
-    ------
-    FileInputError
-        When the file is invalid, or contains parts that only a session's frames provide.
     """
     content = read_object(path, most=LARGEST_VALUES_BYTES)
     if measured := [name for name in FROM_FRAMES if content.get(name) is not None]:

@@ -22,18 +22,14 @@ if TYPE_CHECKING:
 
 LONGEST_NAME, LONGEST_NOTE = 200, 1000
 YEARS = (2000, 2200)  # any time in these years can be converted to another zone and extended
-MEASURED_IN: Mapping[str, Mapping[str, str]] = MappingProxyType(
+MEASURED_IN: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
     {
-        "reference": MappingProxyType(
-            {"read_noise_grey": "grey", "shot_noise_grey": "grey", "stray_grey": "grey", "patch_grey": "grey"}
-        ),
-        "force_line": MappingProxyType(
-            {
-                "intercept_grey": "grey",
-                "slope_grey_per_n": "grey/N",
-                "residual_grey": "grey",
-                "residual_share": "",
-            }
+        "reference": tuple((f"{name}_grey", "grey") for name in ("read_noise", "shot_noise", "stray", "patch")),
+        "force_line": (
+            ("intercept_grey", "grey"),
+            ("slope_grey_per_n", "grey/N"),
+            ("residual_grey", "grey"),
+            ("residual_share", ""),
         ),
     }
 )
@@ -70,7 +66,7 @@ def require_time(what: str, moment: object) -> None:
 
 def require_measured(part: str, value: Any) -> None:
     """Refuse a part with a measured number in another unit, or negative where only 0 or more is possible."""
-    for name, unit in MEASURED_IN.get(part, {}).items():
+    for name, unit in MEASURED_IN.get(part, ()):
         number: MeasuredValue | None = getattr(value, name)
         if number is None:
             continue
@@ -222,9 +218,7 @@ new one: tsis calibrate)
                     f"calibration {self.name!r} must be of the {what} in use, {theirs!r}; it is of {ours!r} "
                     "(choose its own calibration, or make one: tsis calibrate)"
                 )
-        self._require_settings(settings or {})
-
-    def _require_settings(self, present: Mapping[str, float]) -> None:
+        present = settings or {}
         for name, value in self.settings.items():
             if name in present and abs(present[name] - value) > SETTING_TOLERANCE * max(abs(value), 1e-9):
                 raise CalibrationError(
@@ -233,13 +227,7 @@ new one: tsis calibrate)
                 )
 
     def need(self, kind: type[Part], purpose: str) -> Part:
-        """The part of this type, which ``purpose`` requires.
-
-        Raises
-        ------
-        CalibrationError
-            When it was not measured.
-        """
+        """The part of this type, which ``purpose`` requires; `CalibrationError` when it was not measured."""
         name = next(name for name, part in PARTS.items() if part is kind)
         part = getattr(self, name)
         if not isinstance(part, kind):

@@ -26,24 +26,12 @@ FEWEST = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoadingRun:
-    """A loading's usable presses and the least-squares line through them.
+    """A loading's usable presses and the least-squares line through them."""
 
-    Attributes
-    ----------
-    tip_mm
-        Radius of the tip.
-    force_n, total_grey
-        Forces minus the gauge's zero, and sums of grey levels, shape (n,).
-    rising
-        True on the loading branch, shape (n,).
-    intercept, slope
-        Of the line.
-    """
-
-    tip_mm: float
-    force_n: NDArray[np.float64]
-    total_grey: NDArray[np.float64]
-    rising: NDArray[np.bool]
+    tip_mm: float  # radius of the tip
+    force_n: NDArray[np.float64]  # minus the gauge's zero, shape (n,)
+    total_grey: NDArray[np.float64]  # sums of grey levels, shape (n,)
+    rising: NDArray[np.bool]  # True on the loading branch, shape (n,)
     intercept: float
     slope: float
 
@@ -74,10 +62,7 @@ def usable_presses(loading: Loading) -> NDArray[np.bool]:
 def fit_run(loading: Loading) -> LoadingRun:
     """Fit the line of one loading.
 
-    Raises
-    ------
-    CalibrationError
-        When too few presses are usable, or the sum does not rise with the force.
+    Raises `CalibrationError` when too few presses are usable, or the sum does not rise with the force.
     """
     good = usable_presses(loading)
     if int(good.sum()) < FEWEST:
@@ -217,9 +202,6 @@ def detectable_n(loadings: Sequence[Loading], slope_grey_per_n: float) -> Measur
     count = len(untouched)
     if count < FEWEST_UNTOUCHED:
         return None
-    levels = (
-        float(scipy.stats.norm.isf(FALSE_ALARMS) + scipy.stats.norm.isf(MISSES))
-        * np.sqrt(1 + 1 / count)
-        / slope_grey_per_n
-    )
-    return spread_value(float(np.var(untouched, ddof=1)) * float(levels) ** 2, count - 1.0, unit="N")
+    quantiles = float(scipy.stats.norm.isf(FALSE_ALARMS) + scipy.stats.norm.isf(MISSES))
+    levels = float(quantiles * np.sqrt(1 + 1 / count) / slope_grey_per_n)
+    return spread_value(float(np.var(untouched, ddof=1)) * levels**2, count - 1.0, unit="N")

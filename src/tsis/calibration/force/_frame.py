@@ -58,49 +58,35 @@ def read_loading_frame(
 ) -> LoadingFrame:
     """Read one frame of the loading procedure; clipped pixels are counted, not refused.
 
+    Raises `ImageMismatchError` or `InputError` when the frame does not belong to the reference, the lamps changed or
+    the scale is unknown.
+
     Parameters
     ----------
     image
         The raw camera frame.
     reference
         Its correction.
-    force_n
-        Force of the gauge, newtons.
-    touched
-        Whether the tip touched the probe.
+    force_n, touched
+        As in `LoadingFrame`.
     method
         ``"threshold"`` or ``"canny"``.
-
-    Raises
-    ------
-    ImageMismatchError, InputError
-        When the frame does not belong to the reference, the lamps changed or the scale is unknown.
     """
     grey = reference.touch_grey(image)
     scale = reference.mm_per_pixel or image.mm_per_pixel
     if scale is None:
         raise InputError("mm_per_pixel must be known to read a press; calibrate the scale first")
-    field = float(grey[reference.usable].sum())
     mask = patch_mask(TactileImage(grey=grey, full_scale=reference.full_scale), method=method)
-    if not mask.any():
-        return LoadingFrame(
-            force_n=force_n,
-            touched=touched,
-            total_grey=0.0,
-            field_grey=field,
-            peak_grey=0.0,
-            mean_square_mm2=0.0,
-            clipped=0.0,
-        )
-    peak, spread = _shape(grey, mask, scale)
+    lit = bool(mask.any())
+    peak, spread = _shape(grey, mask, scale) if lit else (0.0, 0.0)
     return LoadingFrame(
         force_n=force_n,
         touched=touched,
         total_grey=float(grey[mask].sum()),
-        field_grey=field,
+        field_grey=float(grey[reference.usable].sum()),
         peak_grey=peak,
         mean_square_mm2=spread,
-        clipped=float(np.mean(image.grey[mask] >= image.full_scale)),
+        clipped=float(np.mean(image.grey[mask] >= image.full_scale)) if lit else 0.0,
     )
 
 
@@ -108,12 +94,8 @@ def total_grey(image: TactileImage, reference: CameraReference, *, method: str =
     """Sum of grey levels above no contact over the bright patch, 0 when nothing stands out of the noise.
 
     It is the argument of `ForceLine.force_n`: y of the source's (5.4). Where grey level follows pressure as in (5.2),
-    it follows the force, the integral of the pressure (5.3).
-
-    Raises
-    ------
-    ImageMismatchError, InputError
-        When the frame does not belong to the reference, is saturated, or the lamps changed.
+    it follows the force, the integral of the pressure (5.3). Raises `ImageMismatchError` or `InputError` when the frame
+    does not belong to the reference, is saturated, or the lamps changed.
     """
     corrected = reference.corrected(image)
     mask = patch_mask(corrected, method=method)
@@ -121,15 +103,10 @@ def total_grey(image: TactileImage, reference: CameraReference, *, method: str =
 
 
 def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.bool]:
-    """The pixels of the bright patch with a margin for the light of its edge, shape (rows, columns).
+    """The pixels of the bright patch of a corrected frame, with a margin for the light of its edge.
 
-    Parameters
-    ----------
-    image
-        A corrected frame.
-    method
-        ``"threshold"`` cuts six standard deviations of the noise above the dark side; ``"canny"`` fills the outline
-        of Canny's edges, or uses the threshold's patch where they do not close.
+    ``"threshold"`` cuts six standard deviations of the noise above the dark side. ``"canny"`` fills the outline of
+    Canny's edges, or uses the threshold's patch where they do not close.
     """
     require_one_of("segmentation method", method, PATCH_METHODS)
     patch = segment(image, method="noise")

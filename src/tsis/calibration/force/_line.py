@@ -22,6 +22,9 @@ LARGEST_GAUGE_N = 50.0  # range of the source's gauge; larger numbers are in ano
 class ForceLine:
     """``sum = intercept + slope * F`` with F in newtons, the source's (5.4), with the variances of a new force.
 
+    Raises `InputError` when a value lies outside its range, or the line exceeds the largest possible sum within its
+    range of force: then forces were not in newtons.
+
     Parameters
     ----------
     intercept_grey, slope_grey_per_n
@@ -49,12 +52,6 @@ class ForceLine:
         Radii of the tips, one or more, each in [0.1, 1000] mm.
     method
         Segmentation method of the bright patch, ``"threshold"`` or ``"canny"``.
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range, or the line exceeds the largest possible sum within its range of force:
-        then forces were not in newtons.
 
     Examples
     --------
@@ -102,9 +99,6 @@ class ForceLine:
         for tip in self.tips_mm:
             require_number("tips_mm", tip, 0.1, 1000.0, hint="millimetres")
         require_one_of("segmentation method", self.method, PATCH_METHODS)
-        self._refuse_impossible_sums()
-
-    def _refuse_impossible_sums(self) -> None:
         largest = self.intercept_grey.value + self.slope_grey_per_n.value * self.most_n
         if largest > self.largest_grey:
             raise InputError(
@@ -121,6 +115,8 @@ class ForceLine:
     def force_n(self, total_grey: float) -> MeasuredValue:
         """The force of a new frame in newtons, of an object other than the tips.
 
+        Raises `InputError` when the force lies outside the valid range.
+
         Parameters
         ----------
         total_grey
@@ -128,13 +124,8 @@ class ForceLine:
 
         Returns
         -------
-        Measured
+        MeasuredValue
             Force with its prediction uncertainty: line, new object, single press, lamps and gauge.
-
-        Raises
-        ------
-        InputError
-            When the force lies outside the valid range.
         """
         total = require_number("total_grey", total_grey, -1e15, 1e15)
         force = (total - self.intercept_grey.value) / self.slope_grey_per_n.value

@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 TIPS_MM = (2.0, 10.0, 14.0)
 LARGEST_N, STEP_N = 2.0, 0.1
 UNTOUCHED_N = 0.005  # largest zero of a gauge without load
+NUMBERS = ("force_n", "total_grey", "field_grey", "peak_grey", "mean_square_mm2", "clipped")  # of every press
 
 
 def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tuple[float, ...]:
     """Forces of section 5.1 in newtons in order of time: 0 to the largest in steps, and back to 0.
+
+    Raises `InputError` when either lies outside its range.
 
     Parameters
     ----------
@@ -33,11 +36,6 @@ def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tupl
         Largest force in newtons, in [0.001, 50].
     step_n
         Step in newtons, from 0.0001 to the largest.
-
-    Raises
-    ------
-    InputError
-        When either lies outside its range.
 
     Examples
     --------
@@ -88,7 +86,7 @@ class Loading:
     def __post_init__(self) -> None:
         require_number("tip_radius_mm", self.tip_radius_mm, 0.1, 1000.0, hint="millimetres")
         require_integer("run", self.run, 1, 10_000)
-        for name in ("force_n", "total_grey", "field_grey", "peak_grey", "mean_square_mm2", "clipped"):
+        for name in NUMBERS:
             values = require_array(name, getattr(self, name), ndim=1)
             object.__setattr__(self, name, values)
             if len(values) != len(self.force_n):
@@ -112,17 +110,8 @@ class Loading:
     @classmethod
     def from_frames(cls, tip_radius_mm: float, readings: Sequence[LoadingFrame], *, run: int = 1) -> Self:
         """The loading of single frames."""
-        return cls(
-            tip_radius_mm=tip_radius_mm,
-            run=run,
-            force_n=np.array([reading.force_n for reading in readings]),
-            total_grey=np.array([reading.total_grey for reading in readings]),
-            touched=np.array([reading.touched for reading in readings]),
-            field_grey=np.array([reading.field_grey for reading in readings]),
-            peak_grey=np.array([reading.peak_grey for reading in readings]),
-            mean_square_mm2=np.array([reading.mean_square_mm2 for reading in readings]),
-            clipped=np.array([reading.clipped for reading in readings]),
-        )
+        columns = {name: np.array([getattr(item, name) for item in readings]) for name in (*NUMBERS, "touched")}
+        return cls(tip_radius_mm=tip_radius_mm, run=run, **columns)
 
     @property
     def zero_n(self) -> float:

@@ -79,9 +79,9 @@ def check_press(
 
 def guard_reference(calibration: UsableCalibration | None) -> GuardReference:
     """The untouched probe of a calibration; an empty reference without one."""
-    reference = None if calibration is None else calibration.calibration.reference
-    if reference is None:
+    if calibration is None or calibration.calibration.reference is None:
         return GuardReference()
+    reference, probe = calibration.calibration.reference, calibration.calibration.probe
     return GuardReference(
         untouched=TactileImage(
             grey=reference.dark_grey + reference.untouched_grey,
@@ -89,7 +89,7 @@ def guard_reference(calibration: UsableCalibration | None) -> GuardReference:
             full_scale=reference.full_scale,
         ),
         patch=reference.patch,
-        face_radius_mm=_face_radius_mm(calibration),
+        face_radius_mm=load_probe(probe).radius_mm if probe in list_probes() else None,
         dark_grey=float(reference.dark_grey.mean()),
     )
 
@@ -109,9 +109,3 @@ def with_calibrated_scale(image: TactileImage, calibration: UsableCalibration | 
 def _scale(calibration: UsableCalibration | None) -> tuple[float, float] | None:
     scale = None if calibration is None else calibration.calibration.scale
     return None if scale is None else scale.mm_per_pixel
-
-
-def _face_radius_mm(calibration: UsableCalibration | None) -> float | None:
-    """Radius of the face of a probe in the catalog."""
-    name = "" if calibration is None else calibration.calibration.probe
-    return load_probe(name).radius_mm if name in list_probes() else None

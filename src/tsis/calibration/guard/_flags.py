@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 class GuardLimits:
     """Limits of a usable press.
 
+    Raises `InputError` when a limit lies outside its range or the window of the force is empty.
+
     Parameters
     ----------
     least_force_n, most_force_n
@@ -60,11 +62,6 @@ class GuardLimits:
         Relative change of the light still to come, in [1e-4, 0.5]: that of the settling time of a press.
     release
         Part of a limit below which a live view clears a raised flag, in [0.5, 1].
-
-    Raises
-    ------
-    InputError
-        When a limit lies outside its range or the window of the force is empty.
     """
 
     least_force_n: float = 0.1
@@ -134,90 +131,66 @@ class GuardFlag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlagMeaning:
-    """What a flag means.
-
-    Attributes
-    ----------
-    means
-        Explanation.
-    limit
-        The field of `GuardLimits` that it is compared with.
-    unit
-        Of value and limit.
-    needs
-        Inputs besides the frame.
-    """
+    """What a flag means."""
 
     means: str
-    limit: str
-    unit: str
-    needs: str = ""
+    limit: str  # the field of `GuardLimits` that it is compared with
+    unit: str  # of value and limit
+    needs: str = ""  # inputs besides the frame
 
 
-CONTACT_FRACTION, UNTOUCHED = "fraction of the contact's light", "an untouched frame"
+SCALE_FRACTION, CONTACT_FRACTION = "fraction of full scale", "fraction of the contact's light"
+FORCE, UNTOUCHED, SERIES = "the gauge's force", "an untouched frame", "a series of frames"
 GUARD_FLAGS = {
-    "frozen": FlagMeaning(
-        means="the camera delivers one picture again and again",
-        limit="frozen",
-        unit="identical frames in a row",
-        needs="a series of frames",
-    ),
-    "no-contact": FlagMeaning(means="nothing stands out of the frame", limit="contact", unit="fraction of full scale"),
-    "force-too-small": FlagMeaning(
-        means="pressed too lightly", limit="least_force_n", unit="N", needs="the gauge's force"
-    ),
-    "force-too-large": FlagMeaning(means="pressed too hard", limit="most_force_n", unit="N", needs="the gauge's force"),
-    "saturated": FlagMeaning(
-        means="the camera clips inside the contact", limit="saturated", unit="fraction of the contact's pixels"
-    ),
-    "dark-frame": FlagMeaning(means="the contact is too dim to read", limit="dark", unit="fraction of full scale"),
-    "cropped": FlagMeaning(means="the contact runs out of the frame", limit="cropped", unit="fraction of the peak"),
-    "off-centre": FlagMeaning(
-        means="the contact lies beside the probe's axis", limit="off_centre", unit="fraction of the contact's radius"
-    ),
-    "tilted": FlagMeaning(
-        means="one side is brighter than in a level press",
-        limit="tilt",
-        unit="fraction of the brightness, centre to edge",
-    ),
-    "ambient-light": FlagMeaning(
-        means="light from outside reaches the camera", limit="ambient", unit=CONTACT_FRACTION, needs=UNTOUCHED
-    ),
-    "flicker": FlagMeaning(
-        means="light from outside swings with the mains",
-        limit="flicker",
-        unit=CONTACT_FRACTION,
-        needs="a series of frames with times",
-    ),
-    "led-drift": FlagMeaning(
-        means="the lamps are not as bright as in the reference",
-        limit="led_drift",
-        unit="fraction of the lamps' light",
-        needs=f"{UNTOUCHED} with a reference patch",
-    ),
-    "moving": FlagMeaning(
-        means="the press has not settled, or this is not known yet",
-        limit="moving",
-        unit="fraction of the light still to come",
-        needs="a series of frames with times",
-    ),
+    name: FlagMeaning(means=means, limit=limit, unit=unit, needs=needs)
+    for name, limit, unit, needs, means in (
+        ("frozen", "frozen", "identical frames in a row", SERIES, "the camera delivers one picture again and again"),
+        ("no-contact", "contact", SCALE_FRACTION, "", "nothing stands out of the frame"),
+        ("force-too-small", "least_force_n", "N", FORCE, "pressed too lightly"),
+        ("force-too-large", "most_force_n", "N", FORCE, "pressed too hard"),
+        ("saturated", "saturated", "fraction of the contact's pixels", "", "the camera clips inside the contact"),
+        ("dark-frame", "dark", SCALE_FRACTION, "", "the contact is too dim to read"),
+        ("cropped", "cropped", "fraction of the peak", "", "the contact runs out of the frame"),
+        (
+            "off-centre",
+            "off_centre",
+            "fraction of the contact's radius",
+            "",
+            "the contact lies beside the probe's axis",
+        ),
+        (
+            "tilted",
+            "tilt",
+            "fraction of the brightness, centre to edge",
+            "",
+            "one side is brighter than in a level press",
+        ),
+        ("ambient-light", "ambient", CONTACT_FRACTION, UNTOUCHED, "light from outside reaches the camera"),
+        ("flicker", "flicker", CONTACT_FRACTION, f"{SERIES} with times", "light from outside swings with the mains"),
+        (
+            "led-drift",
+            "led_drift",
+            "fraction of the lamps' light",
+            f"{UNTOUCHED} with a reference patch",
+            "the lamps are not as bright as in the reference",
+        ),
+        (
+            "moving",
+            "moving",
+            "fraction of the light still to come",
+            f"{SERIES} with times",
+            "the press has not settled, or this is not known yet",
+        ),
+    )
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitExcess:
-    """A value compared with its limit.
-
-    Attributes
-    ----------
-    flag
-        The flag of the value.
-    excess
-        The value over the limit as a factor; above 1 the flag is raised.
-    """
+    """A value compared with its limit."""
 
     flag: GuardFlag
-    excess: float
+    excess: float  # the value over the limit as a factor; above 1 the flag is raised
 
 
 def limit_excesses(
@@ -230,18 +203,8 @@ def limit_excesses(
 ) -> Iterator[LimitExcess]:
     """Compare every available value with its limit, in the order in which faults are best corrected.
 
-    Parameters
-    ----------
-    reading
-        Values of the frame.
-    limits
-        The limits.
-    settling
-        Of the series; None when unknown.
-    flicker_grey
-        Amplitude at the mains' frequencies, grey levels; None when unknown.
-    in_a_row
-        Number of identical frames up to this one; 0 when unknown.
+    ``flicker_grey`` is the amplitude at the mains' frequencies, and ``in_a_row`` the number of identical frames up to
+    this one; 0 when unknown.
     """
     if in_a_row:
         advice = f"stop and start the camera: {in_a_row} frames in a row are one and the same picture"
@@ -316,13 +279,10 @@ def _side(x: float, y: float) -> str:
 
 def _hold(settling: Settling) -> str:
     if settling.wait_s is None:
-        return "hold still: whether the press has settled cannot be told yet"
-    fraction = abs(settling.remaining.value)
-    return f"hold still for {_duration(settling.wait_s)}: {fraction:.1%} of the light is still to come or go"
-
-
-def _duration(seconds: float) -> str:
-    return f"{math.ceil(seconds)} s" if seconds <= 120 else f"{math.ceil(seconds / 60)} min"
+        return "hold still: whether the press has settled is not known yet"
+    fraction, wait_s = abs(settling.remaining.value), settling.wait_s
+    duration = f"{math.ceil(wait_s)} s" if wait_s <= 120 else f"{math.ceil(wait_s / 60)} min"
+    return f"hold still for {duration}: {fraction:.1%} of the light is still to come or go"
 
 
 def _above(name: str, value: float, limit: float, advice: str) -> LimitExcess:

@@ -25,19 +25,7 @@ def flicker_amplitude(time_s: Sequence[float], level: Sequence[float]) -> float 
 
     Frames more than half a period apart alias the flicker to a lower frequency; a fit at the times of the frames
     still gives its amplitude. Where the alias is near zero (100 Hz at 25 or 50 frames a second), every frame has the
-    same phase and the amplitude is unknown.
-
-    Parameters
-    ----------
-    time_s
-        Times of the frames, s, ascending.
-    level
-        Grey level outside the contact, at each of them.
-
-    Returns
-    -------
-    float or None
-        The amplitude in grey levels, 0 when it does not stand out of the noise; None when unknown.
+    same phase and the amplitude is unknown, None. It is 0 when it does not stand out of the noise.
 
     Examples
     --------

@@ -27,23 +27,15 @@ LEAST_FRACTION = 0.1  # of the frame: a smaller dark part may be the foot of a c
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutsideLevel:
-    """Levels outside the contact.
+    """Levels outside the contact; None without an untouched frame or part.
 
-    Attributes
-    ----------
-    level
-        Of the change of grey level; 0 or the lowest where no part is known to be untouched.
-    before, since
-        Level of the untouched frame there, and its change since, raw grey levels; None without an untouched frame or
-        part. Where light from outside is uneven, that of the brightest quadrant.
-    mean_grey
-        Mean level of the frame itself there; None where no part is untouched.
+    Where light from outside is uneven, ``before`` and ``since`` are those of the brightest quadrant.
     """
 
-    level: float
-    before: float | None = None
-    since: float | None = None
-    mean_grey: float | None = None
+    level: float  # of the change of grey level; 0 or the lowest where no part is known to be untouched
+    before: float | None = None  # of the untouched frame there, raw grey levels
+    since: float | None = None  # its change since
+    mean_grey: float | None = None  # of the frame itself there
 
 
 def level_outside(grey: NDArray[np.float64], change: NDArray[np.float64], prepared: Prepared) -> OutsideLevel:
@@ -86,62 +78,24 @@ LEAST_AREA = 9  # blocks: a smaller contact has no moments
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardReading:
-    """Values of one frame; None when an input is missing.
+    """Values of one frame; None when an input is missing."""
 
-    Attributes
-    ----------
-    force_n
-        Force of the gauge, N.
-    full_scale
-        Grey level at which the camera clips.
-    contrast
-        Peak of the change above the untouched level, a fraction of full scale.
-    noise
-        Least contrast that stands out of the frame's noise, a fraction of full scale.
-    light
-        Mean change of grey level over the frame.
-    tilt
-        Relative gradient of brightness from the contact's centre to its edge, (x, y).
-    off_centre
-        Distance of the contact's centre from the axis over the contact's radius.
-    saturated
-        Fraction of the contact's pixels at full scale; of all pixels where most of them clip, which hides the contact.
-    cropped
-        Level at which the contact's patch meets the frame's border, over the peak.
-    ambient_grey
-        Light from outside, grey levels.
-    led_drift
-        Relative change of the lamps since the reference, signed.
-    outside_grey
-        Mean level outside the contact, raw grey levels.
-    """
-
-    force_n: float | None
-    full_scale: float
-    contrast: float
-    noise: float
-    light: float
-    tilt: tuple[float, float] | None
-    off_centre: float | None
-    saturated: float | None
-    cropped: float | None
-    ambient_grey: float | None
-    led_drift: float | None
-    outside_grey: float | None
+    force_n: float | None  # of the gauge
+    full_scale: float  # grey level at which the camera clips
+    contrast: float  # peak of the change above the untouched level, a fraction of full scale
+    noise: float  # least contrast that stands out of the frame's noise, a fraction of full scale
+    light: float  # mean change of grey level over the frame
+    tilt: tuple[float, float] | None  # relative gradient (x, y) of brightness from the contact's centre to its edge
+    off_centre: float | None  # distance of the contact's centre from the axis over the contact's radius
+    saturated: float | None  # clipped fraction of the contact's pixels; of all where most clip, which hides the contact
+    cropped: float | None  # level at which the contact's patch meets the frame's border, over the peak
+    ambient_grey: float | None  # light from outside
+    led_drift: float | None  # relative change of the lamps since the reference, signed
+    outside_grey: float | None  # mean raw level outside the contact
 
 
 def read_guard_frame(pixels: NDArray[Any], prepared: Prepared, *, force_n: float | None = None) -> GuardReading:
-    """Read a frame of the shape that the reference was prepared for.
-
-    Parameters
-    ----------
-    pixels
-        Raw grey levels.
-    prepared
-        The reference.
-    force_n
-        Force of the gauge, N.
-    """
+    """Read the raw grey levels of a frame of the shape that the reference was prepared for."""
     shape = prepared.shape
     grey = shape.means(pixels)
     untouched = prepared.untouched
@@ -155,13 +109,14 @@ def read_guard_frame(pixels: NDArray[Any], prepared: Prepared, *, force_n: float
     noise = NOISE_FACTOR * max(pixel_noise(change), rounding) / (2.0 * SMOOTH_PX * float(np.sqrt(np.pi)))
     drift, ambient = lamps_and_ambient(pixels, outside, prepared)
     tilt = off_centre = saturated = cropped = None
+    clipped = pixels >= shape.full_scale
+    everywhere = float(clipped.mean())
     if peak > noise:
         mask = _around((int(row), int(column)), smooth > max(noise, FOOT * peak))
         if np.count_nonzero(mask) >= LEAST_AREA:
             tilt, off_centre = _moments(smooth, mask, prepared)
-            saturated = _clipped(pixels, mask, prepared)
+            saturated = float(shape.means(clipped)[mask].mean()) if everywhere > 0 else 0.0
             cropped = _brightest_at_border(smooth, (int(row), int(column))) / peak
-    everywhere = float((pixels >= shape.full_scale).mean())
     if everywhere > MOST:
         saturated = everywhere
     return GuardReading(
@@ -249,32 +204,18 @@ def _moments(
     return (gradient[0] - level[0], gradient[1] - level[1]), math.hypot(*centre) / radius
 
 
-def _clipped(pixels: NDArray[Any], mask: NDArray[np.bool], prepared: Prepared) -> float:
-    """Fraction of the contact's pixels at full scale."""
-    clipped = pixels >= prepared.shape.full_scale
-    if not np.count_nonzero(clipped):
-        return 0.0
-    return float(prepared.shape.means(clipped)[mask].mean())
-
-
 def prepare_reference(reference: GuardReference, shape: FrameShape) -> Prepared:
     """Average a reference over the blocks of the frames.
 
-    Raises
-    ------
-    ImageMismatchError
-        When the reference's frames are of another size or depth.
-    InputError
-        When the reference patch is not lit.
+    Raises `ImageMismatchError` when the reference's frames are of another size or depth; `InputError` when the
+    reference patch is not lit.
     """
     untouched = reference.untouched
+    size = (shape.rows, shape.columns)
     for frame in (untouched, reference.level):
-        if frame is not None and (frame.grey.shape, frame.full_scale) != (
-            (shape.rows, shape.columns),
-            shape.full_scale,
-        ):
+        if frame is not None and (frame.grey.shape, frame.full_scale) != (size, shape.full_scale):
             raise ImageMismatchError(
-                f"the reference must have the frames' size {(shape.rows, shape.columns)} and full scale "
+                f"the reference must have the frames' size {size} and full scale "
                 f"{shape.full_scale:g}; got {frame.grey.shape} and {frame.full_scale:g} (record both in one mode)"
             )
     rim = reference.face_radius_mm if shape.mm_per_pixel is not None else None

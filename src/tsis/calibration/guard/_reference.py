@@ -52,32 +52,29 @@ class FrameShape:
     @classmethod
     def of(cls, image: TactileImage) -> FrameShape:
         """Shape of a frame."""
-        rows, columns = image.grey.shape
-        return cls(
-            rows=rows,
-            columns=columns,
-            full_scale=image.full_scale,
-            axis_px=image.axis(),
-            mm_per_pixel=image.mm_per_pixel,
-        )
+        (rows, columns), scale = image.grey.shape, image.mm_per_pixel
+        return cls(rows=rows, columns=columns, full_scale=image.full_scale, axis_px=image.axis(), mm_per_pixel=scale)
 
     @property
     def by(self) -> int:
         """Pixels along a block's side."""
         return max(1, max(self.rows, self.columns) // BLOCKS)
 
+    @property
+    def blocks(self) -> tuple[int, int]:
+        """Number of blocks (x, y)."""
+        return max(1, self.columns // self.by), max(1, self.rows // self.by)
+
     def means(self, pixels: NDArray[Any]) -> NDArray[np.float64]:
         """Mean grey level of each block; a remainder at the right and lower border is spread over the blocks."""
-        size = (max(1, self.columns // self.by), max(1, self.rows // self.by))
-        return block_means(pixels, size[::-1])
+        return block_means(pixels, self.blocks[::-1])
 
     def positions(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Coordinates (x, y) of the blocks' columns and rows from the axis, in mm or pixels."""
-        counts = (max(1, self.columns // self.by), max(1, self.rows // self.by))
-        sizes = self.mm_per_pixel or (1.0, 1.0)
+        pixels, sizes = (self.columns, self.rows), self.mm_per_pixel or (1.0, 1.0)
         x, y = (
-            (((np.arange(count) + 0.5) * pixels / count - 0.5) - axis) * size
-            for count, pixels, axis, size in zip(counts, (self.columns, self.rows), self.axis_px, sizes, strict=True)
+            (((np.arange(count) + 0.5) * side / count - 0.5) - axis) * size
+            for count, side, axis, size in zip(self.blocks, pixels, self.axis_px, sizes, strict=True)
         )
         return x, y
 
@@ -107,6 +104,7 @@ class GuardReference:
         darkest part of the frame counts as untouched if it covers a tenth of the frame or more.
     dark_grey
         Camera level without light, grey levels; None when it was not measured.
+    invert
         True for probes whose light falls where they are pressed; needs ``untouched``.
 
     Raises
@@ -144,37 +142,17 @@ class GuardReference:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
-    """A reference averaged over the blocks of one frame shape.
-
-    Attributes
-    ----------
-    shape
-        Of the frames.
-    untouched
-        Blocks of the untouched probe; None without such a frame.
-    sign
-        1, or -1 for probes with light where they are pressed.
-    positions
-        Coordinates (x, y) of the blocks' columns and rows.
-    beyond_rim
-        Blocks of each quadrant beyond the face's rim; empty where it is unknown or outside the frame.
-    patch, patch_before
-        The reference patch and its level when untouched.
-    dark_grey
-        Level without light; None when unknown.
-    level_tilt
-        Gradient of a level press.
-    """
+    """A reference averaged over the blocks of one frame shape; None where an input is missing."""
 
     shape: FrameShape
-    untouched: NDArray[np.float64] | None
-    sign: float
-    positions: tuple[NDArray[np.float64], NDArray[np.float64]]
-    beyond_rim: tuple[NDArray[np.bool], ...]
+    untouched: NDArray[np.float64] | None  # blocks of the untouched probe
+    sign: float  # -1 for probes whose light falls where they are pressed, else 1
+    positions: tuple[NDArray[np.float64], NDArray[np.float64]]  # coordinates (x, y) of the blocks' columns and rows
+    beyond_rim: tuple[NDArray[np.bool], ...]  # blocks of each quadrant beyond the face's rim, where known and visible
     patch: ReferencePatch | None
-    patch_before: float | None
+    patch_before: float | None  # level of the untouched patch
     dark_grey: float | None
-    level_tilt: tuple[float, float] = (0.0, 0.0)
+    level_tilt: tuple[float, float] = (0.0, 0.0)  # gradient of a level press
 
     @property
     def least_lit(self) -> float:
@@ -183,9 +161,7 @@ class Prepared:
 
     def patch_level(self, pixels: NDArray[Any]) -> float | None:
         """Mean of the reference patch; None without one."""
-        if self.patch is None:
-            return None
-        return float(self.patch.cut(pixels).mean())
+        return None if self.patch is None else float(self.patch.cut(pixels).mean())
 
     def check_fits(self, pixels: NDArray[Any], full_scale: float) -> None:
         """Refuse a frame of another shape or depth."""

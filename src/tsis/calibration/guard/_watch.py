@@ -32,17 +32,12 @@ LEAST_NOISY = 0.01  # of the pixels: stuck ones of a black picture are fewer
 class RepeatedFrames:
     """Number of identical pictures in a row.
 
-    Attributes
-    ----------
-    checksum
-        Of the newest picture's pixels; None before the first.
-    count
-        Number of identical frames up to the newest. Sensor noise never repeats; pictures that clip almost everywhere
-        are identical without a fault: each counts as the first.
+    Sensor noise never repeats; pictures that clip almost everywhere are identical without a fault: each counts as the
+    first.
     """
 
-    checksum: int | None = None
-    count: int = 0
+    checksum: int | None = None  # of the newest picture's pixels; None before the first
+    count: int = 0  # of identical frames up to the newest
 
     def with_picture(self, pixels: NDArray[Any]) -> RepeatedFrames:
         """The count after one more picture.
@@ -57,13 +52,10 @@ class RepeatedFrames:
         (3, 1)
         """
         checksum = zlib.crc32(np.ascontiguousarray(pixels).data)
-        again = checksum == self.checksum and _noisy(pixels)
+        again = checksum == self.checksum
+        if again:  # and enough pixels lie between the picture's extremes to show noise
+            again = bool(((pixels > pixels.min()) & (pixels < pixels.max())).mean() > LEAST_NOISY)
         return RepeatedFrames(checksum=checksum, count=self.count + 1 if again else 1)
-
-
-def _noisy(pixels: NDArray[Any]) -> bool:
-    """Whether enough pixels lie between the picture's extremes to show noise."""
-    return bool(((pixels > pixels.min()) & (pixels < pixels.max())).mean() > LEAST_NOISY)
 
 
 STEP = 0.05  # a larger relative change between neighbouring bins is another press, not settling
@@ -247,21 +239,17 @@ class PressWatch:
         # Between two complete bins the series is the same, and so is the result.
         settling = state.settling if history.time_s is state.history.time_s else self._assess(history)
         stillness = state.stillness.with_picture(frame.pixels)
+        flicker_grey = flicker_amplitude([time_s for time_s, _ in outside], [level for _, level in outside])
         excesses = limit_excesses(
-            reading,
-            self.limits,
-            settling=settling,
-            flicker_grey=flicker_amplitude(*_columns(outside)),
-            in_a_row=stillness.count,
+            reading, self.limits, settling=settling, flicker_grey=flicker_grey, in_a_row=stillness.count
         )
         up = tuple(
             item.flag
             for item in excesses
             if item.excess > (self.limits.release if item.flag.name in state.raised else 1.0)
         )
-        raised = frozenset(flag.name for flag in up)
         return up, WatchState(
-            raised=raised,
+            raised=frozenset(flag.name for flag in up),
             history=history,
             outside=outside,
             stillness=stillness,
@@ -287,7 +275,3 @@ class PressWatch:
             return None
         time, value = np.array(history.time_s), np.array(history.value)
         return assess_history(time, value, tolerance=self.limits.moving, longest_s=self._longest_s)
-
-
-def _columns(outside: tuple[tuple[float, float], ...]) -> tuple[list[float], list[float]]:
-    return [time for time, _ in outside], [level for _, level in outside]

@@ -29,15 +29,12 @@ PixelBox = tuple[int, int, int, int]
 class ReferencePatch:
     """A rectangle of the frame that the lamps light outside every contact.
 
+    Raises `InputError` when the ends do not ascend or hold too few pixels.
+
     Parameters
     ----------
     first_row, last_row, first_column, last_column
         Its ends in pixels, the last ones excluded; at least 16 pixels together.
-
-    Raises
-    ------
-    InputError
-        When the ends do not ascend or hold too few pixels.
 
     Examples
     --------
@@ -53,12 +50,9 @@ class ReferencePatch:
     def __post_init__(self) -> None:
         for first, last in (("first_row", "last_row"), ("first_column", "last_column")):
             start = require_integer(first, getattr(self, first), 0, 65534, hint="pixels")
+            end = require_integer(last, getattr(self, last), start + 1, 65535, hint="pixels, beyond the first")
             object.__setattr__(self, first, start)
-            object.__setattr__(
-                self,
-                last,
-                require_integer(last, getattr(self, last), start + 1, 65535, hint="pixels, beyond the first"),
-            )
+            object.__setattr__(self, last, end)
         if self.pixels < LEAST_PIXELS:
             raise InputError(f"a reference patch must hold at least {LEAST_PIXELS} pixels; got {self.pixels}")
 
@@ -87,13 +81,7 @@ class ReferencePatch:
         return (self.last_row - self.first_row) * (self.last_column - self.first_column)
 
     def of(self, image: TactileImage) -> TactileImage:
-        """The patch of a frame.
-
-        Raises
-        ------
-        InputError
-            When it extends beyond the frame.
-        """
+        """The patch of a frame; `InputError` when it extends beyond the frame."""
         require_image("image", image)
         self.require_inside(image.grey.shape)
         return replace(image, grey=self.cut(image.grey), axis_px=None)
@@ -137,7 +125,7 @@ def patch_ratio(
 
     Returns
     -------
-    Measured
+    MeasuredValue
         Ratio of the patch's means above ``dark_grey``, with the uncertainty from noise and rounding of the pixels.
 
     Raises
@@ -157,8 +145,8 @@ def patch_ratio(
     """
     require_same_frame(image, reference, "reference")
     require_number("dark_grey", dark_grey, 0.0, image.full_scale)
-    levels = [_level("image", image, patch, dark_grey), _level("reference", reference, patch, dark_grey)]
-    (now, now_sd), (before, before_sd) = levels
+    now, now_sd = _level("image", image, patch, dark_grey)
+    before, before_sd = _level("reference", reference, patch, dark_grey)
     require_lit(before, reference.full_scale)
     ratio = now / before
     return MeasuredValue(value=ratio, sd=float(np.hypot(now_sd, ratio * before_sd)) / before)
@@ -177,6 +165,8 @@ def _level(name: str, image: TactileImage, patch: ReferencePatch, dark_grey: flo
 def drift_corrected(image: TactileImage, ratio: MeasuredValue | float, *, dark_grey: float = 0.0) -> TactileImage:
     """Scale the light of a frame to the lamps of the reference, by the ratio of `patch_ratio`.
 
+    Raises `InputError` when the ratio or the dark level lies outside its range.
+
     Parameters
     ----------
     image
@@ -190,11 +180,6 @@ def drift_corrected(image: TactileImage, ratio: MeasuredValue | float, *, dark_g
     -------
     TactileImage
         ``dark_grey + (image - dark_grey) / ratio``. Test the original frame for clipped pixels.
-
-    Raises
-    ------
-    InputError
-        When the ratio or the dark level lies outside its range.
 
     Examples
     --------

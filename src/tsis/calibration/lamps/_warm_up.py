@@ -51,12 +51,8 @@ class WarmUp:
     def wait_s(self, fraction: float, *, now_s: float = 0.0) -> float:
         """Seconds from ``now_s`` after switching on until the light is within ``fraction`` of that when warm.
 
-        The wait uses the upper ends of the 95 % intervals of amplitude and time constant.
-
-        Raises
-        ------
-        InputError
-            When ``fraction`` lies outside [1e-5, 1] or the time is negative.
+        The wait uses the upper ends of the 95 % intervals of amplitude and time constant. Raises `InputError` when
+        ``fraction`` lies outside [1e-5, 1] or the time is negative.
 
         Examples
         --------
@@ -65,7 +61,7 @@ class WarmUp:
         >>> round(lamps.wait_s(0.01))
         483
         """
-        require_number("fraction", fraction, 1e-5, 1.0, hint="a share of the warm lamps' light")
+        require_number("fraction", fraction, 1e-5, 1.0, hint="a fraction of the warm lamps' light")
         require_number("now_s", now_s, 0.0, 1e7, hint="seconds")
         largest = max(abs(end) for end in self.amplitude.interval())
         if largest <= fraction:

@@ -81,7 +81,8 @@ def make_reference(
     base_single, light_single = _single(base), _single(light)
     field = good.copy()
     if patch is not None:
-        _require_lit(patch, base_single, light_single, full_scale)
+        # The press guard's limit uses the mean of the dark frame instead of its level in the patch.
+        require_lit(float(patch.cut(base_single + light_single).mean()) - float(base_single.mean()), full_scale)
         patch.cut(field)[:] = False
     relative = _relative(groups[2:], base, light, field, patch)
     lit = [*groups[1:], *(stack("scenes", scene, least=LEAST_FRAMES) for scene in scenes)]
@@ -123,13 +124,6 @@ def _lamps_of(
     light = patch.cut(frames - base).mean(axis=(1, 2))
     require_lit(float(light.min()), full_scale)
     return np.asarray(light / light.mean())
-
-
-def _require_lit(
-    patch: ReferencePatch, dark: NDArray[np.float64], light: NDArray[np.float64], full_scale: float
-) -> None:
-    """Apply the press guard's limit, which uses the mean of the dark frame instead of its level in the patch."""
-    require_lit(float(patch.cut(dark + light).mean()) - float(dark.mean()), full_scale)
 
 
 def _patch_light(
@@ -184,11 +178,7 @@ def _relative(
     mean = float(total[field].mean())
     if mean / sum(len(level) for level in flats) < 10:
         raise CalibrationError("flat-field frames must be brighter than untouched ones by 10 grey levels or more")
-    return _smoothed(np.maximum(total / mean, 0.0), field)
-
-
-def _smoothed(relative: NDArray[np.float64], field: NDArray[np.bool]) -> NDArray[np.float64]:
-    """The map of light without pixel noise, which all later frames would inherit; only good pixels count."""
-    weight = field.astype(float)
+    # A map without pixel noise, which all later frames would inherit; only good pixels count.
+    relative, weight = np.maximum(total / mean, 0.0), field.astype(float)
     weights, sums = (gaussian_filter(part, SMOOTH_PX, mode="mirror") for part in (weight, weight * relative))
     return np.where(field, sums / np.maximum(weights, 1e-9), relative)

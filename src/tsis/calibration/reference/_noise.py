@@ -62,12 +62,8 @@ class _Point:
 def stack(name: str, images: Sequence[TactileImage], *, least: int) -> NDArray[np.float64]:
     """Grey levels of frames of one size, shape (frames, rows, columns).
 
-    Raises
-    ------
-    CalibrationError
-        When there are fewer than ``least``.
-    ImageMismatchError
-        When sizes or full scales differ.
+    Raises `CalibrationError` when there are fewer than ``least``; `ImageMismatchError` when sizes or full scales
+    differ.
     """
     if len(images) < least:
         raise CalibrationError(f"{name} must hold at least {least} frames; got {len(images)} (take more)")
@@ -90,6 +86,8 @@ def photon_transfer(
 ) -> PhotonTransfer:
     """Fit the line of variance against light.
 
+    Raises `CalibrationError` when pixels clip, when all levels are dark, or when rounding hides the noise.
+
     Parameters
     ----------
     dark
@@ -100,11 +98,6 @@ def photon_transfer(
         Pixels that are neither hot nor dead, shape (rows, columns).
     full_scale
         Grey level at which the camera clips.
-
-    Raises
-    ------
-    CalibrationError
-        When pixels clip, when all levels are dark, or when rounding hides the noise.
     """
     points = []
     base = dark.mean(axis=0)

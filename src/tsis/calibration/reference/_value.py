@@ -119,10 +119,7 @@ class CameraReference:
     def lamp_ratio(self, image: TactileImage) -> float:
         """Brightness of the lamps over that at the reference; 1 without a reference patch.
 
-        Raises
-        ------
-        InputError
-            When it exceeds all drift: the lamps are off, or set otherwise.
+        Raises `InputError` when it exceeds all drift: the lamps are off, or set otherwise.
         """
         self._check(image)
         light = image.grey - self.dark_grey
@@ -140,14 +137,9 @@ class CameraReference:
         """Grey levels of the contact alone, under the reference's lamps and even light; no contact reads zero.
 
         The correction subtracts dark frame and untouched light, and divides by the lamps' drift and the light's
-        pattern. A pixel that is not usable takes the mean of its usable neighbours, or zero.
-
-        Raises
-        ------
-        ImageMismatchError
-            When the frame has another size, scale or full scale.
-        InputError
-            When it is saturated, or the lamps changed.
+        pattern. A pixel that is not usable takes the mean of its usable neighbours, or zero. Raises
+        `ImageMismatchError` when the frame has another size, scale or full scale; `InputError` when it is saturated, or
+        the lamps changed.
         """
         self._check(image)
         clipped = self.clipped(image)
@@ -163,7 +155,11 @@ class CameraReference:
         lamps = self.lamp_ratio(image)  # refuses frames of another camera or mode
         touch = (image.grey - self.dark_grey) / lamps - self.untouched_grey
         touch /= np.maximum(self.relative_light, LEAST_LIGHT)
-        return _mended(touch, self.usable)
+        if self.usable.all():
+            return touch
+        weights = uniform_filter(self.usable.astype(float), 3, mode="nearest")
+        sums = uniform_filter(np.where(self.usable, touch, 0.0), 3, mode="nearest")
+        return np.where(self.usable, touch, np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0.1))
 
     def clipped(self, image: TactileImage) -> float:
         """Fraction of good pixels at full scale."""
@@ -187,12 +183,3 @@ def _lamps(ratio: float) -> str:
         f"the lamps must be as at the reference within [{LAMP_RANGE[0]:g}, {LAMP_RANGE[1]:g}]; they are at {ratio:.2f} "
         "of it (switch them on and let them warm up, or take a new reference)"
     )
-
-
-def _mended(values: NDArray[np.float64], usable: NDArray[np.bool]) -> NDArray[np.float64]:
-    """Replace unusable pixels by the mean of usable neighbours, zero without any."""
-    if usable.all():
-        return values
-    weights = uniform_filter(usable.astype(float), 3, mode="nearest")
-    sums = uniform_filter(np.where(usable, values, 0.0), 3, mode="nearest")
-    return np.where(usable, values, np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0.1))

@@ -111,9 +111,9 @@ def fit_response(
     if reference.mm_per_pixel is None:
         raise InputError("the reference's mm_per_pixel must be known for the gain; calibrate the scale first")
     if len(loadings) < 2:
-        raise CalibrationError(f"the answer to pressure needs at least 2 loadings; got {len(loadings)}")
-    require_number("gauge_fraction", gauge_fraction, 0.0, 0.5, hint="a share of one")
-    require_number("area_fraction", area_fraction, 0.0, 0.5, hint="a share of one")
+        raise CalibrationError(f"the response to pressure needs at least 2 loadings; got {len(loadings)}")
+    require_number("gauge_fraction", gauge_fraction, 0.0, 0.5, hint="a fraction of 1")
+    require_number("area_fraction", area_fraction, 0.0, 0.5, hint="a fraction of 1")
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     saturation = _saturation(loadings, pixel)
     bend = saturation.bend_per_kpa2
@@ -128,12 +128,15 @@ def fit_response(
         )
     )
     scale = pixel / MN_PER_N
+    # Relative squares of the presses about the line of their run, over its largest sum.
+    runs = [fit_run(loading) for loading in loadings]
+    scatter = [np.mean(run.residual_grey**2) / float(run.total_grey.max()) ** 2 for run in runs]
     return PressureResponse(
         gain_grey_per_kpa=MeasuredValue(
             value=gain * scale, sd=float(np.sqrt(variance)) * scale, degrees_of_freedom=freedom, unit="grey/kPa"
         ),
         saturation=saturation,
-        repeatability_share=_scatter(loadings),
+        repeatability_share=float(np.sqrt(np.mean(scatter))),
         gauge_share=gauge_fraction,
     )
 
@@ -198,9 +201,3 @@ def _slopes(loadings: Sequence[Loading], bend: float) -> NDArray[np.float64]:
     if len(slopes) == 1:
         return np.array(next(iter(slopes.values())))
     return np.array([float(np.mean(of_tip)) for of_tip in slopes.values()])
-
-
-def _scatter(loadings: Sequence[Loading]) -> float:
-    """Relative scatter of presses about the line of their run, relative to its largest sum."""
-    runs = [fit_run(loading) for loading in loadings]
-    return float(np.sqrt(np.mean([np.mean(run.residual_grey**2) / float(run.total_grey.max()) ** 2 for run in runs])))

@@ -124,6 +124,8 @@ class BallDiagnostics:
 def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = None) -> MeasuredValue:
     """Height over width of a pixel from one press of a ball of any radius, whose contact is round.
 
+    Raises `CalibrationError` when the image shows no ball, or a cropped or too small one.
+
     Parameters
     ----------
     image
@@ -133,13 +135,8 @@ def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = N
 
     Returns
     -------
-    Measured
+    MeasuredValue
         ``mm_per_pixel_y / mm_per_pixel_x``, with the jackknife uncertainty over sectors.
-
-    Raises
-    ------
-    CalibrationError
-        When the image shows no ball, or a cropped or too small one.
 
     Examples
     --------
@@ -186,7 +183,7 @@ def scale_from_ball(
 
     Returns
     -------
-    scale : Scale
+    scale : PixelScale
         The pixel sizes with their uncertainties, at the mean position of the presses.
     diagnostics : BallDiagnostics
         Positions of the presses, and the ratio of the axes.

@@ -33,30 +33,14 @@ MOST_STRAYS = 0.1  # fraction of the dots
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BoardMap:
-    """A fitted map from lattice to image.
+    """A fitted map from lattice to image."""
 
-    Attributes
-    ----------
-    cells
-        Lattice coordinates of the dots, shape (n, 2).
-    positions_px
-        Their measured centres (x, y), shape (n, 2), pixels.
-    order
-        Order of the polynomial.
-    factors
-        Its coefficients, shape (terms, 2).
-    spread
-        Inverse of the normal matrix, shape (terms, terms).
-    sd_px
-        Standard deviation (x, y) of one coordinate of a dot, pixels.
-    """
-
-    cells: NDArray[np.float64]
-    positions_px: NDArray[np.float64]
-    order: int
-    factors: NDArray[np.float64]
-    spread: NDArray[np.float64]
-    sd_px: NDArray[np.float64]
+    cells: NDArray[np.float64]  # lattice coordinates of the dots, shape (n, 2)
+    positions_px: NDArray[np.float64]  # their measured centres (x, y), shape (n, 2)
+    order: int  # of the polynomial
+    factors: NDArray[np.float64]  # its coefficients, shape (terms, 2)
+    spread: NDArray[np.float64]  # inverse of the normal matrix, shape (terms, terms)
+    sd_px: NDArray[np.float64]  # standard deviation (x, y) of one coordinate of a dot
 
     def at(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
         """Image positions (x, y) of lattice coordinates, shape (n, 2), pixels."""
@@ -149,7 +133,8 @@ def terms(cells: NDArray[np.float64], about: NDArray[np.float64], order: int) ->
     """
     middle, half = (about.max(axis=0) + about.min(axis=0)) / 2, np.ptp(about, axis=0) / 2
     u, v = ((cells - middle) / half).T
-    powers = [(a, b) for a, b in itertools.product(*map(range, _counts(about))) if a + b <= order]
+    columns, rows = (len(np.unique(about[:, axis])) for axis in (0, 1))
+    powers = [(a, b) for a, b in itertools.product(range(columns), range(rows)) if a + b <= order]
     return np.stack([u**a * v**b for a, b in powers], axis=1)
 
 
@@ -177,11 +162,6 @@ def carries(cells: NDArray[np.float64], order: int) -> bool:
     design = terms(cells, cells, order)
     count = design.shape[1]
     return count <= (1 - SPARE) * len(cells) and bool(np.linalg.matrix_rank(design) == count)
-
-
-def _counts(cells: NDArray[np.float64]) -> tuple[int, int]:
-    """Number of columns and rows of the lattice with dots."""
-    return len(np.unique(cells[:, 0])), len(np.unique(cells[:, 1]))
 
 
 def chance_of(small: BoardMap, large: BoardMap) -> float:

@@ -43,17 +43,7 @@ BY_CHANCE = 2.0  # standard deviations that noise explains
 def with_model_uncertainty(
     sizes: tuple[MeasuredValue, MeasuredValue], fitted: BoardMap, cell: NDArray[np.float64]
 ) -> tuple[MeasuredValue, ...]:
-    """Pixel sizes (x, y) with the uncertainty of the map itself added to that of its residuals.
-
-    Parameters
-    ----------
-    sizes
-        From the residuals alone, pitch included.
-    fitted
-        The map from board to image.
-    cell
-        Lattice position, shape (2,), in pitches.
-    """
+    """Pixel sizes (x, y) at a lattice position with the uncertainty of the map added to that of its residuals."""
     bend = _beyond_noise(*fitted.bend(cell))
     # An error between none and half the skew is equally likely (GUM 4.3.7: bound over the root of three).
     askew = _skew_beyond_noise(fitted, cell) / 2 / EVEN
@@ -170,7 +160,7 @@ def scale_from_dots(
 
     Returns
     -------
-    scale : Scale
+    scale : PixelScale
         The pixel sizes with their uncertainties.
     diagnostics : DotDiagnostics
         The dots, the lattice, the residuals, and the distortion.
@@ -226,6 +216,7 @@ def scale_from_dots(
         skew_deg=skew_deg(step),
     )
     chance = chance_of(fit_order(fitted.cells, fitted.positions_px, FIRST_ORDER), fitted)
+    sizes = np.array([np.linalg.norm(fitted.face_step(dot), axis=0) for dot in fitted.cells])
     diagnostics = DotDiagnostics(
         centres_px=centres,
         cells=fitted.cells,
@@ -236,7 +227,7 @@ def scale_from_dots(
         order=fitted.order,
         distortion_chance=chance,
         distorted=chance < BEYOND_CHANCE,
-        largest_change=_largest_change(fitted, step),
+        largest_change=float(np.abs(sizes / np.linalg.norm(step, axis=0) - 1).max()),
     )
     return scale, diagnostics
 
@@ -291,9 +282,3 @@ def _check_rough(fitted: BoardMap) -> None:
 
 def _root_mean_square(residuals_px: NDArray[np.float64]) -> float:
     return float(np.sqrt((residuals_px**2).sum(axis=1).mean()))
-
-
-def _largest_change(fitted: BoardMap, step: NDArray[np.float64]) -> float:
-    here = np.linalg.norm(step, axis=0)
-    sizes = np.array([np.linalg.norm(fitted.face_step(cell), axis=0) for cell in fitted.cells])
-    return float(np.abs(sizes / here - 1).max())

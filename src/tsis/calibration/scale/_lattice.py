@@ -99,28 +99,16 @@ DENSE = 1.2  # links each to neighbours: 2 on an endless board without gaps
 
 
 def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Give each spot its lattice position.
+    """Row number and lattice position (spot, i, j) of each spot of the lattice; (0, 3) when no two steps repeat.
 
     From a first dot the lattice grows to the neighbour nearest to its prediction, with steps that follow the image's
     distortion; a missing dot is skipped. Growth begins at the dots with the most common steps; the lattice with
-    clearly the most pairs of neighbours wins.
-
-    Parameters
-    ----------
-    positions_px
-        Centres (x, y), shape (n, 2), pixels.
-
-    Returns
-    -------
-    ndarray
-        Row number of the spot and its lattice position: columns (spot, i, j), one row for each spot of the lattice;
-        shape (0, 3) when no two steps repeat. The order of the lattice's axes is arbitrary.
+    clearly the most pairs of neighbours wins. The order of the lattice's axes is arbitrary.
 
     Examples
     --------
     >>> j, i = np.mgrid[:3, :4]
-    >>> positions = np.stack([50.0 * i.ravel(), 50.0 * j.ravel()], axis=1)
-    >>> index_lattice(positions).shape
+    >>> index_lattice(np.stack([50.0 * i.ravel(), 50.0 * j.ravel()], axis=1)).shape
     (12, 3)
     """
     best = np.empty((0, 3), dtype=np.int64)
@@ -156,7 +144,8 @@ def _first_steps(
         if np.linalg.norm(ways + way, axis=1).min() < MISS * np.linalg.norm(way)
         and (way[0], way[1]) > (-way[0], -way[1])
     ]
-    for first_way, second_way in sorted(itertools.combinations(forth_and_back, 2), key=_length):
+    pairs = itertools.combinations(forth_and_back, 2)
+    for first_way, second_way in sorted(pairs, key=lambda pair: float(np.linalg.norm(pair, axis=1).sum())):
         area = first_way[0] * second_way[1] - first_way[1] * second_way[0]
         if abs(area) > 0.5 * np.linalg.norm(first_way) * np.linalg.norm(second_way):
             return first_way, second_way
@@ -175,10 +164,6 @@ def _link_count(rows: NDArray[np.int64]) -> int:
     """Pairs of neighbours on the lattice."""
     cells = {(int(i), int(j)) for _, i, j in rows}
     return sum(((i + 1, j) in cells) + ((i, j + 1) in cells) for i, j in cells)
-
-
-def _length(steps: tuple[NDArray[np.float64], NDArray[np.float64]]) -> float:
-    return float(np.linalg.norm(steps, axis=1).sum())
 
 
 def _grown(

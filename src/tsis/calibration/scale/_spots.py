@@ -29,43 +29,21 @@ WEAKEST = 0.3  # strength over that of a typical spot
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spots:
-    """Spots of a frame.
+    """Spots of a frame, strongest first."""
 
-    Attributes
-    ----------
-    positions_px
-        Centres (x, y), shape (n, 2), pixels, strongest first; (0, 2) when there are none.
-    strength
-        Height above the surroundings, shape (n,), grey levels.
-    width_px
-        Standard deviation of a Gaussian as wide as the spots, pixels.
-    bright
-        True when they are brighter than their surroundings.
-    """
-
-    positions_px: NDArray[np.float64]
-    strength: NDArray[np.float64]
-    width_px: float
-    bright: bool
+    positions_px: NDArray[np.float64]  # centres (x, y), shape (n, 2)
+    strength: NDArray[np.float64]  # height above the surroundings, shape (n,), grey levels
+    width_px: float  # standard deviation of a Gaussian as wide as the spots
+    bright: bool  # whether they are brighter than their surroundings
 
     def __post_init__(self) -> None:
         freeze_arrays(self, "positions_px", "strength", dtype=float)
 
 
 def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
-    """Find spots of one size and one sign.
+    """Find spots of one size and one sign, above noise and above a fraction of the typical strength.
 
-    Parameters
-    ----------
-    grey
-        The frame, or its change against the untouched probe, shape (rows, columns), grey levels.
-    least
-        Least number of spots; the strongest of them set size, sign and typical strength.
-
-    Returns
-    -------
-    Spots
-        All spots above noise and above a fraction of the typical strength.
+    The strongest ``least`` of them set size, sign and typical strength.
 
     Examples
     --------

@@ -31,6 +31,8 @@ UNIT = "mm/px"
 class PixelScale:
     """The size of a pixel on the face, along each axis of the image.
 
+    Raises `InputError` when a value lies outside its range.
+
     Parameters
     ----------
     mm_per_pixel_x, mm_per_pixel_y
@@ -51,11 +53,6 @@ class PixelScale:
         [-45, 45]; 0 for a ball.
     skew_deg
         Departure of the image's two axes from a right angle on the face, degrees; 0 for a ball, which assumes one.
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
 
     Examples
     --------

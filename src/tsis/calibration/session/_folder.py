@@ -7,7 +7,7 @@ import io
 import secrets
 import shutil
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import (
@@ -93,10 +93,7 @@ class SessionFolder:
     def begin(self, terms: SessionSetup) -> None:
         """Create the folder and write the terms.
 
-        Raises
-        ------
-        FileInputError
-            When it contains a session already or cannot be written.
+        Raises `FileInputError` when it contains a session already or cannot be written.
         """
         if self.begun:
             raise FileInputError(
@@ -107,25 +104,18 @@ class SessionFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             write_durably(self.path / TERMS, json_bytes(document))
         except OSError as error:
-            raise self._refused(error) from error
+            raise _refused(self.path, error, kind="folder") from error
 
     def terms(self) -> SessionSetup:
-        """The terms of the session.
-
-        Raises
-        ------
-        FileInputError
-            When they are missing or invalid.
-        """
+        """The terms of the session; `FileInputError` when they are missing or invalid."""
         file = self.path / TERMS
         document = read_object(file, most=LARGEST_TERMS_BYTES)
         if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
             raise FileInputError(f"{printable_path(file)} must be a {FORMAT} of version {VERSION}; got another format")
         try:
-            terms = from_json_value(SessionSetup, document.get("terms"), "terms")
+            return from_json_value(SessionSetup, document.get("terms"), "terms")
         except InputError as error:
             raise FileInputError(f"{printable_path(file)} must be the terms of a session; got: {error}") from error
-        return terms
 
     def plan(self) -> tuple[CalibrationStep, ...]:
         """The session's steps."""
@@ -149,27 +139,21 @@ class SessionFolder:
     ) -> int:
         """Store the frames of a step, all or none, and return their number.
 
-        Raises
-        ------
-        CalibrationError
-            When there are none.
-        FileInputError
-            When they cannot be written, or the step was done before.
+        Raises `CalibrationError` when there are none; `FileInputError` when they cannot be written, or the step was
+        done before.
         """
-        path = self.path / step.name
-        draft = self.path / f".{step.name}-{secrets.token_hex(4)}"
+        path, draft = self.path / step.name, self._hidden(step)
         try:
             if path.exists():
-                raise FileInputError(
-                    f"{printable_path(path)} must be new; it exists already (remove it to repeat the step)"
-                )
+                cure = "remove it to repeat the step"
+                raise FileInputError(f"{printable_path(path)} must be new; it exists already ({cure})")
             for killed in self.path.glob(f".{step.name}-*"):  # drafts of a killed program
                 shutil.rmtree(killed, ignore_errors=True)
             draft.mkdir()
             stored = self._write(draft, shots, progress)
             draft.rename(path)
         except OSError as error:
-            raise self._refused(error) from error
+            raise _refused(self.path, error, kind="folder") from error
         finally:
             shutil.rmtree(draft, ignore_errors=True)  # of an unfinished step
         return stored
@@ -181,30 +165,22 @@ class SessionFolder:
     def forget(self, step: CalibrationStep) -> None:
         """Remove the frames of a step, if any, so that it can be repeated.
 
-        Raises
-        ------
-        FileInputError
-            When they cannot be removed; the step is still done then.
+        Raises `FileInputError` when they cannot be removed; the step is still done then.
         """
         path = self.path / step.name
         if not path.exists():
             return
         try:
             # The rename makes the removal atomic.
-            path.rename(going := self.path / f".{step.name}-{secrets.token_hex(4)}")
+            path.rename(going := self._hidden(step))
         except OSError as error:
-            raise self._refused(error) from error
+            raise _refused(self.path, error, kind="folder") from error
         shutil.rmtree(going, ignore_errors=True)  # `save` removes the remainder
 
     def shots(self, step: CalibrationStep) -> list[CalibrationFrame]:
         """Read the frames of a step in the order of acquisition.
 
-        Raises
-        ------
-        CalibrationError
-            When the step was not done.
-        FileInputError
-            When a file is missing or damaged.
+        Raises `CalibrationError` when the step was not done; `FileInputError` when a file is missing or damaged.
         """
         index, rows = self._rows(step)
         return [self._shot(index, row) for row in rows]
@@ -221,24 +197,20 @@ class SessionFolder:
                 f"step {step.name!r} must be done first; {printable_path(self.path)} holds no frames of it"
             )
         index = self.path / step.name / INDEX
-        content = read_bytes(index, most=LARGEST_INDEX_BYTES)
+        name, content = printable_path(index), read_bytes(index, most=LARGEST_INDEX_BYTES)
         if content.count(b"\n") + content.count(b"\r") > MOST_LINES:
-            raise FileInputError(f"{printable_path(index)} must have at most {MOST_LINES} lines; it has more")
+            raise FileInputError(f"{name} must have at most {MOST_LINES} lines; it has more")
         try:
             rows = list(csv.reader(io.StringIO(content.decode("utf-8", errors="replace"))))
         except csv.Error as error:
-            raise FileInputError(
-                f"{printable_path(index)} must be a table of frames; got: {one_line(error)}"
-            ) from error
+            raise FileInputError(f"{name} must be a table of frames; got: {one_line(error)}") from error
         if not rows or tuple(rows[0]) != COLUMNS:
-            raise FileInputError(f"{printable_path(index)} must begin with the line {','.join(COLUMNS)}")
+            raise FileInputError(f"{name} must begin with the line {','.join(COLUMNS)}")
         frames = [row for row in rows[1:] if row]
         if len({row[0] for row in frames}) < len(frames):  # a small file could otherwise take any amount of memory
-            raise FileInputError(f"{printable_path(index)} must name each frame once; it names one twice")
+            raise FileInputError(f"{name} must name each frame once; it names one twice")
         if not frames:
-            raise FileInputError(
-                f"{printable_path(index)} must name at least one frame; got none (remove the step, repeat it)"
-            )
+            raise FileInputError(f"{name} must name at least one frame; got none (remove the step, repeat it)")
         return index, frames
 
     def _write(self, draft: Path, shots: Iterable[CalibrationFrame], progress: Callable[[int], None]) -> int:
@@ -268,9 +240,9 @@ class SessionFolder:
                 f"{one_line(error)}"
             ) from error
 
-    def _refused(self, error: OSError) -> FileInputError:
-        reason: Any = error.strerror or error
-        return FileInputError(f"{printable_path(self.path)} must be a folder that can be written; got: {reason}")
+    def _hidden(self, step: CalibrationStep) -> Path:
+        """A new folder for frames of the step that do not count."""
+        return self.path / f".{step.name}-{secrets.token_hex(4)}"
 
 
 def _text(value: float | None) -> str:
@@ -293,10 +265,7 @@ def saved_calibration(session: SessionFolder) -> Path | None:
 def save_calibration(session: SessionFolder, calibration: ProbeCalibration) -> Path:
     """Write the calibration into the session's folder, over an earlier one, and return its file.
 
-    Raises
-    ------
-    FileInputError
-        When it cannot be written.
+    Raises `FileInputError` when it cannot be written.
     """
     file = session.path / CALIBRATION_FILE
     content = calibration_bytes(calibration)
@@ -310,12 +279,8 @@ def save_calibration(session: SessionFolder, calibration: ProbeCalibration) -> P
 def archive_calibration(session: SessionFolder) -> Path | None:
     """Rename the calibration after its identity, because its frames change; return the new path, None without one.
 
-    Results may cite it, so it is never removed; a damaged file gets a random name.
-
-    Raises
-    ------
-    FileInputError
-        When it cannot be renamed.
+    Results may cite it, so it is never removed; a damaged file gets a random name. Raises `FileInputError` when it
+    cannot be renamed.
     """
     file = saved_calibration(session)
     if file is None:
@@ -335,5 +300,6 @@ def _cited(file: Path) -> str:
         return f"damaged-{secrets.token_hex(SHORT // 2)}"
 
 
-def _refused(file: Path, error: OSError) -> FileInputError:
-    return FileInputError(f"{printable_path(file)} must be a file that can be written; got: {error.strerror or error}")
+def _refused(path: Path, error: OSError, *, kind: str = "file") -> FileInputError:
+    reason = error.strerror or error
+    return FileInputError(f"{printable_path(path)} must be a {kind} that can be written; got: {reason}")

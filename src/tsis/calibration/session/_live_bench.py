@@ -33,25 +33,14 @@ class LiveCalibration:
         self._acquisition, self._log = acquisition, log
 
     def still(self, frames: int) -> Iterator[CalibrationFrame]:
-        """Yield the next frames, all taken after the call.
-
-        Raises
-        ------
-        CameraError
-            When no frame arrives for 5 s.
-        """
+        """Yield the next frames, all taken after the call; `CameraError` when no frame arrives for 5 s."""
         for _, received in zip(range(frames), self._fresh(), strict=False):
             yield CalibrationFrame(image=received.frame.tactile_image(), time_s=received.arrived_s)
 
     def loading(self, over: Callable[[], bool], *, every_s: float = 0.5) -> Iterator[CalibrationFrame]:
         """Yield a frame with its force every ``every_s`` seconds until ``over`` is true.
 
-        Raises
-        ------
-        CameraError
-            When no frame arrives for 5 s.
-        GaugeError
-            When the gauge stops sending.
+        Raises `CameraError` when no frame arrives for 5 s; `GaugeError` when the gauge stops sending.
         """
         assert self._log is not None  # without a gauge use `take_frame`
         last_s = float("-inf")

@@ -42,11 +42,8 @@ LEAST_CORRELATION = 0.97  # of sums and forces; loops of 10 % and curves as F**(
 def read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, reference: CameraReference) -> Loading:
     """Read a loading without presses that are too light for the gauge to detect.
 
-    Raises
-    ------
-    CalibrationError
-        When a frame has no force or repeats the frame before, when the first frame shows contact, or when the sums
-        do not follow the force.
+    Raises `CalibrationError` when a frame has no force or repeats the frame before, when the first frame shows contact,
+    or when the sums do not follow the force.
     """
     assert step.tip_mm is not None
     forces = [shot.force_n for shot in shots]
@@ -165,7 +162,9 @@ def calibrate(
             shots[step.name] = session.shots(step)
             _require_same_format(shots[step.name], step, shots[DARK][0].image)
         progress(number + 1, len(steps) + 1)
-    scale, dots, board = _scale(shots, pitch_mm=terms.pitch_mm, pitch_sd_mm=terms.pitch_sd_mm)
+    board, untouched = _mean(shots[BOARD]), _mean(shots[BOARD_UNTOUCHED])
+    with _named(BOARD):
+        scale, dots = scale_from_dots(board, untouched, pitch_mm=terms.pitch_mm, pitch_sd_mm=terms.pitch_sd_mm)
     reference = _reference(shots, scale, terms.patch_px)
     loadings = []
     for step in steps.values():
@@ -177,9 +176,10 @@ def calibrate(
             progress(len(still) + len(loadings), len(steps) + 1)
     line, diagnostics = fit_force_line(loadings, reference=reference, gauge_fraction=terms.gauge_share)
     require_measured_slope(line)
-    response = fit_response(
-        loadings, reference=reference, gauge_fraction=terms.gauge_share, area_fraction=_area_fraction(scale)
-    )
+    # The pitch has one error along both axes, so the relative errors of a pixel's sides add to that of its area.
+    area = sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
+    response = fit_response(loadings, reference=reference, gauge_fraction=terms.gauge_share, area_fraction=area)
+    times = [shot.time_s for shot in shots[UNTOUCHED] if shot.time_s is not None]
     calibration = ProbeCalibration(
         name=terms.name,
         probe=terms.probe,
@@ -196,27 +196,13 @@ def calibrate(
             line=line,
             diagnostics=diagnostics,
             edge_mm=_edge(shots, reference),
-            frames_per_s=_rate(shots[UNTOUCHED]),
+            frames_per_s=frame_rate(times) if len(times) == len(shots[UNTOUCHED]) else None,
         ),
     )
     progress(len(steps) + 1, len(steps) + 1)
     return calibration, SessionResult(
         dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response
     )
-
-
-def _scale(
-    shots: Mapping[str, Sequence[CalibrationFrame]], *, pitch_mm: float, pitch_sd_mm: float
-) -> tuple[PixelScale, DotDiagnostics, TactileImage]:
-    board, untouched = _mean(shots[BOARD]), _mean(shots[BOARD_UNTOUCHED])
-    with _named(BOARD):
-        scale, dots = scale_from_dots(board, untouched, pitch_mm=pitch_mm, pitch_sd_mm=pitch_sd_mm)
-    return scale, dots, board
-
-
-def _area_fraction(scale: PixelScale) -> float:
-    """Relative standard deviation of a pixel's area; the pitch has one error along both axes, so the parts add."""
-    return sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
 
 
 def _reference(
@@ -236,11 +222,6 @@ def _edge(shots: Mapping[str, Sequence[CalibrationFrame]], reference: CameraRefe
         return None
     with _named(EDGE):
         return edge_width(reference.corrected(replace(_mean(shots[EDGE]), mm_per_pixel=reference.mm_per_pixel)))
-
-
-def _rate(shots: Sequence[CalibrationFrame]) -> MeasuredValue | None:
-    times = [shot.time_s for shot in shots if shot.time_s is not None]
-    return frame_rate(times) if len(times) == len(shots) else None
 
 
 def _require_same_format(shots: Sequence[CalibrationFrame], step: CalibrationStep, first: TactileImage) -> None:

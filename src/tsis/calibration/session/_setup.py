@@ -57,7 +57,7 @@ class CalibrationStep:
 
 
 def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[CalibrationStep, ...]:
-    """The steps of a whole calibration.
+    """The steps of a whole calibration; `InputError` when a radius or the number of loadings lies outside its range.
 
     Parameters
     ----------
@@ -65,11 +65,6 @@ def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple
         Radii of the tips of the loading machine, each in [0.1, 1000] mm.
     repeats
         Loadings of each tip, in [1, 20].
-
-    Raises
-    ------
-    InputError
-        When a radius or the number of loadings lies outside its range.
 
     Examples
     --------
@@ -132,6 +127,8 @@ STATED = ("name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm
 class SessionSetup:
     """Setup of a calibration session.
 
+    Raises `InputError` when a value has the wrong type or is outside its range.
+
     Parameters
     ----------
     name
@@ -150,11 +147,6 @@ class SessionSetup:
         Reference patch that shows the lamps past the probe: left, top, right, bottom; None without one.
     tips_mm, repeats
         Radii of the tips, all different, and loadings of each.
-
-    Raises
-    ------
-    InputError
-        When a value has the wrong type or is outside its range.
     """
 
     name: str

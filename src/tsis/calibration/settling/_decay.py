@@ -28,24 +28,12 @@ STEPS = 10  # of the bisections
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Decay:
-    """The best fit of a fading series, and the interval of the part still to fade at its end.
+    """The best fit of a fading series, and the interval of the part still to fade at its end."""
 
-    Attributes
-    ----------
-    tau_s
-        Time constants, s, shape (k,).
-    amplitude
-        Amplitudes at the last value, shape (k,), of one sign.
-    level
-        Final level of the series.
-    low, high
-        Ends of the interval of the sum of those amplitudes.
-    """
-
-    tau_s: NDArray[np.float64]
-    amplitude: NDArray[np.float64]
-    level: float
-    low: float
+    tau_s: NDArray[np.float64]  # time constants, shape (k,)
+    amplitude: NDArray[np.float64]  # at the last value, shape (k,), of one sign
+    level: float  # final level of the series
+    low: float  # end of the interval of the sum of those amplitudes
     high: float
 
     def fading(self, after_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -54,15 +42,7 @@ class Decay:
 
 
 class DecayFit:
-    """The fit at given times for any noise, from projections of the exponentials on the series.
-
-    Parameters
-    ----------
-    time_s, value
-        The series, shape (n,); times ascend.
-    tau_range_s
-        Shortest and longest time constant.
-    """
+    """The fit at given ascending times for any noise, from projections of the exponentials on the series."""
 
     def __init__(
         self, time_s: NDArray[np.float64], value: NDArray[np.float64], *, tau_range_s: tuple[float, float]

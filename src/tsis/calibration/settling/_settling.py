@@ -87,6 +87,8 @@ def assess_settling(
 ) -> Settling:
     """Assess from a series of force, sum of grey levels or area whether a press has settled.
 
+    Raises `InputError` when the series holds NaN, times do not ascend or a value lies outside its range.
+
     Parameters
     ----------
     time_s
@@ -107,11 +109,6 @@ def assess_settling(
     Settling
         The verdict; ``"cannot tell"`` below 16 values, and where all are equal and ``step`` is None, which leaves the
         rounding unknown.
-
-    Raises
-    ------
-    InputError
-        When the series holds NaN, times do not ascend or a value lies outside its range.
 
     Examples
     --------
@@ -213,11 +210,7 @@ def _verdict(decay: Decay, count: int, tolerance: float, display: float) -> Sett
         return Settling(verdict="settled", remaining=change, bound=bound, wait_s=0.0)
     if low < tolerance and high > -tolerance:
         return Settling(verdict="cannot tell", remaining=change, bound=bound, wait_s=None)
-    return Settling(verdict="settling", remaining=change, bound=bound, wait_s=_wait(decay, tolerance))
-
-
-def _wait(decay: Decay, tolerance: float) -> float:
-    """Time from now until the part of the best fit still to fade is below the tolerance."""
     longest = float(decay.tau_s[-1])
     wait = np.r_[0.0, np.geomspace(1e-3 * longest, 20.0 * longest, 600)]
-    return float(wait[np.argmax(np.abs(decay.fading(wait)) <= tolerance * abs(decay.level))])
+    below = np.abs(decay.fading(wait)) <= tolerance * abs(decay.level)
+    return Settling(verdict="settling", remaining=change, bound=bound, wait_s=float(wait[np.argmax(below)]))

@@ -64,14 +64,16 @@ def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float
     require_image("image", image)
     require_one_of("edge", shape, SHAPES)
     require_number("extent_mm", extent_mm, 0.05, 20.0, hint="millimetres")
-    positions, light = _lit(image)
-    distance, along = (_from_line if shape == "straight" else _from_circle)(positions, _crossing(image))
+    rows, columns = np.indices(image.grey.shape)
+    positions = np.stack([columns.ravel() * image.scale()[0], rows.ravel() * image.scale()[1]], axis=1)
+    low, high = (float(level) for level in np.percentile(image.grey, [2, 98]))
+    distance, along = (_from_line if shape == "straight" else _from_circle)(positions, _crossing(image, low, high))
     flat = image.grey.ravel()
     widths = []
     for part in range(PARTS):
         here = (along == part) & (np.abs(distance) <= extent_mm)
         if int(here.sum()) >= LEAST_PIXELS:
-            widths.append(_width(distance[here], flat[here], light))
+            widths.append(_width(distance[here], flat[here], high - low))
     if len(widths) < PARTS // 2:
         raise CalibrationError(
             f"image must show at least half of the edge with {LEAST_PIXELS} pixels in each eighth; it shows "
@@ -80,17 +82,8 @@ def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float
     return mean_value(np.array(widths), unit="mm")
 
 
-def _lit(image: TactileImage) -> tuple[NDArray[np.float64], float]:
-    """Positions of the pixels in mm, shape (pixels, 2), and the height of the step."""
-    scale = image.scale()
-    rows, columns = np.indices(image.grey.shape)
-    step = float(np.percentile(image.grey, 98) - np.percentile(image.grey, 2))
-    return np.stack([columns.ravel() * scale[0], rows.ravel() * scale[1]], axis=1), step
-
-
-def _crossing(image: TactileImage) -> NDArray[np.float64]:
-    """Points (x, y) in mm where the light crosses half of the step, shape (n, 2)."""
-    low, high = np.percentile(image.grey, [2, 98])
+def _crossing(image: TactileImage, low: float, high: float) -> NDArray[np.float64]:
+    """Points (x, y) in mm where the light crosses half of the step between two levels, shape (n, 2)."""
     noise = pixel_noise(image.grey)
     if high - low < LEAST_CONTRAST * max(noise, 0.1):
         raise CalibrationError(

@@ -24,6 +24,8 @@ FEWEST = 3
 def frame_rate(time_s: ArrayLike) -> MeasuredValue:
     """Frames a second of a stream: intervals over the time between the first and the last frame.
 
+    Raises `InputError` when there are too few times, or they do not ascend.
+
     Parameters
     ----------
     time_s
@@ -31,13 +33,8 @@ def frame_rate(time_s: ArrayLike) -> MeasuredValue:
 
     Returns
     -------
-    Measured
+    MeasuredValue
         The rate in 1/s; its standard deviation is that of the mean interval.
-
-    Raises
-    ------
-    InputError
-        When there are too few times, or they do not ascend.
 
     Examples
     --------
@@ -54,7 +51,20 @@ def frame_rate(time_s: ArrayLike) -> MeasuredValue:
 
 
 SENSITIVITY_NOTE = (
+    "5 % false alarms and 5 % misses of one frame; "
     "the source's text gives the probe 2.5e-3 N and the fingertip 2.0e-2 N, its table 4.1 gives 2.0e-3 N and 2.5e-2 N"
+)
+EDGE_NOTE = "10 to 90 % of an edge of contact; the printed 9.8 um is the pitch of the sensor's pixels"
+RATE_NOTE = "frames a second; what can be followed without aliasing is half of it"
+LOOP_NOTE = f"loading less unloading over the range, at {HYSTERESIS_POINT:g} of the largest force"
+REPEAT_NOTE = "standard deviation of repeated loadings of one tip over the range"
+COMPARED = (  # quantity, unit, and the source's values for the fingertip and for its probe
+    ("spatial resolution", "mm", "0.1 mm", "9.8 um", EDGE_NOTE),
+    ("frame rate", "1/s", "0 to 100 Hz", "0 to 30 Hz", RATE_NOTE),
+    ("smallest detectable force", "N", "2.5e-2 N", "2.0e-3 N", SENSITIVITY_NOTE),
+    ("largest force", "N", "", "2 N", "without clipped pixels, as far as it was pressed"),
+    ("hysteresis", "", "High", "Low", LOOP_NOTE),
+    ("repeatability", "", "", "good", REPEAT_NOTE),
 )
 
 
@@ -86,15 +96,7 @@ class SpecificationRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Specification:
-    """A probe's specification sheet.
-
-    Attributes
-    ----------
-    probe
-        Name of the probe.
-    rows
-        Rows of the sheet.
-    """
+    """A probe's specification sheet: its name, and the rows."""
 
     probe: str
     rows: tuple[SpecificationRow, ...]
@@ -115,73 +117,30 @@ def specification_sheet(
 ) -> Specification:
     """Fill the sheet with measured values; the others stay empty and are never copied from the source.
 
+    Raises `InputError` when ``probe``, the name, is not a text.
+
     Parameters
     ----------
-    probe
-        Name of the probe.
     line, diagnostics
         The force line of this probe, by `fit_force_line`.
     edge_mm
         Width in mm in which an edge of contact rises from 10 to 90 %, by `edge_width`.
     frames_per_s
         Rate of arrival of the frames, by `frame_rate`.
-
-    Raises
-    ------
-    InputError
-        When ``probe`` is not a text.
     """
     require_type("probe", probe, str)
-    return Specification(
-        probe=probe,
-        rows=(
-            SpecificationRow(
-                quantity="spatial resolution",
-                unit="mm",
-                measured=edge_mm,
-                fingertip="0.1 mm",
-                printed="9.8 um",
-                note="10 to 90 % of an edge of contact; the printed 9.8 um is the pitch of the sensor's pixels",
-            ),
-            SpecificationRow(
-                quantity="frame rate",
-                unit="1/s",
-                measured=frames_per_s,
-                fingertip="0 to 100 Hz",
-                printed="0 to 30 Hz",
-                note="frames a second; what can be followed without aliasing is half of it",
-            ),
-            SpecificationRow(
-                quantity="smallest detectable force",
-                unit="N",
-                measured=diagnostics.detectable_n,
-                fingertip="2.5e-2 N",
-                printed="2.0e-3 N",
-                note=f"5 % false alarms and 5 % misses of one frame; {SENSITIVITY_NOTE}",
-            ),
-            SpecificationRow(
-                quantity="largest force",
-                unit="N",
-                measured=line.with_uncertainty(line.most_n),
-                fingertip="",
-                printed="2 N",
-                note="without clipped pixels, as far as it was pressed",
-            ),
-            SpecificationRow(
-                quantity="hysteresis",
-                unit="",
-                measured=diagnostics.hysteresis,
-                fingertip="High",
-                printed="Low",
-                note=f"loading less unloading over the range, at {HYSTERESIS_POINT:g} of the largest force",
-            ),
-            SpecificationRow(
-                quantity="repeatability",
-                unit="",
-                measured=diagnostics.repeatability,
-                fingertip="",
-                printed="good",
-                note="standard deviation of repeated loadings of one tip over the range",
-            ),
-        ),
+    measured = {
+        "spatial resolution": edge_mm,
+        "frame rate": frames_per_s,
+        "smallest detectable force": diagnostics.detectable_n,
+        "largest force": line.with_uncertainty(line.most_n),
+        "hysteresis": diagnostics.hysteresis,
+        "repeatability": diagnostics.repeatability,
+    }
+    rows = tuple(
+        SpecificationRow(
+            quantity=name, unit=unit, measured=measured[name], fingertip=fingertip, printed=printed, note=note
+        )
+        for name, unit, fingertip, printed, note in COMPARED
     )
+    return Specification(probe=probe, rows=rows)

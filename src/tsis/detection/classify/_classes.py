@@ -26,17 +26,13 @@ class ClassSplit:
     """Limits that separate two kinds of inclusions.
 
     The third class is stiffer than ``young_kpa``, larger than ``diameter_mm`` and shallower than ``depth_mm``, as far
-    as these are given; the second is any other inclusion, and the first is none.
+    as these are given; the second is any other inclusion, and the first is none. Raises `InputError` when no limit is
+    given, or one lies outside its range.
 
     Parameters
     ----------
     young_kpa, diameter_mm, depth_mm
         Limits, within what an `tsis.Inclusion` may have; None where a property does not matter.
-
-    Raises
-    ------
-    InputError
-        When no limit is given, or one lies outside its range.
 
     Examples
     --------

@@ -32,17 +32,14 @@ LARGEST = 1e6  # mm or kPa
 class TargetEvidence:
     """Estimate of one target as input of a classifier.
 
+    Raises `InputError` when the samples are empty, not positive or of another shape, or the ratio is no number.
+
     Parameters
     ----------
     samples
         Diameters in mm, depths in mm and moduli in kPa of the posterior, shape (draws, 3), positive.
     log_ratio
         Natural logarithm of the likelihood ratio of an inclusion over tissue without inclusion.
-
-    Raises
-    ------
-    InputError
-        When the samples are empty, not positive or of another shape, or the ratio is no number.
     """
 
     samples: NDArray[np.float64]
@@ -78,6 +75,8 @@ class TargetEvidence:
 def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | None = None) -> TargetEvidence:
     """Input of a classifier from an estimate.
 
+    Raises `InputError` when it has no probability of an inclusion, or no samples of diameter, depth and modulus.
+
     Parameters
     ----------
     estimate
@@ -86,11 +85,6 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
         Number of samples, evenly through its own; all where it has fewer.
     prior
         As for `tsis.detection._presence`.
-
-    Raises
-    ------
-    InputError
-        When it has no probability of an inclusion, or no samples of diameter, depth and modulus.
     """
     result = presence(estimate, prior=prior)
     draws = require_integer("draws", draws, 1, 10**6)
@@ -106,17 +100,15 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
 class TrainingSet:
     """Targets of known class.
 
+    Raises `InputError` when shapes do not belong together, there are more than 5,000 targets, or a value is out of its
+    range.
+
     Parameters
     ----------
     features
         Diameter, depth, modulus and inverse hyperbolic sine of the log likelihood ratio of each, shape (targets, 4).
     labels
         Classes 0, 1 or 2, shape (targets,).
-
-    Raises
-    ------
-    InputError
-        When shapes do not belong together, there are more than 5,000 targets, or a value is out of its range.
     """
 
     features: NDArray[np.float64]
@@ -132,8 +124,8 @@ class TrainingSet:
             )
         if features[:, :3].min() <= 0 or features.max() > LARGEST or np.abs(features[:, 3]).max() > LARGEST_LOG_RATIO:
             raise InputError(
-                "features must be positive sizes up to 1e6 and what is told of a ratio within "
-                f"±{LARGEST_LOG_RATIO:g}; got a row beyond that"
+                f"features must be positive sizes up to 1e6 and a transformed ratio within ±{LARGEST_LOG_RATIO:g}; "
+                "got a row beyond that"
             )
         if not np.isin(labels, range(CLASSES)).all():
             raise InputError(f"labels must be 0, 1 or 2; got {int(labels[~np.isin(labels, range(CLASSES))][0])}")
@@ -163,6 +155,8 @@ CALIBRATIONS = ("sigmoid", "isotonic")
 class ClassifierSettings:
     """How a classifier is fitted.
 
+    Raises `InputError` when a setting lies outside its range.
+
     Parameters
     ----------
     penalty
@@ -176,11 +170,6 @@ class ClassifierSettings:
         Parts by which the probabilities are calibrated, 2 to 20.
     seed
         Shuffles the parts.
-
-    Raises
-    ------
-    InputError
-        When a setting lies outside its range.
     """
 
     penalty: float = 1.0
@@ -250,13 +239,7 @@ class Classifier:
         return reported
 
     def classify(self, reading: TargetEvidence) -> Classified:
-        """Probabilities of the classes of a target.
-
-        Parameters
-        ----------
-        reading
-            As `measured` takes it from an estimate.
-        """
+        """Probabilities of the classes of a target."""
         require_type("reading", reading, TargetEvidence)
         mean, single = (self.probabilities(rows).mean(axis=0) for rows in (reading.rows, reading.at_mean[None]))
         names = self.split.names
@@ -271,6 +254,8 @@ def train_classifier(
 ) -> Classifier:
     """Fit a classifier: standardised features, support vectors, probabilities calibrated by cross-validation.
 
+    Raises `InputError` when a class has too few targets.
+
     Parameters
     ----------
     training
@@ -279,11 +264,6 @@ def train_classifier(
         The classes, by which the targets were labelled.
     settings
         How; `ClassifierSettings` by default.
-
-    Raises
-    ------
-    InputError
-        When a class has too few targets.
     """
     settings = ClassifierSettings() if settings is None else settings
     require_type("training", training, TrainingSet)

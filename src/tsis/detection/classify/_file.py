@@ -40,7 +40,7 @@ KEYS = {"format", "version", "notice", "made_with", "split", "settings", "target
 
 
 def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Path:
-    """Write a classifier atomically.
+    """Write a classifier atomically; `FileInputError` when it cannot be written there.
 
     Parameters
     ----------
@@ -52,11 +52,6 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
     Returns
     -------
     The file.
-
-    Raises
-    ------
-    FileInputError
-        When it cannot be written there.
     """
     require_type("classifier", classifier, Classifier)
     path, training = as_path(path), classifier.training
@@ -83,6 +78,8 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
 def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     """Read a classifier's file and fit it again.
 
+    Raises `FileInputError` when the file is of another kind, was changed, or its versions give another fit here.
+
     Parameters
     ----------
     path
@@ -91,27 +88,24 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     Returns
     -------
     The same classifier; its ``notes`` say so where another version of scikit-learn gives other probabilities.
-
-    Raises
-    ------
-    FileInputError
-        When the file is of another kind, was changed, or its versions give another fit here.
     """
     path = as_path(path)
-    content = read_object(path, most=LARGEST_BYTES)
-    _check_form(content, path)
+    name, content = printable_path(path), read_object(path, most=LARGEST_BYTES)
+    _check_form(content, name)
     try:
         classifier = train_classifier(
             _training(content["targets"]), ClassSplit(**content["split"]), ClassifierSettings(**content["settings"])
         )
         selected = require_array("probabilities", content["probabilities"], ndim=2)
-    except (InputError, TypeError) as error:
-        raise FileInputError(f"{printable_path(path)} must hold a classifier; {_reason(error)}") from error
+    except InputError as error:
+        raise FileInputError(f"{name} must hold a classifier; {error}") from error
+    except TypeError as error:
+        reason = "its split or its settings name something unknown, or are no objects"
+        raise FileInputError(f"{name} must hold a classifier; {reason}") from error
     result = _few(classifier)
     if selected.shape != result.shape:
         raise FileInputError(
-            f"{printable_path(path)} must hold {result.shape[0]} rows of {CLASSES} probabilities; got shape "
-            f"{selected.shape}"
+            f"{name} must hold {result.shape[0]} rows of {CLASSES} probabilities; got shape {selected.shape}"
         )
     difference = float(np.abs(selected - result).max())
     if difference <= SAME:
@@ -119,8 +113,7 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     created, here = content["made_with"], _versions()
     if created == here:
         raise FileInputError(
-            f"{printable_path(path)} must give the probabilities that it holds; they differ by up to "
-            f"{difference:.2g}, though the "
+            f"{name} must give the probabilities that it holds; they differ by up to {difference:.2g}, though the "
             "same versions made it: train the classifier again"
         )
     versions = ", ".join(
@@ -157,34 +150,27 @@ def classifier_sha256(content: dict[str, Any]) -> str:
     return hashlib.sha256(_serialised(content)).hexdigest()
 
 
-def _check_form(content: dict[str, Any], path: Path) -> None:
-    if content.get("format") != FORMAT or content.get("version") != VERSION:
+def _check_form(content: dict[str, Any], name: str) -> None:
+    kind, version = content.get("format"), content.get("version")
+    if kind != FORMAT or version != VERSION:
         raise FileInputError(
-            f"{printable_path(path)} must be a {FORMAT!r} of version {VERSION}; got "
-            f"{content.get('format')!r:.40} of version "
-            f"{content.get('version')!r:.20}"
+            f"{name} must be a {FORMAT!r} of version {VERSION}; got {kind!r:.40} of version {version!r:.20}"
         )
     if set(content) != KEYS:
         other = min(set(content) ^ KEYS)
-        raise FileInputError(
-            f"{printable_path(path)} must hold {', '.join(sorted(KEYS))}; {other!r:.40} is missing or unknown"
-        )
+        raise FileInputError(f"{name} must hold {', '.join(sorted(KEYS))}; {other!r:.40} is missing or unknown")
     created = content["made_with"]
-    reported = isinstance(created, dict) and set(created) == set(_versions())
-    if not reported or not all(
+    stated = isinstance(created, dict) and set(created) == set(_versions())
+    if not stated or not all(
         isinstance(item, str) and len(item) < 40 and item.isprintable() for item in created.values()
     ):
-        raise FileInputError(f"{printable_path(path)} must name the versions it was made with; got {created!r:.80}")
+        raise FileInputError(f"{name} must name the versions it was made with; got {created!r:.80}")
     try:
-        same = (
-            classifier_sha256({name: value for name, value in content.items() if name != "sha256"}) == content["sha256"]
-        )
+        same = classifier_sha256({key: item for key, item in content.items() if key != "sha256"}) == content["sha256"]
     except (ValueError, RecursionError):  # numbers that are not valid JSON
         same = False
     if not same:
-        raise FileInputError(
-            f"{printable_path(path)} must be as it was written; it does not match its own hash: it was changed"
-        )
+        raise FileInputError(f"{name} must be as it was written; it does not match its own hash: it was changed")
 
 
 def _training(targets: Any) -> TrainingSet:
@@ -197,9 +183,3 @@ def _training(targets: Any) -> TrainingSet:
         features=np.array(require_array("targets", [row[:-1] for row in targets], ndim=2)),
         labels=np.array(labels),
     )
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, TypeError):
-        return "its split or its settings name something unknown, or are no objects"
-    return str(error)

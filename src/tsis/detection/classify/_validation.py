@@ -66,9 +66,8 @@ class Validation:
     def proportion(self, truth: int, decided: int) -> Proportion:
         """Proportion of targets of class ``truth`` decided as ``decided``; its ``interval()`` is Wilson's."""
         row = self.confusion[require_integer("truth", truth, 0, CLASSES - 1)]
-        return Proportion(
-            successes=int(row[require_integer("decided", decided, 0, CLASSES - 1)]), trials=int(row.sum())
-        )
+        decided = require_integer("decided", decided, 0, CLASSES - 1)
+        return Proportion(successes=int(row[decided]), trials=int(row.sum()))
 
     @property
     def accuracy(self) -> Proportion:
@@ -79,28 +78,18 @@ class Validation:
     @property
     def log_loss(self) -> float:
         """Mean negative log of the probability of the true class, at least 1e-15."""
-        return log_loss(self.probabilities, self.labels)
+        likelihood = self.probabilities[np.arange(len(self.labels)), self.labels]
+        return float(-np.log(np.maximum(likelihood, LEAST)).mean())
 
     @property
     def brier(self) -> float:
         """Mean over targets of the sum over classes of probability less truth, squared: 0 at best, 2 at worst."""
-        return brier(self.probabilities, self.labels)
+        return float(((self.probabilities - np.eye(CLASSES)[self.labels]) ** 2).sum(axis=1).mean())
 
     @property
     def differences(self) -> NDArray[np.float64]:
         """Largest difference of both probabilities over the classes, shape (targets,)."""
         return np.asarray(np.abs(self.probabilities - self.at_mean).max(axis=1))
-
-
-def log_loss(probabilities: NDArray[np.float64], labels: NDArray[np.int64]) -> float:
-    """Mean negative log of the probability of the true class."""
-    message = probabilities[np.arange(len(labels)), labels]
-    return float(-np.log(np.maximum(message, LEAST)).mean())
-
-
-def brier(probabilities: NDArray[np.float64], labels: NDArray[np.int64]) -> float:
-    """Brier score of several classes, in [0, 2]."""
-    return float(((probabilities - np.eye(CLASSES)[labels]) ** 2).sum(axis=1).mean())
 
 
 def cross_validate(
@@ -113,6 +102,8 @@ def cross_validate(
     progress: Callable[[int, int], None] | None = None,
 ) -> Validation:
     """Classify the targets by classifiers that were fitted, and calibrated, without them.
+
+    Raises `InputError` when the input is bad, or a class has too few targets for parts within parts.
 
     Parameters
     ----------
@@ -128,11 +119,6 @@ def cross_validate(
         Number of stratified folds, 2 to 20.
     progress
         Called with (folds done, folds).
-
-    Raises
-    ------
-    InputError
-        When the input is bad, or a class has too few targets for parts within parts.
     """
     settings = ClassifierSettings() if settings is None else settings
     folds = require_integer("folds", folds, 2, 20)

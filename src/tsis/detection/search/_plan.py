@@ -13,8 +13,6 @@ from tsis.errors import InputError
 from tsis.model import require_integer, require_number, require_pair, require_type
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from tsis.detection.search._range import DetectionRange
@@ -31,7 +29,8 @@ class ScanPlan:
     """Presses over a rectangle, in strips along its height, alternately up and down.
 
     The area is divided into equal cells, pressed at their centres: no point is farther from a press than half a cell's
-    diagonal. Presses at the edge overhang the area by ``overhang_mm``.
+    diagonal. Presses at the edge overhang the area by ``overhang_mm``. Raises `InputError` when a value lies outside
+    its range.
 
     Parameters
     ----------
@@ -41,11 +40,6 @@ class ScanPlan:
         Cells across and along, 1 or more, at most 100,000 in all.
     radius_mm
         Of the probe's face, in [0.5, 500].
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
 
     Examples
     --------
@@ -118,19 +112,10 @@ class ScanPlan:
         return self.radius_mm - self.strip_spacing_mm / 2, self.radius_mm - self.press_spacing_mm / 2
 
     def duration_s(self, *, press_s: float, speed_mm_s: float) -> float:
-        """Time of all presses and of the path between them.
+        """Time of all presses and of the path between them; `InputError` when a value lies outside its range.
 
-        Parameters
-        ----------
-        press_s
-            Of a press, settling and lifting included, in [0, 3600].
-        speed_mm_s
-            Of the probe between presses, in [0.01, 1000].
-
-        Raises
-        ------
-        InputError
-            When a value lies outside its range.
+        A press takes ``press_s``, in [0, 3600], settling and lifting included. Between presses the probe moves at
+        ``speed_mm_s``, in [0.01, 1000].
         """
         require_number("press_s", press_s, 0.0, 3600.0, hint="seconds")
         return self.presses * press_s + self.travel_mm / require_number("speed_mm_s", speed_mm_s, 0.01, 1000.0)
@@ -146,6 +131,8 @@ def scan_plan(
 ) -> ScanPlan:
     """Plan presses no farther apart than a spacing.
 
+    Raises `InputError` when a value lies outside its range, or not exactly one of spacing and overlap is given.
+
     Parameters
     ----------
     width_mm, height_mm
@@ -155,12 +142,7 @@ def scan_plan(
     spacing_mm
         Largest distance of neighbours, in [0.1, 1000]; or
     overlap
-        share of the face's diameter by which they overlap at least, in [0, 0.95].
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range, or not exactly one of spacing and overlap is given.
+        Least fraction of the face's diameter by which they overlap, in [0, 0.95].
 
     Examples
     --------
@@ -186,6 +168,7 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_m
     """The plan of fewest presses in which no point is farther from a press than ``extent_mm``.
 
     All numbers of strips that may be best are tried; among equals the plan of the least worst distance is chosen.
+    Raises `InputError` when a value lies outside its range, or it would take more than 100,000 presses.
 
     Parameters
     ----------
@@ -195,11 +178,6 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_m
         Of the probe's face, in [0.5, 500].
     extent_mm
         Detection range of the inclusion beside the axis, in [0.05, 500].
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range, or it would take more than 100,000 presses.
 
     Examples
     --------
@@ -256,7 +234,8 @@ def smallest_found_mm(
 ) -> float | None:
     """Least diameter of an inclusion that a plan cannot miss, at any position between the presses.
 
-    "Cannot miss" means: with at least the probability of ``detection_range``, by the nearest press.
+    "Cannot miss" means: with at least the probability of ``detection_range``, by the nearest press. Raises `InputError`
+    when a value is out of range, or the detection range is no number of 0 mm or more.
 
     Parameters
     ----------
@@ -272,39 +251,24 @@ def smallest_found_mm(
     Returns
     -------
     The diameter in mm; None where the plan can miss even the largest.
-
-    Raises
-    ------
-    InputError
-        When a value is out of range, or the detection range is no number of 0 mm or more.
     """
     require_type("plan", plan, ScanPlan)
     low, high = require_pair("sizes_mm", sizes_mm)
     require_number("the low end of sizes_mm", low, 0.1, 100.0)
     require_number("the high end of sizes_mm", high, low, 100.0)
-    checked = _checked(detection_range)
     enough = plan.worst_distance_mm * (1 - ROUNDING)
-    tried = np.linspace(low, high, STEPS)
-    missed = [item for item in tried.tolist() if checked(item, depth_mm) < enough]
+
+    def detected(size: float) -> bool:
+        extent = detection_range(size, depth_mm)
+        return require_number("the detection range", extent, 0.0, FARTHEST_MM, hint="millimetres") >= enough
+
+    missed: list[float] = [size for size in np.linspace(low, high, STEPS).tolist() if not detected(size)]
     if not missed:
         return low
     if missed[-1] == high:
         return None
-    return _turning(lambda size: checked(size, depth_mm) >= enough, missed[-1], missed[-1] + (high - low) / (STEPS - 1))
-
-
-def _turning(holds: Callable[[float], bool], below: float, above: float) -> float:
-    """Least value of a condition that is false below and true above."""
+    below, above = missed[-1], missed[-1] + (high - low) / (STEPS - 1)
     while above - below > 1e-9 * above:
         middle = (below + above) / 2
-        below, above = (below, middle) if holds(middle) else (middle, above)
+        below, above = (below, middle) if detected(middle) else (middle, above)
     return above
-
-
-def _checked(detection_range: DetectionRange) -> DetectionRange:
-    def asked(diameter_mm: float, depth_mm: float) -> float:
-        return require_number(
-            "the detection range", detection_range(diameter_mm, depth_mm), 0.0, FARTHEST_MM, hint="millimetres"
-        )
-
-    return asked

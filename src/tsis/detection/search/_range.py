@@ -32,7 +32,7 @@ class DetectionRangeTable:
     """Detection range over a grid of sizes and depths, with linear interpolation and conservative extrapolation.
 
     An inclusion smaller than the smallest, or deeper than the deepest, has the range 0; a larger or shallower one has
-    that of the last in the table.
+    that of the last in the table. Raises `InputError` when shapes or values are wrong.
 
     Parameters
     ----------
@@ -43,11 +43,6 @@ class DetectionRangeTable:
         [0, 500]; 0 where it is not detected.
     probability
         Probability of detection, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When shapes or values are wrong.
 
     Examples
     --------
@@ -89,6 +84,7 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
 
     Isotonic regression fits the detection rate by a step function that does not rise with the distance; the range is
     the farthest trial with a rate of at least ``probability``. It has no interval and is uncertain with few trials.
+    Raises `InputError` when the input is bad.
 
     Parameters
     ----------
@@ -102,11 +98,6 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
     Returns
     -------
     The reach in mm, 0 where even the nearest are found less often.
-
-    Raises
-    ------
-    InputError
-        When the input is bad.
 
     Examples
     --------
@@ -129,35 +120,29 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
 def read_detection_range(path: str | os.PathLike[str], *, probability: float = 0.9) -> DetectionRangeTable:
     """Read a table of detection ranges: CSV with the columns ``diameter_mm``, ``depth_mm`` and ``reach_mm``.
 
+    Raises `FileInputError` when it is no such table.
+
     Parameters
     ----------
     path
         The file, at most 1 MiB; every size with every depth once.
     probability
         Probability of detection within the range, in (0, 1).
-
-    Raises
-    ------
-    FileInputError
-        When it is no such table.
     """
     path = as_path(path)
-    rows = _numbers(path)
+    name, rows = printable_path(path), _numbers(path)
     sizes, depths = (np.unique([row[axis] for row in rows]) for axis in (0, 1))
     cells = {(row[0], row[1]): row[2] for row in rows}
     if len(cells) != len(rows) or len(rows) != len(sizes) * len(depths):
         raise FileInputError(
-            f"{printable_path(path)} must hold each of its {len(sizes)} sizes with each of its "
-            f"{len(depths)} depths once; got "
+            f"{name} must hold each of its {len(sizes)} sizes with each of its {len(depths)} depths once; got "
             f"{len(rows)} rows"
         )
-    detection_range = [[cells[float(size), float(depth)] for depth in depths] for size in sizes]
+    extents = np.array([[cells[float(size), float(depth)] for depth in depths] for size in sizes])
     try:
-        return DetectionRangeTable(
-            diameter_mm=sizes, depth_mm=depths, reach_mm=np.array(detection_range), probability=probability
-        )
+        return DetectionRangeTable(diameter_mm=sizes, depth_mm=depths, reach_mm=extents, probability=probability)
     except InputError as error:
-        raise FileInputError(f"{printable_path(path)}: {error}") from error
+        raise FileInputError(f"{name}: {error}") from error
 
 
 def measured_detection_range(probe: str) -> DetectionRangeTable | None:

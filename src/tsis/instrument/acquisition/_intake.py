@@ -177,10 +177,7 @@ class Intake:
     def take(self, connection: int, frame: Frame) -> bool:
         """Count a frame and put it into the ring; False when its connection was abandoned.
 
-        Raises
-        ------
-        ImageMismatchError
-            When its size or full scale differs from the first frame.
+        Raises `ImageMismatchError` when its size or full scale differs from the first frame.
         """
         now_s = self._clock()
         with self._lock:
@@ -191,7 +188,9 @@ class Intake:
                 self._disordered += 1
                 return True
             self._missed += frame.sequence - self._sequence - 1
-            self._note_return(now_s)
+            if self._interruptions and self._interruptions[-1].back_after_s is None:
+                last = self._interruptions[-1]
+                self._interruptions[-1] = replace(last, back_after_s=now_s - last.at_s)
             self._received += 1
             self._sequence, self._heard_s = frame.sequence, now_s
             self._rate.add(now_s)
@@ -242,11 +241,6 @@ class Intake:
                 f"frames of one stream must have one format; the first had {_described(*self._shape)}, "
                 f"frame {frame.sequence} has {_described(*present)} (did another program change the camera's mode?)"
             )
-
-    def _note_return(self, now_s: float) -> None:
-        if self._interruptions and self._interruptions[-1].back_after_s is None:
-            last = self._interruptions[-1]
-            self._interruptions[-1] = replace(last, back_after_s=now_s - last.at_s)
 
 
 def silence(seconds: float) -> CameraError:

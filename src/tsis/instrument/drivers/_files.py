@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,20 +18,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from tsis.instrument._camera import Setting
     from tsis.model import TactileImage
 
 
 class StoredFrames:
-    """Frames on disk behind the camera protocol; a subclass gives its mode and yields the frames.
-
-    Parameters
-    ----------
-    path
-        The file or folder.
-    """
+    """Frames of a file or folder behind the camera protocol; a subclass gives its mode and yields the frames."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._path = as_path(path)
@@ -89,11 +81,6 @@ class ImageFiles(StoredFrames):
 
     Each file is read when its frame is requested, so a long folder takes no memory. Other and hidden files are
     ignored; subfolders are not entered.
-
-    Parameters
-    ----------
-    path
-        An image file, or a folder of image files.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -101,18 +88,13 @@ class ImageFiles(StoredFrames):
         self._files: tuple[Path, ...] = ()
         self._first: TactileImage | None = None
 
-    @property
-    def lost(self) -> bool:
-        """Always False: reading a missing frame raises."""
-        return False
+    lost = False  # reading a missing frame raises
 
     def open(self) -> None:
         """List the files and read the first one.
 
-        Raises
-        ------
-        FileInputError
-            When there is no such file or folder, it holds no image, or the first image cannot be read.
+        Raises `FileInputError` when there is no such file or folder, it holds no image, or the first image cannot be
+        read.
         """
         self._files = _listed(self._path)
         self._first = read_image(self._files[0])
@@ -126,20 +108,22 @@ class ImageFiles(StoredFrames):
     def frames(self) -> Iterator[Frame]:
         """Yield one frame a file.
 
-        Raises
-        ------
-        FileInputError
-            When a file cannot be read; the frames before it have been yielded.
-        ImageMismatchError
-            When an image differs from the first in size or range.
+        Raises `FileInputError` when a file cannot be read; the frames before it have been yielded; `ImageMismatchError`
+        when an image differs from the first in size or range.
         """
         self._require_started()
         first = self._opened()
         for sequence, file in enumerate(self._files):
             image = first if sequence == 0 else read_image(file)
-            _require_same_format(first, image)
+            if first.grey.shape != image.grey.shape or first.full_scale != image.full_scale:
+                raise ImageMismatchError(
+                    f"frames of one folder must have one format; {first.name!r} has shape {first.grey.shape} and full "
+                    f"scale {first.full_scale:g}, {image.name!r} has {image.grey.shape} and {image.full_scale:g}"
+                )
+            # Whole grey levels have the smallest integer type; those of colour images are fractions.
+            whole = image.grey.astype(np.uint8 if image.full_scale <= 255 else np.uint16)
             yield Frame(
-                pixels=_compact(image),
+                pixels=whole if np.array_equal(whole, image.grey) else image.grey,
                 sequence=sequence,
                 full_scale=image.full_scale,
                 name=file.name,
@@ -173,17 +157,3 @@ def _listed(path: Path) -> tuple[Path, ...]:
         kinds = ", ".join(sorted(IMAGE_SUFFIXES))
         raise FileInputError(f"{printable_path(path)} must hold at least one image ({kinds}); got none")
     return tuple(sorted(files, key=lambda entry: (natural_key(entry.name), entry.name)))
-
-
-def _require_same_format(first: TactileImage, image: TactileImage) -> None:
-    if first.grey.shape != image.grey.shape or first.full_scale != image.full_scale:
-        raise ImageMismatchError(
-            f"frames of one folder must have one format; {first.name!r} has shape {first.grey.shape} and full scale "
-            f"{first.full_scale:g}, {image.name!r} has {image.grey.shape} and {image.full_scale:g}"
-        )
-
-
-def _compact(image: TactileImage) -> NDArray[Any]:
-    """Whole grey levels in the smallest integer type; fractional levels of colour images unchanged."""
-    whole = image.grey.astype(np.uint8 if image.full_scale <= 255 else np.uint16)
-    return whole if np.array_equal(whole, image.grey) else image.grey

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import CameraError, MissingExtraError
-from tsis.instrument._camera import Frame, Mode, Setting
+from tsis.instrument._camera import Frame, Mode, Setting, checked_setting
 from tsis.instrument._discovery import CameraInfo
 from tsis.instrument._image_files import grey_of_opencv
 from tsis.instrument._quiet import opencv, quiet_decoders
 from tsis.instrument.drivers._files import natural_key
 from tsis.instrument.drivers._video import BRIGHTNESS, EXPOSURE, GAIN, HEIGHT, WIDTH, OpenCVCapture
-from tsis.model import require_number, require_one_of
+from tsis.model import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -37,15 +37,7 @@ def missing_requirement() -> str | None:
 
 
 def find_cameras_here(*, devices: Path = _LINUX_DEVICES, platform: str = sys.platform) -> tuple[CameraInfo, ...]:
-    """On Linux the devices that the system lists; elsewhere the first indices that open.
-
-    Parameters
-    ----------
-    devices
-        Folder in which Linux lists video devices.
-    platform
-        As ``sys.platform``.
-    """
+    """On Linux the devices that the system lists in a folder; elsewhere the first indices that open."""
     return _listed(devices) if platform == "linux" else _opening()
 
 
@@ -121,13 +113,7 @@ class OpenCVDevice(OpenCVCapture):
         return f"camera {self._index}"
 
     def open(self) -> None:
-        """Connect to the camera with a new handle.
-
-        Raises
-        ------
-        CameraError
-            When no camera answers at this index.
-        """
+        """Connect to the camera with a new handle; `CameraError` when no camera answers at this index."""
         self.stop()
         with quiet_decoders():
             capture = (self._open_capture or opencv(_FEATURE).VideoCapture)(self._index)
@@ -147,17 +133,10 @@ class OpenCVDevice(OpenCVCapture):
     def adjust(self, name: str, value: float) -> None:
         """Set one of `settings`.
 
-        Raises
-        ------
-        UnknownNameError
-            When the camera has no such setting.
-        CameraError
-            When the camera does not take the value.
+        Raises `UnknownNameError` when the camera has no such setting; `CameraError` when the camera does not take the
+        value.
         """
-        present = {setting.name: setting for setting in self.settings()}
-        if not present:
-            raise CameraError(f"{self.name} has no setting called {name!r}; it has none at all")
-        requested = present[require_one_of("setting", name, present)].checked(value)
+        requested = checked_setting(self.settings(), name, value, camera=self.name)
         with self._lock:
             taken = self._opened().set(_PROPERTIES[name], requested)
         if not taken:
@@ -175,19 +154,14 @@ class OpenCVDevice(OpenCVCapture):
         self._running.set()
 
     def frames(self) -> Iterator[Frame]:
-        """Yield frames on arrival.
-
-        Raises
-        ------
-        CameraError
-            When the camera stops answering; the frames before that stay valid.
-        """
+        """Yield frames on arrival; `CameraError` when the camera stops answering; the frames before that stay valid."""
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
         settings = {setting.name: setting.value for setting in self.settings()}
         sequence, first_s = 0, None
         while self._running.is_set():
-            present, pixels = self._read()
+            with self._lock:
+                present, pixels = (False, None) if self._capture is None else self._capture.read()
             now_s = self._clock()
             if not self._running.is_set():
                 return
@@ -203,10 +177,6 @@ class OpenCVDevice(OpenCVCapture):
                 settings=settings,
             )
             sequence += 1
-
-    def _read(self) -> tuple[bool, Any]:
-        with self._lock:
-            return (False, None) if self._capture is None else self._capture.read()
 
     def _not_opened(self) -> CameraError:
         return CameraError(f"{self.name} must be opened first; call open()")

@@ -16,11 +16,11 @@ from tsis.instrument.drivers.genicam import (
     GenICamCamera,
     Grab,
     NumberNode,
-    buffer_count,
+    buffers_of,
     camera_not_found,
     cannot_open,
-    first_number,
     maker_library,
+    ticks_per_s,
 )
 
 if TYPE_CHECKING:
@@ -28,19 +28,10 @@ if TYPE_CHECKING:
 
 
 _NO_NUMBER = 2**64 - 1  # pylon's value where a link does not number its frames
-_NANOSECONDS_HZ = 1e9
 
 
 class PylonCamera(GenICamCamera):
-    """A Basler camera.
-
-    Parameters
-    ----------
-    identity
-        Its serial number or user-defined name; the first camera when empty.
-    clock
-        Seconds, monotonic.
-    """
+    """A Basler camera, by its serial number or user-defined name; the first camera when that is empty."""
 
     def __init__(self, identity: str = "", *, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__("pylon", identity, link=lambda: _opened(identity), clock=clock)
@@ -106,16 +97,14 @@ class _PylonLink:
         self._camera, self.identity = camera, identity
         self.nodes = _Nodes(camera.GetNodeMap())
         self.errors: tuple[type[Exception], ...] = (_genicam().GenericException,)
-        ticks = first_number(self.nodes, ["GevTimestampTickFrequency"])
-        self._ticks_hz = _NANOSECONDS_HZ if ticks is None else ticks[1].value
+        self._ticks_hz = ticks_per_s(self.nodes)
 
     @property
     def present(self) -> bool:
         return not self._camera.IsCameraDeviceRemoved()
 
     def begin(self) -> None:
-        payload = first_number(self.nodes, ["PayloadSize"])
-        self._camera.MaxNumBuffer.SetValue(buffer_count(0.0 if payload is None else payload[1].value))
+        self._camera.MaxNumBuffer.SetValue(buffers_of(self.nodes))
         self._camera.StartGrabbing(_pylon().GrabStrategy_OneByOne)
 
     def grab(self, timeout_s: float) -> Grab | None:

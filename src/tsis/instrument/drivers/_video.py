@@ -23,16 +23,6 @@ if TYPE_CHECKING:
 POS_MSEC, WIDTH, HEIGHT, FPS, FRAME_COUNT, BRIGHTNESS, GAIN, EXPOSURE = 0, 3, 4, 5, 7, 10, 14, 15
 
 
-def present_mode(capture: Any) -> Mode:
-    """Size and rate of an opened capture; no rate where it declares none."""
-    rate = float(capture.get(FPS))
-    return Mode(
-        width_px=int(capture.get(WIDTH)),
-        height_px=int(capture.get(HEIGHT)),
-        frames_per_s=rate if rate > 0 else None,
-    )
-
-
 class OpenCVCapture:
     """A capture of OpenCV behind the camera protocol; a subclass opens it and names itself in `_not_opened`."""
 
@@ -51,8 +41,11 @@ class OpenCVCapture:
         return self._lost
 
     def modes(self) -> tuple[Mode, ...]:
-        """The present mode of the device, or the declared mode of the file."""
-        return (present_mode(self._opened()),)
+        """The present mode of the device, or the declared mode of the file; without a rate where it declares none."""
+        capture = self._opened()
+        width, height = (int(capture.get(side)) for side in (WIDTH, HEIGHT))
+        rate = float(capture.get(FPS))
+        return (Mode(width_px=width, height_px=height, frames_per_s=rate if rate > 0 else None),)
 
     def stop(self) -> None:
         """End the stream, and release the device or file."""
@@ -92,31 +85,22 @@ class VideoFile(OpenCVCapture, StoredFrames):
     def open(self) -> None:
         """Open the file and read its header.
 
-        Raises
-        ------
-        FileInputError
-            When there is no such file, it is no regular file, empty, cut short or no video.
+        Raises `FileInputError` when there is no such file, it is no regular file, empty, cut short or no video.
         """
         self.stop()
+        path = printable_path(self._path)
         if read_head(self._path).lstrip().startswith(_LISTS):
-            raise FileInputError(
-                f"{printable_path(self._path)} must be a video file; got a list that names other files"
-            )
+            raise FileInputError(f"{path} must be a video file; got a list that names other files")
         cv2 = opencv("video files")
         with quiet_decoders(), quiet_ffmpeg():
             # by its absolute path, so that no name is taken for an address, a device or a pattern
             capture = cv2.VideoCapture(os.path.realpath(self._path), cv2.CAP_FFMPEG)
         if not capture.isOpened():
-            raise FileInputError(
-                f"{printable_path(self._path)} must be a complete video file; no decoder could open it"
-            )
+            raise FileInputError(f"{path} must be a complete video file; no decoder could open it")
         columns, rows = (int(capture.get(side)) for side in (WIDTH, HEIGHT))
         if not 0 < columns * rows <= LARGEST_PIXELS:
             capture.release()
-            size = f"{columns} x {rows}"
-            raise FileInputError(
-                f"{printable_path(self._path)} must hold at most {LARGEST_PIXELS} pixels a frame; got {size}"
-            )
+            raise FileInputError(f"{path} must hold at most {LARGEST_PIXELS} pixels a frame; got {columns} x {rows}")
         self._capture, self._lost = capture, False
 
     def frames(self) -> Iterator[Frame]:

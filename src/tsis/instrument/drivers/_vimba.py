@@ -17,31 +17,20 @@ from tsis.instrument.drivers.genicam import (
     GenICamCamera,
     Grab,
     NumberNode,
-    buffer_count,
+    buffers_of,
     camera_not_found,
     cannot_open,
-    first_number,
     maker_library,
     reason,
+    ticks_per_s,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 
-_NANOSECONDS_HZ = 1e9
-
-
 class VimbaCamera(GenICamCamera):
-    """An Allied Vision camera.
-
-    Parameters
-    ----------
-    identity
-        Its id in Vimba, its serial number, or its IP address; the first camera when empty.
-    clock
-        Seconds, monotonic.
-    """
+    """An Allied Vision camera, by its id in Vimba, serial number or IP address; the first camera when that is empty."""
 
     def __init__(self, identity: str = "", *, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__("vimba", identity, link=lambda: _opened(identity), clock=clock)
@@ -113,13 +102,11 @@ class _VimbaLink:
         self._camera, self.identity = camera, camera.get_id()
         self.resources = contextlib.ExitStack()  # closes the camera, then the library's system
         self.nodes, self.errors, self.present = _Nodes(camera), _failures(), True
-        ticks = first_number(self.nodes, ["GevTimestampTickFrequency"])
-        self._ticks_hz = _NANOSECONDS_HZ if ticks is None else ticks[1].value
+        self._ticks_hz = ticks_per_s(self.nodes)
         self._arrived: queue.Queue[Grab] = queue.Queue()
 
     def begin(self) -> None:
-        payload = first_number(self.nodes, ["PayloadSize"])
-        buffers = buffer_count(0.0 if payload is None else payload[1].value)
+        buffers = buffers_of(self.nodes)
         self._arrived = queue.Queue(maxsize=buffers)
         self._camera.start_streaming(handler=self._receive, buffer_count=buffers)
 

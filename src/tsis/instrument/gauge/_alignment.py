@@ -13,23 +13,23 @@ from tsis.errors import GaugeError, InputError
 from tsis.model import require_number
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
+    from tsis.instrument.gauge._gauge import ForceReading
+
+    Floats = NDArray[np.float64]
 
 _SPAN = 4  # successive readings: one more than the three parameters of a parabola
 
 
-def reading_noise(times: NDArray[np.float64], forces: NDArray[np.float64]) -> tuple[float, float]:
+def reading_noise(times: Floats, forces: Floats) -> tuple[float, float]:
     """Standard deviation of independent noise in readings of a smooth course, and its degrees of freedom.
 
     One combination of any four successive readings vanishes for every parabola; scaled to length 1 it has the noise's
     standard deviation. Combinations with common readings are correlated, so the degrees of freedom are Satterthwaite's
     for their quadratic form, fewer than the combinations. A course that bends within four readings counts as noise.
-
-    Parameters
-    ----------
-    times, forces
-        At least 4 readings, shape (n,); times ascend.
 
     Examples
     --------
@@ -49,15 +49,6 @@ def reading_noise(times: NDArray[np.float64], forces: NDArray[np.float64]) -> tu
     freedom = count**2 / float(np.sum(gram**2))
     return float(np.sqrt(np.mean((combinations @ forces) ** 2))), freedom
 
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from tsis.instrument.gauge._gauge import ForceReading
-
-    Floats = NDArray[np.float64]
 
 LONGEST_GAP_S = 0.5
 LEVEL = 0.95  # probability that the true force lies within error_n
@@ -140,7 +131,11 @@ def force_at(
     if not (np.diff(times) > 0).all():
         raise InputError("readings must have ascending times; sort them, or select those of one run")
     gap = float(times[right] - times[right - 1])
-    _refuse_gap(at_s, gap, float(times[right]), longest_gap_s)
+    if max(gap, -float(times[right])) > longest_gap_s:
+        raise GaugeError(
+            f"the force readings around {at_s:.3f} s must lie at most {longest_gap_s:g} s apart; got {gap:.3g} s; "
+            "raise the gauge's rate, or state a longer longest_gap_s"
+        )
     weight = float(-times[right - 1] / gap)
     pair = around[right - 1 : right + 1]
     slope = float(forces[right] - forces[right - 1]) / gap
@@ -170,14 +165,6 @@ def _right(readings: Sequence[ForceReading], at_s: float) -> int:
             f"{last_s - before_s:.3g} s; wait for the gauge, or see whether it was lost"
         )
     return min(bisect_right(readings, at_s, key=lambda reading: reading.time_s), len(readings) - 1)
-
-
-def _refuse_gap(at_s: float, gap_s: float, last_s: float, longest_s: float) -> None:
-    if max(gap_s, -last_s) > longest_s:
-        raise GaugeError(
-            f"the force readings around {at_s:.3f} s must lie at most {longest_s:g} s apart; got {gap_s:.3g} s; "
-            "raise the gauge's rate, or state a longer longest_gap_s"
-        )
 
 
 def _curvature(times: Floats, forces: Floats, right: int) -> float:

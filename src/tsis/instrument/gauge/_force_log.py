@@ -89,10 +89,7 @@ class ForceLog:
     def start(self) -> None:
         """Open the gauge and collect its readings; those of an earlier start are dropped.
 
-        Raises
-        ------
-        GaugeError
-            When it runs already, or the gauge cannot be opened.
+        Raises `GaugeError` when it runs already, or the gauge cannot be opened.
         """
         if self._thread is not None:
             raise GaugeError(f"the log of {self._gauge.name} was started already; stop it first")
@@ -104,13 +101,7 @@ class ForceLog:
         self._thread.start()
 
     def stop(self) -> None:
-        """Close the gauge; the readings stay. Another call does nothing.
-
-        Raises
-        ------
-        GaugeError
-            When the gauge does not close.
-        """
+        """Close the gauge; the readings stay. Another call does nothing; `GaugeError` when the gauge does not close."""
         self._gauge.close()
         thread, self._thread = self._thread, None
         if thread is not None:
@@ -142,10 +133,7 @@ class ForceLog:
     def at(self, time_s: float, *, longest_gap_s: float = LONGEST_GAP_S) -> ForceAtTime:
         """The force at a frame's time; see `force_at`.
 
-        Raises
-        ------
-        GaugeError
-            As `force_at`; the message also states why the readings ended.
+        Raises `GaugeError` as `force_at`; the message also states why the readings ended.
         """
         # `force_at` uses eight readings before and eight after the time; without gaps they lie in this interval.
         recent = self.readings(since_s=time_s + self._latency_s - 8 * longest_gap_s)

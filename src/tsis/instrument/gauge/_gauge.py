@@ -18,6 +18,8 @@ LARGEST_FORCE_N = 1e6
 class ForceReading:
     """A force with its time.
 
+    Raises `InputError` when a number is not finite or out of its range.
+
     Parameters
     ----------
     time_s
@@ -28,12 +30,6 @@ class ForceReading:
         Step of the gauge's display in newtons, 0 when unknown.
     time_error_s
         Half-width of the interval in which the gauge took the reading, in seconds; 0 when unknown.
-        Half-width of the time in which the gauge must have taken the reading, in seconds; 0 when it is not known.
-
-    Raises
-    ------
-    InputError
-        When a number is not finite or out of its range.
 
     Examples
     --------

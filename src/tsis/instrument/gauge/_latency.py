@@ -139,17 +139,13 @@ def _series(what: str, times: ArrayLike, values: ArrayLike) -> tuple[Floats, Flo
 
 
 def _refuse_flat(what: str, times: Floats, values: Floats, *, step: float, cure: str) -> None:
-    noise = _noise(times, values)
+    # The median of the noise over stretches, so that the bends of a press do not count.
+    stretches = max(len(times) // 12, 1)
+    pairs = zip(np.array_split(times, stretches), np.array_split(values, stretches), strict=True)
+    noise = float(np.median([reading_noise(item, value)[0] for item, value in pairs]))
     change, needed = float(np.ptp(values)), _LEAST_CHANGE * max(noise, step)
     if change <= needed:
         raise GaugeError(f"the {what} must change by more than {needed:.3g} to find a delay; got {change:.3g}; {cure}")
-
-
-def _noise(times: Floats, values: Floats) -> float:
-    """Median over stretches, so that the bends of a press do not count."""
-    stretches = max(len(times) // 12, 1)
-    pairs = zip(np.array_split(times, stretches), np.array_split(values, stretches), strict=True)
-    return float(np.median([reading_noise(item, value)[0] for item, value in pairs]))
 
 
 def _rate(series: tuple[Floats, Floats], origin: float, step: float, smoothing: float) -> tuple[Floats, Floats]:

@@ -29,14 +29,8 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     """Write readings as CSV with the columns time_s, force_n, resolution_n, time_error_s, without rounding.
 
     Times of the host's monotonic clock restart with the machine: they align with frames of the same run, not with a
-    date.
-
-    Raises
-    ------
-    InputError
-        When there are none or too many to read back, or their times do not ascend.
-    FileInputError
-        When the file exists or cannot be written.
+    date. Raises `InputError` when there are none or too many to read back, or their times do not ascend;
+    `FileInputError` when the file exists or cannot be written.
 
     Examples
     --------
@@ -48,11 +42,10 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     ['time_s,force_n,resolution_n,time_error_s', '1.5,0.25,0.0,0.0']
     """
     file, rows = as_path(path), list(readings)
+    cure = "write parts of a long run as files of their own"
     if not 0 < len(rows) <= MOST_READINGS:
-        raise InputError(
-            f"readings must be 1 to {MOST_READINGS}, so that they can be read back; got {len(rows) or 'none'} "
-            "(write parts of a long run as files of their own)"
-        )
+        number = len(rows) or "none"
+        raise InputError(f"readings must be 1 to {MOST_READINGS}, so that they can be read back; got {number} ({cure})")
     if any(after.time_s <= before.time_s for before, after in pairwise(rows)):
         raise InputError("readings must have ascending times; sort them, or select those of one run")
     if file.exists():
@@ -65,7 +58,7 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     if len(content) > LARGEST_BYTES:
         raise InputError(
             f"readings must take at most {LARGEST_BYTES} bytes, so that they can be read back; got {len(content)} "
-            "(write parts of a long run as files of their own)"
+            f"({cure})"
         )
     try:
         write_durably(file, content)
@@ -93,23 +86,13 @@ class RecordedGauge:
         """The file's name."""
         return self._path.name
 
-    @property
-    def lost(self) -> bool:
-        """False: a file is complete or refused."""
-        return False
-
-    @property
-    def skipped(self) -> int:
-        """0: a file with invalid lines is refused."""
-        return 0
+    lost, skipped = False, 0  # an incomplete file or one with invalid lines is refused
 
     def open(self) -> None:
         """Read the file.
 
-        Raises
-        ------
-        FileInputError
-            When it is missing, has another header, or a line is not finite numbers with ascending times.
+        Raises `FileInputError` when it is missing, has another header, or a line is not finite numbers with ascending
+        times.
         """
         content = read_bytes(self._path, most=LARGEST_BYTES)
         try:
@@ -147,27 +130,24 @@ def _parsed(content: bytes) -> Iterator[ForceReading]:
     head = tuple(cell.strip() for cell in next(lines, (1, ""))[1].split(","))
     if head[:_NEEDED] != HEAD[:_NEEDED] or head != HEAD[: len(head)]:
         raise _LineError(f"must begin with the header {','.join(HEAD[:_NEEDED])} (s and N); got {','.join(head)!r:.80}")
-    before_s, count = -math.inf, 0
+    before_s = -math.inf
     for number, line in lines:
         if not line.strip():
             continue
-        reading = _row(number, line.split(","), head)
+        cells = line.split(",")
+        if len(cells) != len(head):
+            raise _LineError(f"line {number} must have {len(head)} columns as the header; got {len(cells)}")
+        try:
+            reading = ForceReading(**{name: float(cell) for name, cell in zip(head, cells, strict=True)})
+        except InputError as error:
+            raise _LineError(f"line {number}: {error}") from error
+        except ValueError as error:
+            raise _LineError(f"line {number} must hold numbers; got {line!r:.80}") from error
         if reading.time_s <= before_s:
             raise _LineError(
                 f"line {number} must be later than the line before; got {reading.time_s!r} s after {before_s!r} s"
             )
-        before_s, count = reading.time_s, count + 1
+        before_s = reading.time_s
         yield reading
-    if not count:
+    if before_s == -math.inf:
         raise _LineError("must hold at least one reading; got none")
-
-
-def _row(number: int, cells: list[str], head: tuple[str, ...]) -> ForceReading:
-    if len(cells) != len(head):
-        raise _LineError(f"line {number} must have {len(head)} columns as the header; got {len(cells)}")
-    try:
-        return ForceReading(**{name: float(cell) for name, cell in zip(head, cells, strict=True)})
-    except InputError as error:
-        raise _LineError(f"line {number}: {error}") from error
-    except ValueError as error:
-        raise _LineError(f"line {number} must hold numbers; got {','.join(cells)!r:.80}") from error

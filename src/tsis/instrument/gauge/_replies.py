@@ -43,24 +43,12 @@ class ReplyKind(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reply:
-    """A parsed line of a gauge.
-
-    Parameters
-    ----------
-    kind
-        Kind of the line; the fields below apply to a number only.
-    number
-        The number, in the gauge's unit.
-    step
-        Value of its last digit.
-    unit
-        One of `NEWTONS`; empty when the gauge did not send one.
-    """
+    """A parsed line of a gauge; only a number has the further fields."""
 
     kind: ReplyKind
-    number: float = 0.0
-    step: float = 0.0
-    unit: str = ""
+    number: float = 0.0  # in the gauge's unit
+    step: float = 0.0  # value of its last digit
+    unit: str = ""  # one of `NEWTONS`; empty when the gauge did not send one
 
 
 def read_reply(line: bytes) -> Reply:
@@ -107,13 +95,7 @@ def _unit(letters: str) -> str | None:
 
 
 def force_unit(unit: str) -> str:
-    """The unit of that spelling.
-
-    Raises
-    ------
-    InputError
-        When it is not one of the forces in `NEWTONS`.
-    """
+    """The unit of that spelling; `InputError` when it is not one of the forces in `NEWTONS`."""
     name = _unit(unit) if isinstance(unit, str) else None
     if not name:
         raise InputError(f"unit must be one of {', '.join(NEWTONS)}; got {unit!r:.40}")
@@ -121,19 +103,9 @@ def force_unit(unit: str) -> str:
 
 
 def newtons(reply: Reply, *, unit: str | None) -> tuple[float, float]:
-    """Force and step of the display in newtons.
+    """Force and step of the display in newtons, with the required unit of replies, None before one is known.
 
-    Parameters
-    ----------
-    reply
-        The gauge's reply.
-    unit
-        Required unit of its replies; None before one is known.
-
-    Raises
-    ------
-    GaugeError
-        When the reply is no number, has another unit, or the unit is unknown.
+    Raises `GaugeError` when the reply is no number, has another unit, or the unit is unknown.
 
     Examples
     --------

@@ -102,10 +102,7 @@ class SerialGauge:
     def open(self) -> None:
         """Open the port; older bytes are dropped.
 
-        Raises
-        ------
-        GaugeError
-            When there is no such port, another program uses it, or this user has no permission.
+        Raises `GaugeError` when there is no such port, another program uses it, or this user has no permission.
         """
         self.close()
         port = opened(
@@ -122,11 +119,8 @@ class SerialGauge:
     def readings(self) -> Iterator[ForceReading]:
         """Yield readings until the gauge is closed.
 
-        Raises
-        ------
-        GaugeError
-            When it is silent or unplugged, sends garbage, reports an overload or a fault, or its unit differs or
-            changes.
+        Raises `GaugeError` when it is silent or unplugged, sends garbage, reports an overload or a fault, or its unit
+        differs or changes.
         """
         serial_line = self._opened()
         while not serial_line.closed:
@@ -137,10 +131,7 @@ class SerialGauge:
     def tare(self) -> None:
         """Command the gauge to set its zero, without confirmation.
 
-        Raises
-        ------
-        GaugeError
-            When it has no such command or was lost.
+        Raises `GaugeError` when it has no such command or was lost.
         """
         if self._tare_command is None:
             raise GaugeError(f"{self.name} has no command that sets its zero; press its zero key")
@@ -185,7 +176,12 @@ class SerialGauge:
         if reply.kind is ReplyKind.GARBAGE or cut:
             self._skip(line)
             return None
-        force_n, resolution_n = self._newtons(reply)
+        try:
+            force_n, resolution_n = newtons(reply, unit=self._unit)
+        except GaugeError as error:
+            raise GaugeError(f"{self.name} gives no force: {error}") from error
+        self._unit = self._unit or reply.unit
+        self._sends_unit = self._sends_unit or bool(reply.unit)
         if abs(force_n) > LARGEST_FORCE_N:
             self._skip(line)
             return None
@@ -194,15 +190,6 @@ class SerialGauge:
         return ForceReading(
             time_s=self._last_s, force_n=force_n, resolution_n=resolution_n, time_error_s=line.time_error_s
         )
-
-    def _newtons(self, reply: Reply) -> tuple[float, float]:
-        try:
-            force = newtons(reply, unit=self._unit)
-        except GaugeError as error:
-            raise GaugeError(f"{self.name} gives no force: {error}") from error
-        self._unit = self._unit or reply.unit
-        self._sends_unit = self._sends_unit or bool(reply.unit)
-        return force
 
     def _skip(self, line: Line) -> None:
         self._skipped += 1

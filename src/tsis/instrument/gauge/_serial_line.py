@@ -23,22 +23,12 @@ _ENDS = b"\r\n"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """A line from the port.
+    """A line from the port."""
 
-    Parameters
-    ----------
-    content
-        Its bytes without the end, at most `LONGEST_REPLY_BYTES`.
-    time_s, time_error_s
-        Arrival of its first byte, with its error bound.
-    whole
-        False for a line without its beginning or its end.
-    """
-
-    content: bytes
-    time_s: float
-    time_error_s: float
-    whole: bool = True
+    content: bytes  # without the end, at most `LONGEST_REPLY_BYTES`
+    time_s: float  # arrival of its first byte
+    time_error_s: float  # bound of the error of that time
+    whole: bool = True  # False without its beginning or its end
 
 
 class LineBuffer:
@@ -119,12 +109,7 @@ class SerialPort:
 
 
 def find_ports() -> tuple[SerialPort, ...]:
-    """The serial ports of this machine, by name.
-
-    Raises
-    ------
-    GaugeError
-        When the system does not list them.
+    """The serial ports of this machine, by name; `GaugeError` when the system does not list them.
 
     Examples
     --------
@@ -144,10 +129,7 @@ def find_ports() -> tuple[SerialPort, ...]:
 def opened(port: str, open_port: Callable[..., Any], **settings: Any) -> Any:
     """Open the port for this program exclusively.
 
-    Raises
-    ------
-    GaugeError
-        When there is no such port, another program uses it, or this user has no permission.
+    Raises `GaugeError` when there is no such port, another program uses it, or this user has no permission.
     """
     try:
         return open_port(port, exclusive=True, **settings)
@@ -178,14 +160,8 @@ _LARGEST_CHUNK = 4096
 class SerialLine:
     """Sends requests and splits the replies into lines; one thread reads, any may write or close.
 
-    Parameters
-    ----------
-    port
-        An open port like ``serial.Serial`` whose reads end within a short timeout.
-    poll
-        Request of one line; None where lines come without requests.
-    clock
-        Seconds, monotonic.
+    The reads of the open port end within a short timeout. ``poll`` requests one line; None where lines come without
+    requests.
     """
 
     def __init__(self, port: Any, *, poll: bytes | None, clock: Callable[[], float]) -> None:

@@ -76,20 +76,7 @@ class SimulatedGauge:
         self._closed.set()
         self._wait = wait or self._closed.wait
 
-    @property
-    def name(self) -> str:
-        """Display name."""
-        return "simulated gauge"
-
-    @property
-    def lost(self) -> bool:
-        """Always False."""
-        return False
-
-    @property
-    def skipped(self) -> int:
-        """Always 0."""
-        return 0
+    name, lost, skipped = "simulated gauge", False, 0
 
     def open(self) -> None:
         """Begin anew."""

@@ -23,10 +23,7 @@ LARGEST_INDEX_BYTES = 64 * 2**20
 def read_recording_index(folder: str | os.PathLike[str]) -> tuple[tuple[Path, float], ...]:
     """Files of the frames of a recording with their arrival times in seconds, in order.
 
-    Raises
-    ------
-    FileInputError
-        When the folder has no valid ``frames.csv``, or it lists no frame or a file elsewhere.
+    Raises `FileInputError` when the folder has no valid ``frames.csv``, or it lists no frame or a file elsewhere.
     """
     root = as_path(folder)
     rows = read_parsed(root / RECORDING_INDEX, _rows, most=LARGEST_INDEX_BYTES)

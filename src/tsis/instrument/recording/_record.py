@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 import time
 from contextlib import closing
@@ -30,15 +31,7 @@ WAIT_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FurtherColumns:
-    """Additional columns of the index.
-
-    Attributes
-    ----------
-    names
-        Their headings.
-    of
-        Their values for a frame.
-    """
+    """Additional columns of the index: their headings, and a function that gives their values for a frame."""
 
     names: tuple[str, ...]
     of: Callable[[ReceivedFrame], Sequence[Any]]
@@ -117,24 +110,31 @@ def record(
         Seconds, monotonic: that of the acquisition.
     """
     root = as_path(folder)
-    tally, end = _Tally(most=frames), _End(clock() + seconds if seconds is not None else None, stopped, clock)
+    tally, end_s = _Tally(most=frames), math.inf if seconds is None else clock() + seconds
     beside = beside or FurtherColumns(names=(), of=lambda received: ())
     begun, begun_s = datetime.now(UTC), clock()
+
+    def ended() -> bool:
+        return stopped() or clock() >= end_s or tally.full
+
     ended_by, missed = "", 0 if acquisition.ring.patient else acquisition.account().missed
     try:
         with (root / RECORDING_INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
             rows = csv.writer(index)
             rows.writerow((*RECORDING_COLUMNS, *beside.names))
-            for batch, overrun in _batches(acquisition, lambda: end.reached() or tally.full):
+            for batch, overrun in _batches(acquisition, ended):
                 tally.overrun += overrun
                 for received in batch[: tally.left]:
-                    where = sink.save(received.frame, tally.kept)
-                    rows.writerow((*_row(received, tally.kept, where), *beside.of(received)))
+                    frame = received.frame
+                    where, arrived = sink.save(frame, tally.kept), f"{received.arrived_s:.6f}"
+                    numbers = received.connection, frame.sequence, frame.time_s, arrived
+                    rows.writerow((tally.kept, where, *numbers, *beside.of(received)))
                     tally.add(received)
                 index.flush()
                 progress(tally.kept, clock() - begun_s)
             os.fsync(index.fileno())
-        ended_by = "" if end.reached() or tally.full else _end_of(acquisition)
+        # Stored frames end without a failure, a camera that is not reconnected by its loss.
+        ended_by = "" if ended() or acquisition.failure is None else str(acquisition.failure)
     except OSError as error:
         ended_by = f"{printable_path(root)} took no more frames after {tally.kept}: {error.strerror or error}"
     except TsisError as error:
@@ -155,18 +155,6 @@ def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tu
         yield batch, overrun
         if closed:
             return
-
-
-@dataclass(frozen=True, slots=True)
-class _End:
-    """End of a recording by its own limits."""
-
-    at_s: float | None
-    stopped: Callable[[], bool]
-    clock: Callable[[], float]
-
-    def reached(self) -> bool:
-        return self.stopped() or (self.at_s is not None and self.clock() >= self.at_s)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -204,16 +192,6 @@ class _Tally:
             frames_per_s=(self.kept - 1) / seconds if seconds > 0 else 0.0,
             ended_by=ended_by,
         )
-
-
-def _row(received: ReceivedFrame, number: int, where: str) -> tuple[Any, ...]:
-    frame = received.frame
-    return number, where, received.connection, frame.sequence, frame.time_s, f"{received.arrived_s:.6f}"
-
-
-def _end_of(acquisition: Acquisition) -> str:
-    """Why the source ended: empty for stored frames, else the loss of a camera that is not reconnected."""
-    return "" if acquisition.failure is None else str(acquisition.failure)
 
 
 def _with_summary(

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import CameraError
-from tsis.instrument._camera import LATE_FRAMES, SILENT_S, Frame
+from tsis.instrument._camera import SILENT_S, Frame, checked_setting, silence_timeout_s
 from tsis.instrument.drivers._frame_numbers import BlockCount
 from tsis.instrument.drivers.aravis import _features as features
 from tsis.instrument.drivers.aravis._connection import Connection, Stream
 from tsis.instrument.drivers.aravis._library import load
-from tsis.model import require_one_of, require_type
+from tsis.model import require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -29,33 +29,18 @@ TORN_S = 10.0  # with incomplete frames only
 
 
 class Watch:
-    """Started whenever a reader begins to wait, so that the reader's own time does not count.
-
-    Parameters
-    ----------
-    clock
-        Seconds, monotonic.
-    """
+    """Started whenever a reader begins to wait, so that the reader's own time does not count."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._began_s = self._heard_s = clock()
         self._torn = 0
 
-    def reason(self, *, heard: bool, period_s: float = 0.0) -> str | None:
-        """Why the camera counts as lost; None if it does not.
-
-        Parameters
-        ----------
-        heard
-            Whether an incomplete frame arrived.
-        period_s
-            Duration of a frame with the present settings, seconds.
-        """
+    def reason(self, *, heard: bool, silent_s: float = SILENT_S) -> str | None:
+        """Why the camera counts as lost; None if it does not. An incomplete frame counts as ``heard``."""
         now_s = self._clock()
         if heard:
             self._heard_s, self._torn = now_s, self._torn + 1
-        silent_s = max(SILENT_S, LATE_FRAMES * period_s)
         if now_s - self._heard_s >= silent_s:
             return f"nothing came for {silent_s:g} s"
         if now_s - self._began_s >= max(TORN_S, silent_s) and self._torn:
@@ -81,6 +66,7 @@ class AravisCamera:
 
     The camera's automatic exposure and gain are switched off at the start, so that each frame records its settings; a
     change applies to the frames that arrive after it. Incomplete frames are dropped and leave a gap in the sequence.
+    Raises `InputError` when the identity is not a text.
 
     Parameters
     ----------
@@ -90,11 +76,6 @@ class AravisCamera:
         Returns the library.
     clock
         Seconds, monotonic.
-
-    Raises
-    ------
-    InputError
-        When the identity is not a text.
 
     Examples
     --------
@@ -134,12 +115,8 @@ class AravisCamera:
     def open(self) -> None:
         """Connect to the camera with a new handle.
 
-        Raises
-        ------
-        MissingExtraError
-            When Aravis is not installed.
-        CameraError
-            When no camera of this identity answers, or another program uses it.
+        Raises `MissingExtraError` when Aravis is not installed; `CameraError` when no camera of this identity answers,
+        or another program uses it.
         """
         self.stop()
         self._connection = Connection.open(self._library(), self._identity)
@@ -161,19 +138,12 @@ class AravisCamera:
     def adjust(self, name: str, value: float) -> None:
         """Change one of `settings`; the camera may round the value.
 
-        Raises
-        ------
-        UnknownNameError
-            When there is no such setting.
-        InputError
-            When the value lies outside its range.
-        CameraError
-            When the camera does not take it.
+        Raises `UnknownNameError` when there is no such setting; `InputError` when the value lies outside its range;
+        `CameraError` when the camera does not take it.
         """
         with self._controlling:
             connection = self._opened()
-            by_name = {setting.name: setting for setting in self.settings()}
-            requested = by_name[require_one_of("setting", name, by_name)].checked(value)
+            requested = checked_setting(self.settings(), name, value, camera=self.name)
             features.adjust(connection.aravis, connection.camera, name, requested)
             if self._running.is_set():
                 self._taken = [*self._taken[-1:], (time.time_ns(), features.values(self.settings()))]
@@ -181,10 +151,7 @@ class AravisCamera:
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames in ``mode``, or in the present one.
 
-        Raises
-        ------
-        CameraError
-            When the camera has no such mode, or does not start.
+        Raises `CameraError` when the camera has no such mode, or does not start.
         """
         with self._controlling:
             connection = self._opened()
@@ -201,11 +168,8 @@ class AravisCamera:
     def frames(self) -> Iterator[Frame]:
         """Yield complete frames on arrival, until the camera is stopped.
 
-        Raises
-        ------
-        CameraError
-            When the camera is silent for a second (three frame times of a slow one), or sends only incomplete frames
-            for ten; frames already yielded stay valid.
+        Raises `CameraError` when the camera is silent for a second (three frame times of a slow one), or sends only
+        incomplete frames for ten; frames already yielded stay valid.
         """
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
@@ -230,7 +194,7 @@ class AravisCamera:
             heard, frame = self._popped(reading)
             if frame is not None:
                 return frame
-            reason = watch.reason(heard=heard, period_s=self._period_s())
+            reason = watch.reason(heard=heard, silent_s=silence_timeout_s(self._taken[-1][1]))
             if reason and self._running.is_set():
                 name, self._lost = self.name, True
                 self.stop()
@@ -238,12 +202,6 @@ class AravisCamera:
                     f"{name} was lost after {reading.delivered} frames: {reason}; check its cable and open it again"
                 )
         return None
-
-    def _period_s(self) -> float:
-        """Duration of a frame with the present settings; 0 when unknown."""
-        _, taken = self._taken[-1]
-        rate = taken.get("frames_per_s", 0.0)
-        return max(1 / rate if rate > 0 else 0.0, taken.get("exposure_ms", 0.0) / 1000)
 
     def _popped(self, reading: _Reading) -> tuple[bool, Frame | None]:
         """Whether anything arrived within a short time, and the frame if it is complete."""

@@ -40,22 +40,7 @@ class ReceivedBuffer:
 
 
 class Stream:
-    """A stream of a camera with its buffers.
-
-    Parameters
-    ----------
-    aravis
-        The library.
-    camera
-        Handle of a camera in the requested mode.
-    mode
-        That mode.
-
-    Raises
-    ------
-    CameraError
-        When the camera provides no stream.
-    """
+    """A stream of a camera in that mode, with its buffers; `CameraError` when the camera provides none."""
 
     def __init__(self, aravis: Aravis, camera: int, mode: Mode) -> None:
         self._aravis = aravis
@@ -119,10 +104,7 @@ class Connection:
     def open(cls, aravis: Aravis, identity: str | None) -> Self:
         """Connect to the camera of that identity or address, or to the first that answers.
 
-        Raises
-        ------
-        CameraError
-            When none answers, or another program uses it.
+        Raises `CameraError` when none answers, or another program uses it.
         """
         chosen, address = _chosen(aravis, identity)
         try:
@@ -173,7 +155,8 @@ def _chosen(aravis: Aravis, identity: str | None) -> tuple[str, str]:
     for camera, address in cameras:
         if identity in (None, camera.identity):
             # Aravis may find a camera of this machine over another network, where its frames would not arrive.
-            return camera.identity, address if _is_loopback(address) else camera.identity
+            here = _is_address(address) and ipaddress.ip_address(address).is_loopback
+            return camera.identity, address if here else camera.identity
     requested = "no camera answers" if identity is None else f"no camera called {identity!r} answers"
     names = ", ".join(camera.identity for camera, _ in cameras) or "none"
     raise CameraError(
@@ -187,7 +170,3 @@ def _is_address(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _is_loopback(address: str) -> bool:
-    return _is_address(address) and ipaddress.ip_address(address).is_loopback

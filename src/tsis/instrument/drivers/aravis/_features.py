@@ -61,10 +61,7 @@ def hold_settings(aravis: Aravis, camera: int) -> None:
 def modes(aravis: Aravis, camera: int) -> tuple[Mode, ...]:
     """Present size and whole sensor in each grey format, the present one first.
 
-    Raises
-    ------
-    CameraError
-        When the camera has no grey format.
+    Raises `CameraError` when the camera has no grey format.
     """
     present = aravis.text("camera_get_pixel_format_as_string", camera)
     formats = [name for name in _pixel_formats(aravis, camera) if name in FULL_SCALE]
@@ -91,10 +88,7 @@ def modes(aravis: Aravis, camera: int) -> tuple[Mode, ...]:
 def offered(mode: Mode | None, modes: tuple[Mode, ...], name: str) -> Mode:
     """The requested mode at any rate, or the first mode when None.
 
-    Raises
-    ------
-    CameraError
-        When no mode has its size and pixel format.
+    Raises `CameraError` when no mode has its size and pixel format.
     """
     if mode is None:
         return modes[0]

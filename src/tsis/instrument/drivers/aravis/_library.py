@@ -120,15 +120,12 @@ class _Error(ctypes.Structure):
 class Aravis:
     """The calls of libaravis by their names without ``arv_``.
 
+    Raises `MissingExtraError` when no library has a symbol.
+
     Parameters
     ----------
     parts
         Loaded libraries; each symbol comes from the first that has it.
-
-    Raises
-    ------
-    MissingExtraError
-        When no library has a symbol.
     """
 
     def __init__(self, *parts: ctypes.CDLL) -> None:
@@ -140,13 +137,7 @@ class Aravis:
         self._below = {name: _bound(parts, name, kinds) for name, kinds in BELOW.items()}
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """The result of ``arv_name``.
-
-        Raises
-        ------
-        CameraError
-            When the library reports an error.
-        """
+        """The result of ``arv_name``; `CameraError` when the library reports an error."""
         if name in self._infallible:
             return self._infallible[name](*arguments)
         error = ctypes.POINTER(_Error)()
@@ -200,10 +191,7 @@ def _bound(parts: tuple[ctypes.CDLL, ...], symbol: str, kinds: tuple[Any, ...]) 
 def load() -> Aravis:
     """The library of this system.
 
-    Raises
-    ------
-    MissingExtraError
-        When it is not installed or too old; the message includes the cure.
+    Raises `MissingExtraError` when it is not installed or too old; the message includes the cure.
     """
     if sys.platform == "win32":
         return Aravis(_first(FILES["win32"]), *(_first(names) for names in WINDOWS_BELOW))

@@ -31,10 +31,7 @@ def missing_requirement(library: Callable[[], Aravis] = load) -> str | None:
 def find_cameras_here(library: Callable[[], Aravis] = load) -> tuple[CameraInfo, ...]:
     """Cameras that answer now, by name; the search takes about a second.
 
-    Raises
-    ------
-    MissingExtraError
-        When Aravis is not installed.
+    Raises `MissingExtraError` when Aravis is not installed.
     """
     return tuple(camera for camera, _ in search(library()))
 

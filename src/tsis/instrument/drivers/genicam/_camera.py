@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING
 
 from tsis.errors import CameraError
-from tsis.instrument._camera import Frame, Mode
+from tsis.instrument._camera import Frame, Mode, silence_timeout_s
 from tsis.instrument.drivers._frame_numbers import FULL_SCALE, BlockCount
 from tsis.instrument.drivers.genicam import _settings as genicam_settings
 from tsis.instrument.drivers.genicam._link import reason
@@ -34,12 +34,7 @@ _RATES = (
 def modes(nodes: Nodes) -> tuple[Mode, ...]:
     """Each grey format at the present size and at the full one; the present format and size first.
 
-    Only the present size has a rate.
-
-    Raises
-    ------
-    CameraError
-        When the size is unknown or no grey format is available.
+    Only the present size has a rate. Raises `CameraError` when the size is unknown or no grey format is available.
     """
     formats = _grey_formats(nodes)
     width, height = _size(nodes)
@@ -58,12 +53,8 @@ def modes(nodes: Nodes) -> tuple[Mode, ...]:
 def apply_mode(nodes: Nodes, mode: Mode) -> None:
     """Set the camera to ``mode``; a size other than the present one becomes a region in the middle of the sensor.
 
-    Raises
-    ------
-    CameraError
-        When the camera does not offer the format or the size.
-    InputError
-        When it does not take the rate.
+    Raises `CameraError` when the camera does not offer the format or the size; `InputError` when it does not take the
+    rate.
     """
     formats = _grey_formats(nodes)
     if mode.pixel_format not in formats or mode.full_scale != FULL_SCALE[mode.pixel_format]:
@@ -92,7 +83,7 @@ def _grey_formats(nodes: Nodes) -> list[str]:
 def _size(nodes: Nodes) -> tuple[NumberNode, NumberNode]:
     width, height = number_node(nodes, "Width"), number_node(nodes, "Height")
     if width is None or height is None:
-        raise CameraError("the camera does not tell the size of its frames")
+        raise CameraError("the camera does not report the size of its frames")
     return width, height
 
 
@@ -169,21 +160,16 @@ class GenICamCamera:
     def open(self) -> None:
         """Connect to the camera with a new handle.
 
-        Raises
-        ------
-        CameraError
-            When it does not answer, or is in use by another program or by this one.
-        MissingExtraError
-            When its library is not installed.
+        Raises `CameraError` when it does not answer, or is in use by another program or by this one;
+        `MissingExtraError` when its library is not installed.
         """
         self.stop()
         link = self._connect()
         name = f"{self._source} camera {link.identity}"
         with _open_identities_lock:
-            free = name not in _open_identities
-            if free:
-                _open_identities.add(name)
-        if not free:
+            taken = name in _open_identities
+            _open_identities.add(name)
+        if taken:
             with contextlib.suppress(*link.errors):
                 link.close()
             raise CameraError(f"{name} is busy: this program holds it already; stop() that camera first")
@@ -224,10 +210,8 @@ class GenICamCamera:
     def frames(self) -> Iterator[Frame]:
         """Yield frames on arrival, until stopped.
 
-        Raises
-        ------
-        CameraError
-            When none arrives for 1 s (or two frames, where those take longer) or the camera is removed.
+        Raises `CameraError` when none arrives for 1 s (or two frames, where those take longer) or the camera is
+        removed.
         """
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
@@ -290,7 +274,7 @@ class GenICamCamera:
             if not present:
                 raise self._loss("it was removed")
             silent_s = self._clock() - silent_since_s
-            if silent_s >= genicam_settings.timeout_s(self._values):
+            if silent_s >= silence_timeout_s(self._values):
                 raise self._loss(f"no frame came for {silent_s:.1f} s")
         return grab
 

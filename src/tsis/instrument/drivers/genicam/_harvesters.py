@@ -14,9 +14,9 @@ from tsis.instrument._discovery import CameraInfo
 from tsis.instrument.drivers._frame_numbers import FULL_SCALE
 from tsis.instrument.drivers.genicam import _producers as genicam_producers
 from tsis.instrument.drivers.genicam._camera import GenICamCamera
-from tsis.instrument.drivers.genicam._link import Grab, buffer_count, camera_not_found, cannot_open
+from tsis.instrument.drivers.genicam._link import Grab, buffers_of, camera_not_found, cannot_open
 from tsis.instrument.drivers.genicam._producers import PATH_VARIABLE, PRODUCERS
-from tsis.instrument.drivers.genicam._settings import ChoiceNode, NumberNode, first_number
+from tsis.instrument.drivers.genicam._settings import ChoiceNode, NumberNode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
@@ -66,16 +66,16 @@ class HarvestersLink:
         self.nodes = HarvestersNodes(acquirer.remote_device.node_map)
         self.errors = genicam_producers.failures()
         self.present = True  # GenTL reports no removal without events; silence does
-        self._torn = threading.Event()
-        events = genicam_producers.harvesters().ImageAcquirer.Events
-        acquirer.add_callback(events.INCOMPLETE_BUFFER, _incomplete_buffers(self._torn))
+        self._torn = torn = threading.Event()
+        core = genicam_producers.harvesters()
+        # Harvesters queues an incomplete buffer again without notice, but for this callback, which does not refer to
+        # the link, so that both can be released.
+        callback = type("IncompleteBuffers", (core.Callback,), {"emit": lambda *_: torn.set()})()
+        acquirer.add_callback(core.ImageAcquirer.Events.INCOMPLETE_BUFFER, callback)
 
     def begin(self) -> None:
         """Allocate buffers and start the camera."""
-        payload = first_number(self.nodes, ["PayloadSize"])
-        self._acquirer.num_buffers = max(
-            buffer_count(0.0 if payload is None else payload[1].value), self._acquirer.min_num_buffers
-        )
+        self._acquirer.num_buffers = max(buffers_of(self.nodes), self._acquirer.min_num_buffers)
         self._acquirer.start()
 
     def grab(self, timeout_s: float) -> Grab | None:
@@ -85,7 +85,9 @@ class HarvestersLink:
             buffer = self._acquirer.try_fetch(timeout=_LOOK_S)
             if buffer is not None:
                 try:
-                    return Grab(pixels=_grey(buffer), number=_number(buffer), time_s=_stamp_s(buffer))
+                    ticks = buffer.timestamp  # 0 where the producer gives no time
+                    time_s = ticks / buffer.timestamp_frequency if ticks else None
+                    return Grab(pixels=_grey(buffer), number=_number(buffer), time_s=time_s)
                 finally:
                     buffer.queue()
             if self._torn.is_set():
@@ -110,12 +112,6 @@ class HarvestersLink:
             self._acquirer.__exit__(None, None, None)  # as destroy(), without a finalizer at the end
 
 
-def _incomplete_buffers(event: threading.Event) -> Any:
-    """Sets ``event`` for each incomplete buffer, which Harvesters queues again without notice."""
-    core = genicam_producers.harvesters()
-    return type("IncompleteBuffers", (core.Callback,), {"emit": lambda *_: event.set()})()
-
-
 def _grey(buffer: Any) -> NDArray[Any] | None:
     """The grey part of a buffer, copied; None when it has none."""
     for part in buffer.payload.components:
@@ -132,23 +128,10 @@ def _number(buffer: Any) -> int | None:
         return None
 
 
-def _stamp_s(buffer: Any) -> float | None:
-    """The camera's own time; Harvesters returns 0 where the producer gives none."""
-    ticks = buffer.timestamp
-    return ticks / buffer.timestamp_frequency if ticks else None
-
-
 class HarvestersCamera(GenICamCamera):
-    """A camera behind a GenTL producer.
+    """A camera behind a GenTL producer, by its GenTL id, serial number or user-defined name; the first one when empty.
 
-    Parameters
-    ----------
-    identity
-        Its GenTL id, its serial number or its user-defined name; the first camera when empty.
-    producers
-        The producers; those of ``GENICAM_GENTL64_PATH`` when None.
-    clock
-        Seconds, monotonic.
+    The producers are those of ``GENICAM_GENTL64_PATH`` when None.
     """
 
     def __init__(
@@ -176,13 +159,7 @@ def missing_requirement() -> str | None:
 
 
 def find_cameras_here(producers: Sequence[Path] | None = None) -> tuple[CameraInfo, ...]:
-    """The cameras that the producers list now.
-
-    Raises
-    ------
-    CameraError
-        When there is none and a producer cannot be loaded.
-    """
+    """The cameras that the producers list now; `CameraError` when there is none and a producer cannot be loaded."""
     return tuple(
         CameraInfo(
             source="genicam",
@@ -218,7 +195,7 @@ def _listed(producers: Sequence[Path]) -> Generator[tuple[Any, Path]]:
             broken = error
             continue
         try:
-            for device in genicam_producers.devices(harvester):
+            for device in tuple(harvester.device_info_list):
                 count += 1
                 yield device, file
         finally:

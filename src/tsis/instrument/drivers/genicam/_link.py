@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from tsis.errors import CameraError, import_extra
 from tsis.instrument._quiet import quiet_decoders
+from tsis.instrument.drivers.genicam._settings import number_node
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,12 +21,7 @@ def maker_library(name: str, *, source: str) -> Any:
     """Import a library when its source is first used.
 
     Libraries made with SWIG emit warnings at import, and Harvesters changes the filters of all warnings; both are
-    undone here.
-
-    Raises
-    ------
-    MissingExtraError
-        When it is not installed.
+    undone here. Raises `MissingExtraError` when it is not installed.
     """
     imported = name in sys.modules
     with contextlib.nullcontext() if imported else quiet_decoders():  # silences warnings, and restores the filters
@@ -97,6 +93,18 @@ def buffer_count(payload_bytes: float) -> int:
     (32, 6)
     """
     return int(min(max(_BUFFER_BYTES // max(payload_bytes, 1.0), _FEWEST_BUFFERS), _MOST_BUFFERS))
+
+
+def buffers_of(nodes: Nodes) -> int:
+    """Number of buffers for the frames of a camera."""
+    payload = number_node(nodes, "PayloadSize")
+    return buffer_count(0.0 if payload is None else payload.value)
+
+
+def ticks_per_s(nodes: Nodes) -> float:
+    """Frequency of a camera's clock; that of nanoseconds where it states none."""
+    frequency = number_node(nodes, "GevTimestampTickFrequency")
+    return 1e9 if frequency is None else frequency.value
 
 
 def reason(error: Exception) -> str:

@@ -18,7 +18,7 @@ from tsis.files import printable_name
 from tsis.instrument.drivers.genicam._link import maker_library, reason
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
 
 PATH_VARIABLE = "GENICAM_GENTL64_PATH"
@@ -56,15 +56,6 @@ class Producers:
             else:
                 harvester.reset()
 
-    @contextlib.contextmanager
-    def using(self, file: Path) -> Iterator[Any]:
-        """The harvester of that producer for one block."""
-        harvester = self.take(file)
-        try:
-            yield harvester
-        finally:
-            self.give_back(file)
-
 
 PRODUCERS = Producers()
 
@@ -97,11 +88,6 @@ def busy_failures() -> tuple[type[Exception], ...]:
     """Exceptions of a camera that another program uses."""
     gentl = maker_library("genicam.gentl", source="genicam")
     return gentl.ResourceInUseException, gentl.AccessDeniedException
-
-
-def devices(harvester: Any) -> Sequence[Any]:
-    """The devices in a harvester's list."""
-    return tuple(harvester.device_info_list)
 
 
 def _harvester(file: Path) -> Any:

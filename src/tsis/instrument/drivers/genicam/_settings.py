@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from tsis.errors import CameraError
-from tsis.instrument._camera import LATE_FRAMES, SILENT_S, Setting
+from tsis.instrument._camera import Setting
 from tsis.model import require_one_of
 
 if TYPE_CHECKING:
@@ -137,14 +137,8 @@ def settings(nodes: Nodes) -> tuple[Setting, ...]:
 def adjust(nodes: Nodes, name: str, value: float) -> None:
     """Change one setting, and switch off its automatic control.
 
-    Raises
-    ------
-    UnknownNameError
-        When the camera has no such setting.
-    InputError
-        When the value lies outside its range.
-    CameraError
-        When the camera has no settings, or refuses.
+    Raises `UnknownNameError` when the camera has no such setting; `InputError` when the value lies outside its range;
+    `CameraError` when the camera has no settings, or refuses.
     """
     present = {setting.name: setting for setting in settings(nodes)}
     if not present:
@@ -158,7 +152,7 @@ def adjust(nodes: Nodes, name: str, value: float) -> None:
             nodes.write(switch, 1)
     named_node = first_number(nodes, feature.nodes)  # read again: the switches may have changed the range
     if named_node is None:
-        raise CameraError(f"the camera no longer tells its {name}")
+        raise CameraError(f"the camera no longer reports its {name}")
     node_name, node = named_node
     requested = _setting(name, node).checked(value)
     nodes.write(node_name, node.nearest(requested * feature.scale))
@@ -178,21 +172,6 @@ def run_free(nodes: Nodes) -> None:
         set_choice(nodes, "TriggerSelector", option)
         set_choice(nodes, "TriggerMode", "Off")
     set_choice(nodes, "TriggerSelector", selector.value)
-
-
-def timeout_s(values: Mapping[str, float]) -> float:
-    """Silence after which a running camera counts as lost: 1 s, or three frames if that is longer.
-
-    Examples
-    --------
-    >>> timeout_s({"frames_per_s": 30.0, "exposure_ms": 20.0})
-    1.0
-    >>> timeout_s({"frames_per_s": 0.5})
-    6.0
-    """
-    rate = values.get("frames_per_s", 0.0)
-    period_s = 1.0 / rate if rate > 0 else 0.0
-    return max(SILENT_S, LATE_FRAMES * max(period_s, values.get("exposure_ms", 0.0) / 1000.0))
 
 
 def _setting(name: str, number_node: NumberNode) -> Setting:
