@@ -3,7 +3,7 @@
 A soft transparent probe is pressed on tissue. Light escapes where it is pressed, and a camera records it.
 From the image tsis estimates the size, depth and stiffness of an inclusion under the surface, with intervals.
 
-The packages (``tsis.mechanics``, ``tsis.imaging``, ...) load when they are first used.
+Packages (``tsis.mechanics``, ...) and classes load when they are first used.
 """
 
 from __future__ import annotations
@@ -13,20 +13,6 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 from tsis.__about__ import __version__
-from tsis.catalog import load_phantom, load_probe
-from tsis.model import (
-    Calibration,
-    Estimate,
-    Glass,
-    Inclusion,
-    Layer,
-    Led,
-    Phantom,
-    PressField,
-    PressMap,
-    Probe,
-    TactileImage,
-)
 
 if TYPE_CHECKING:
     from tsis import calibration as calibration
@@ -44,6 +30,20 @@ if TYPE_CHECKING:
     from tsis import study as study
     from tsis import sweep as sweep
     from tsis import virtual as virtual
+    from tsis.catalog import load_phantom, load_probe
+    from tsis.model import (
+        Calibration,
+        Estimate,
+        Glass,
+        Inclusion,
+        Layer,
+        Led,
+        Phantom,
+        PressField,
+        PressMap,
+        Probe,
+        TactileImage,
+    )
 
 __all__ = [
     "Calibration",
@@ -62,10 +62,16 @@ __all__ = [
     "load_probe",
 ]
 
-if not TYPE_CHECKING:
-    _packages = ["calibration", "console", "detection", "hardness", "imaging", "inclusion", "instrument", "matching"]
-    _packages += ["mechanics", "optics", "plots", "records", "report", "study", "sweep", "virtual"]
-    __getattr__, _lazy, _ = lazy_loader.attach(__name__, _packages)
-
-    def __dir__() -> list[str]:
-        return sorted({*__all__, *_lazy(), "catalog", "errors", "files", "model"})
+if not TYPE_CHECKING:  # packages and classes load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            *("calibration", "catalog", "console", "detection", "errors", "files", "hardness", "imaging", "inclusion"),
+            *("instrument", "matching", "mechanics", "model", "optics", "plots", "records", "report", "study", "sweep"),
+            "virtual",
+        ],
+        submod_attrs={
+            "catalog": ["load_phantom", "load_probe"],
+            "model": [name for name in __all__ if name[0].isupper()],
+        },
+    )

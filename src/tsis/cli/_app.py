@@ -12,12 +12,12 @@ from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 
+import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli._exit_codes import BAD_INPUT, FAILED, INTERRUPTED, exit_code_of
 from tsis.cli._lazy import CommandEntry, LazyCommands
 from tsis.cli._progress import verbosity
 from tsis.errors import TsisError, TsisWarning
-from tsis.files import one_line
 
 _show_python_warning = warnings.showwarning
 
@@ -209,8 +209,8 @@ def run() -> None:
             if verbosity.verbose:
                 raise
             _stop(
-                f"Error: a defect of tsis, {type(error).__name__}: {one_line(error):.200} (repeat the command with "
-                "--verbose and report what it prints)",
+                f"Error: a defect of tsis, {type(error).__name__}: {tsis.files.one_line(error):.200} (repeat the "
+                "command with --verbose and report what it prints)",
                 FAILED,
             )
         _stop(f"Error: {message().strip()} (see --help)", BAD_INPUT)

@@ -16,12 +16,12 @@ import typer
 from rich.table import Table
 
 import tsis
+from tsis.__about__ import LARGEST_SEED
 from tsis.cli._options import AsJson, PhantomName, ProbeName
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind
 from tsis.errors import InputError
-from tsis.model import LARGEST_SEED
 
 LONGEST_LINE = 4096
 

@@ -7,11 +7,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 import tsis
-from tsis.catalog import phantom_variant, read_prior_file
+from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED
 from tsis.cli._options import (
     AsJson,
     DepthMm,
@@ -29,8 +28,6 @@ from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progr
 from tsis.cli._progress import progress_bar
 from tsis.cli._saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save, savable_result
 from tsis.errors import InputError
-from tsis.files import CALIBRATION_FILE
-from tsis.model import LARGEST_SEED
 
 if TYPE_CHECKING:
     from tsis.inclusion import InclusionPrior
@@ -60,13 +57,17 @@ def demo(
     Each force is pressed twice, on tissue without inclusion and on the phantom. The estimator does not know the true
     forces, gain and stiffness of the probe, nor the mesh of the virtual probe.
     """
-    target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    import numpy as np
+
+    target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     truth, forces = _truth(target), _named(force_n)
     if save:
         require_no_file("--save", probe)
     chosen = chosen_probe(probe)
     assumed = (
-        tsis.inclusion.InclusionPrior() if prior is None else read_prior_file(prior, tsis.inclusion.InclusionPrior)
+        tsis.inclusion.InclusionPrior()
+        if prior is None
+        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior)
     )
     destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:

@@ -11,7 +11,6 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 import tsis
-from tsis.catalog import read_prior_file
 from tsis.cli._options import AsJson, PriorFile, ProbeOption, ShowPrior, chosen_probe
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
@@ -92,7 +91,7 @@ def design(
         traced=traced_light,
         prior=tsis.inclusion.InclusionPrior()
         if prior is None
-        else read_prior_file(prior, tsis.inclusion.InclusionPrior),
+        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior),
         evaluations=None
         if not search
         else tsis.inclusion.design.MOST_EVALUATIONS

@@ -10,19 +10,18 @@ from rich.markup import escape
 from rich.table import Table
 
 import tsis
-from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET, RESEARCH_USE_ONLY
 from tsis.cli._options import AsJson
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.errors import InputError, TsisError, import_extra
-from tsis.files import LARGEST_TARGET
-from tsis.model import LARGEST_SEED, Inclusion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from tsis.detection.classify import Classifier, ClassifierSettings, ClassSplit, TargetEvidence, Validation
+    from tsis.model import Inclusion
     from tsis.records import TargetRecord
     from tsis.records.store import Store
 
@@ -61,7 +60,7 @@ def train(
     split = tsis.detection.classify.ClassSplit(young_kpa=young_kpa, diameter_mm=diameter_mm, depth_mm=depth_mm)
     settings = tsis.detection.classify.ClassifierSettings(penalty=penalty, folds=folds, seed=seed)
     empty = set(_numbers("--none", none))
-    readings, truth, left_out = [], list[Inclusion | None](), []
+    readings, truth, left_out = [], list[tsis.model.Inclusion | None](), []
     with opened(store, PHANTOM, database) as records:
         summaries = records.targets()
         _require_there(empty, {summary.target.number for summary in summaries})
@@ -82,7 +81,7 @@ def train(
                 true: dict[str, Any] = {
                     name: target.truth[name] for name in tsis.inclusion.PARAMETERS if name in target.truth
                 }
-                truth.append(Inclusion(**true) if true else None)
+                truth.append(tsis.model.Inclusion(**true) if true else None)
     if not readings:
         raise InputError("a training needs targets with an estimate and a known truth; the store has none")
     classifier = tsis.detection.classify.train_classifier(

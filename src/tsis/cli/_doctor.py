@@ -23,7 +23,6 @@ from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
 from tsis.errors import RecordsError
-from tsis.files import cache_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -124,7 +123,7 @@ def _is_installed(name: str) -> bool:
 
 
 def _places() -> Iterator[Finding]:
-    cache = cache_folder()
+    cache = tsis.files.cache_folder()
     usable = _is_writable(cache)
     yield Finding(
         what="cache",

@@ -13,7 +13,6 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.catalog import read_prior_file
 from tsis.cli._options import (
     AsJson,
     PriorFile,
@@ -138,7 +137,9 @@ def examine(
     if prior is not None and calibration is None:
         raise InputError("--prior needs --calibration: without it no inclusion is estimated")
     assumed = (
-        tsis.inclusion.InclusionPrior() if prior is None else read_prior_file(prior, tsis.inclusion.InclusionPrior)
+        tsis.inclusion.InclusionPrior()
+        if prior is None
+        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior)
     )
     usable = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)

@@ -7,14 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 from rich.markup import escape
 from rich.table import Table
 
 import tsis
-from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.catalog import load_sphere, read_prior_file
+from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, RESEARCH_USE_ONLY, __version__
 from tsis.cli._options import (
     AsJson,
     PriorFile,
@@ -38,8 +36,6 @@ from tsis.cli._saving import (
     savable_result,
 )
 from tsis.errors import InputError
-from tsis.files import CALIBRATION_FILE
-from tsis.model import LARGEST_SEED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -103,7 +99,11 @@ def hardness(
     paths = images or []
     if save:
         require_no_file("--save", probe)
-    assumed = tsis.hardness.HardnessPrior() if prior is None else read_prior_file(prior, tsis.hardness.HardnessPrior)
+    assumed = (
+        tsis.hardness.HardnessPrior()
+        if prior is None
+        else tsis.catalog.read_prior_file(prior, tsis.hardness.HardnessPrior)
+    )
     if demo or virtual is not None:
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
         if any(value is not None for value in given):
@@ -178,7 +178,9 @@ def _virtual(
     destination: Destination | None,
     as_json: bool,
 ) -> None:
-    sphere = load_sphere(name)
+    import numpy as np
+
+    sphere = tsis.catalog.load_sphere(name)
     rig = tsis.virtual.DirectContactRig(probe, rng=np.random.default_rng(seed))
     with waiting(f"pressing {name} with the virtual rig"):
         frames = rig.press_path(sphere, forces_n=forces)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 from rich.table import Table
 
 import tsis
-from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.catalog import read_prior_file
+from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
 from tsis.cli._options import (
     AsJson,
     PriorFile,
@@ -24,9 +22,9 @@ from tsis.cli._options import (
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.errors import InputError
-from tsis.model import LARGEST_SEED
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from tsis.inclusion.network import TrainedNetworks
@@ -64,10 +62,14 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Simulate presses on inclusions of the prior, and train networks on three outputs of each press."""
+    import numpy as np
+
     tsis.report.require_absent(file)
     chosen = chosen_probe(probe)
     assumed = (
-        tsis.inclusion.InclusionPrior() if prior is None else read_prior_file(prior, tsis.inclusion.InclusionPrior)
+        tsis.inclusion.InclusionPrior()
+        if prior is None
+        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior)
     )
     with progress_bar("simulating presses, then training networks") as progress:
         trained = tsis.inclusion.network.train_networks(

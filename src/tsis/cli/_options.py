@@ -10,10 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tsis
-from tsis.catalog import default_prior_toml, list_probes, load_probe, parse_probe, probe_variant
 from tsis.errors import InputError, NotCalibratedError
-from tsis.files import one_line, parse_toml, read_parsed
-from tsis.model import Glass, Layer, Led, require_one_of, require_pixel_scale
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -56,7 +53,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON a
 def _print_prior(kind: str) -> Callable[[bool], None]:
     def shown(requested: bool) -> None:
         if requested:
-            typer.echo(default_prior_toml(kind), nl=False)
+            typer.echo(tsis.catalog.default_prior_toml(kind), nl=False)
             raise typer.Exit
 
     return shown
@@ -98,7 +95,7 @@ def scale_of(text: str) -> tuple[float, float]:
         parts = []
     if len(parts) not in (1, 2):
         raise InputError(f"--scale-mm must be one number or x,y in millimetres per pixel; got {text!r}")
-    return require_pixel_scale((parts[0], parts[-1]))
+    return tsis.model.require_pixel_scale((parts[0], parts[-1]))
 
 
 def target_forces(given: Sequence[float], images: int) -> list[float]:
@@ -148,7 +145,7 @@ def chosen_probe(probe: str) -> Probe:
     FileInputError
         When the file is missing, no TOML, holds not one probe, or a value that a probe cannot take.
     """
-    return read_probe(Path(probe)) if is_file(probe) else load_probe(probe)
+    return read_probe(Path(probe)) if is_file(probe) else tsis.catalog.load_probe(probe)
 
 
 def calibrated_probe(name: str, *, unnamed: str) -> Probe:
@@ -159,18 +156,18 @@ def calibrated_probe(name: str, *, unnamed: str) -> Probe:
     NotCalibratedError
         When the calibration is of a probe that the catalog does not have.
     """
-    if name and name not in list_probes():
+    if name and name not in tsis.catalog.list_probes():
         raise NotCalibratedError(
             f"the calibration is of the probe {name!r:.80}, which is not in the catalog: give its file, as --probe "
             "mine.toml"
         )
-    return load_probe(name or unnamed)
+    return tsis.catalog.load_probe(name or unnamed)
 
 
 def chosen_lit_probe(probe: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
     """The probe that ``--probe`` names, with the given values of all lamps replaced where it is one of the catalog."""
     if not is_file(probe):
-        return probe_variant(probe, half_angle_deg, height_mm, aim_deg)
+        return tsis.catalog.probe_variant(probe, half_angle_deg, height_mm, aim_deg)
     if (half_angle_deg, height_mm, aim_deg) != (None, None, None):
         raise InputError(
             f"--half-angle-deg, --height-mm and --aim-deg change the lamps of a probe of the catalog; got {probe}: "
@@ -190,23 +187,23 @@ def require_no_file(what: str, probe: str | None) -> None:
 
 def read_probe(file: Path) -> Probe:
     """The one probe of a TOML file, written as an entry of the catalog; errors as `chosen_probe`."""
-    return read_parsed(file, _parsed, most=LARGEST_FILE_BYTES)
+    return tsis.files.read_parsed(file, _parsed, most=LARGEST_FILE_BYTES)
 
 
 def _parsed(text: str) -> Probe:
-    document = parse_toml(text, what="a probe")
+    document = tsis.files.parse_toml(text, what="a probe")
     entries = {name: value for name, value in document.items() if isinstance(value, dict)}
     if len(document) != 1 or len(entries) != 1:
-        got = f"{one_line(', '.join(document)):.80}" if document else "nothing"
+        got = f"{tsis.files.one_line(', '.join(document)):.80}" if document else "nothing"
         raise InputError(f"it must hold one probe, a table under its name as [my-probe]; got {got}")
     ((name, entry),) = entries.items()
     if not NAME.fullmatch(name):
         raise InputError(
             f"the name must be up to 60 letters, digits, spaces and any of - _ . , ( ) +; got {name!r:.80}"
         )
-    if name in list_probes():
+    if name in tsis.catalog.list_probes():
         raise InputError(f"the name {name!r} is that of a probe of the catalog; choose another, as [my-{name}]")
-    return parse_probe(name, _checked(entry))
+    return tsis.catalog.parse_probe(name, _checked(entry))
 
 
 def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -215,13 +212,13 @@ def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
     if "radius_mm" not in entry or "layers" not in entry:
         raise InputError(f"a probe must give radius_mm and layers; got {', '.join(entry) or 'nothing'}")
     for layer in _tables("layers", entry["layers"], MOST_LAYERS):
-        _require_known("a layer", layer, (field.name for field in fields(Layer)))
+        _require_known("a layer", layer, (field.name for field in fields(tsis.model.Layer)))
         if not {"thickness_mm", "young_kpa"} <= set(layer):
             raise InputError(f"a layer must give thickness_mm and young_kpa; got {', '.join(layer) or 'nothing'}")
     for lamp in _tables("leds", entry.get("leds", []), MOST_LAMPS):
-        _require_known("a lamp", lamp, (field.name for field in fields(Led)))
+        _require_known("a lamp", lamp, (field.name for field in fields(tsis.model.Led)))
     (glass,) = _tables("glass", [entry.get("glass", {})], 1)
-    _require_known("the glass", glass, (field.name for field in fields(Glass)))
+    _require_known("the glass", glass, (field.name for field in fields(tsis.model.Glass)))
     assumed = entry.get("assumed", [])
     if not isinstance(assumed, list) or not all(isinstance(name, str) for name in assumed):
         raise InputError(f"assumed must be a list of names of values; got {assumed!r:.80}")
@@ -231,7 +228,7 @@ def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
 def _require_known(what: str, table: Mapping[str, Any], names: Iterable[str]) -> None:
     names = tuple(names)
     for key in table:
-        require_one_of(f"value of {what}", key, names)
+        tsis.model.require_one_of(f"value of {what}", key, names)
 
 
 def _tables(name: str, value: Any, most: int) -> list[dict[str, Any]]:

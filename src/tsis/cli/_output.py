@@ -17,8 +17,6 @@ import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._exit_codes import WITHHELD
 from tsis.cli._progress import progress_bar
-from tsis.files import json_bytes
-from tsis.model import INTERVAL_LEVEL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -46,7 +44,7 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 def result_bytes(document: Mapping[str, Any]) -> bytes:
     """Content of a result's file; `KeyError` where the document names no schema."""
-    return json_bytes({"schema": document["schema"], **document})
+    return tsis.files.json_bytes({"schema": document["schema"], **document})
 
 
 def print_notice(console: Console) -> None:
@@ -173,7 +171,7 @@ def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
     prior_sd = tsis.report.sd_text(result.prior_sd[name])
     if not result.trusted:
         return tsis.report.withheld_reason(result, name), "", "", prior_sd, ""
-    low, high = result.interval(INTERVAL_LEVEL)[name]
+    low, high = result.interval(tsis.model.INTERVAL_LEVEL)[name]
     bound = result.cramer_rao_sd.get(name)  # of a hardness nobody computes it
     return (
         tsis.report.withheld_reason(result, name) or f"{result.mean[name]:.3g}",

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+import tsis
+from tsis.__about__ import LARGEST_TARGET
 from tsis.cli._exit_codes import FAILED
 from tsis.cli._output import RESULT, leave, print_outcome, publish, result_bytes, write_outcome
 from tsis.cli._store import DATABASE, PHANTOM, opened
 from tsis.errors import InputError, TsisError
-from tsis.files import LARGEST_TARGET, write_durably
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -114,7 +115,7 @@ def publish_and_save(
         outcome = replace(
             outcome, document={**outcome.document, "saved": saved}, notes=(*outcome.notes, *saved_notes(saved))
         )
-        write_durably(folder / RESULT, result_bytes(outcome.document))
+        tsis.files.write_durably(folder / RESULT, result_bytes(outcome.document))
     except TsisError as error:
         print_outcome(outcome, folder, as_json=as_json)
         stop_not_saved(error, str(folder))

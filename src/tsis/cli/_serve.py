@@ -5,17 +5,15 @@ from __future__ import annotations
 import signal
 from typing import Annotated
 
-import numpy as np
 import typer
 
 import tsis
-from tsis.catalog import load_probe, phantom_variant
+from tsis.__about__ import LARGEST_SEED
 from tsis.cli._groups import ended_by
 from tsis.cli._options import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa
 from tsis.cli._output import people, print_notice
 from tsis.cli._progress import waiting
 from tsis.errors import CameraError
-from tsis.model import LARGEST_SEED
 
 SLOWEST = 0.1  # frames/s: allows the longest exposure of the simulated camera
 POLL_S = 0.5
@@ -38,10 +36,12 @@ def serve(
 
     Any GigE Vision program can read it; its exposure and gain change the image.
     """
+    import numpy as np
+
     rng = np.random.default_rng(seed)
-    target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     with waiting("tracing the light of the lamps"):
-        rig = tsis.virtual.VirtualProbe(load_probe(probe), rng=rng)
+        rig = tsis.virtual.VirtualProbe(tsis.catalog.load_probe(probe), rng=rng)
     camera = tsis.virtual.VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)
     server = tsis.virtual.GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
     console = people()

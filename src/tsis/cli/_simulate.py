@@ -10,7 +10,6 @@ import typer
 from rich.table import Table
 
 import tsis
-from tsis.catalog import list_phantoms, list_probes, load_phantom, load_probe, phantom_variant
 from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
@@ -43,7 +42,7 @@ def simulate(
     if show_catalog:
         _catalog(as_json=as_json)
         return
-    pressed = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    pressed = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     chosen = chosen_probe(probe)
     with waiting(f"pressing at {strain} strain"):
         field = tsis.mechanics.press(chosen, pressed, force_n=force_n, strain=strain)
@@ -79,17 +78,17 @@ def simulate(
 
 def _catalog(*, as_json: bool) -> None:
     if as_json:
-        probes = {name: asdict(load_probe(name)) for name in list_probes()}
-        phantoms = {name: asdict(load_phantom(name)) for name in list_phantoms()}
+        probes = {name: asdict(tsis.catalog.load_probe(name)) for name in tsis.catalog.list_probes()}
+        phantoms = {name: asdict(tsis.catalog.load_phantom(name)) for name in tsis.catalog.list_phantoms()}
         print_json(tsis.report.envelope("simulate", "list", probes=probes, phantoms=phantoms))
         return
     console = people()
-    console.print("Probes:", ", ".join(list_probes()))
+    console.print("Probes:", ", ".join(tsis.catalog.list_probes()))
     table = Table(title="Phantoms")
     for heading in ("name", "d / mm", "h / mm", "E / kPa", "assumed, not printed in the source"):
         table.add_column(heading)
-    for name in list_phantoms():
-        phantom = load_phantom(name)
+    for name in tsis.catalog.list_phantoms():
+        phantom = tsis.catalog.load_phantom(name)
         lump = phantom.inclusion
         sizes = ("", "", "") if lump is None else (f"{lump.diameter_mm:g}", f"{lump.depth_mm:g}", f"{lump.young_kpa:g}")
         table.add_row(name, *sizes, ", ".join(phantom.assumed))

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import tsis
+from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import InputError
-from tsis.files import LARGEST_TARGET
-from tsis.model import require_integer
 
 if TYPE_CHECKING:
     from tsis.records.store import Store
@@ -65,4 +65,4 @@ def target_number(text: str) -> int:
     """A target's number from text."""
     if not text.isascii() or not text.isdigit():
         raise InputError(f"--target must be a number from 1 to {LARGEST_TARGET}, or new; got {text!r:.40}")
-    return require_integer("--target", int(text[:20]), 1, LARGEST_TARGET)
+    return tsis.model.require_integer("--target", int(text[:20]), 1, LARGEST_TARGET)

@@ -14,7 +14,6 @@ from tsis.cli._options import AsJson, chosen_scale
 from tsis.cli._output import CommandOutcome, publish
 from tsis.cli._progress import progress_bar
 from tsis.errors import InputError
-from tsis.model import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -117,7 +116,7 @@ def track(
 def _sequence(frames: Sequence[Path], interval_s: float | None) -> tuple[list[Path], list[float] | None]:
     """Files of the frames, and their times where recorded."""
     if interval_s is not None:
-        require_number("--interval-s", interval_s, 1e-4, 1e4, hint="seconds")
+        tsis.model.require_number("--interval-s", interval_s, 1e-4, 1e4, hint="seconds")
     times = None
     if len(frames) == 1 and frames[0].is_dir():
         index = tsis.instrument.recording.read_recording_index(frames[0])

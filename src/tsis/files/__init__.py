@@ -40,7 +40,7 @@ from tsis.files._hash_chain import (
 )
 from tsis.files._image_checks import LARGEST_PIXELS, image_fault, png_fault, rows_missing, size_fault, without_metadata
 from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_or_none, json_bytes, parse_canonical
-from tsis.files._names import CALIBRATION_FILE, LARGEST_TARGET, snapshot_stems, target_folder
+from tsis.files._names import snapshot_stems, target_folder
 from tsis.files._packed import require_bounded_arrays, without_packed_arrays
 from tsis.files._pictures import QUICK_PNG, decode_grey_png, encode_picture
 from tsis.files._reading import (
@@ -59,7 +59,6 @@ from tsis.files._reading import (
 )
 
 __all__ = [
-    "CALIBRATION_FILE",
     "DIGEST_BYTES",
     "DISK",
     "EMPTY_CHAIN",
@@ -67,7 +66,6 @@ __all__ = [
     "FORMULA_STARTS",
     "LARGEST_CSV_BYTES",
     "LARGEST_PIXELS",
-    "LARGEST_TARGET",
     "PRIVATE_FILE",
     "PRIVATE_FOLDER",
     "QUICK_PNG",

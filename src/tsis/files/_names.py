@@ -6,6 +6,7 @@ import itertools
 import re
 from typing import TYPE_CHECKING
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
@@ -13,8 +14,6 @@ if TYPE_CHECKING:
     from datetime import datetime
 
 
-LARGEST_TARGET = 99_999
-CALIBRATION_FILE = "calibration.json"  # default name
 _FILE_STEM = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 _DEVICES_OF_WINDOWS = re.compile(r"(?i:con|prn|aux|nul|com[0-9]*|lpt[0-9]*)")
 

@@ -1,6 +1,6 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
-from tsis.model._calibration import VALID_DAYS, Calibration, LightMap
+from tsis.model._calibration import Calibration, LightMap
 from tsis.model._estimate import (
     IMPROBABLE,
     INTERVAL_LEVEL,
@@ -25,7 +25,6 @@ from tsis.model._phantom import INCLUSION_RANGES, Inclusion, Phantom, Relaxation
 from tsis.model._press import MN_PER_N, PressField, PressMap, interpolation_matrix, require_ascending
 from tsis.model._probe import FOUR_LEDS, Glass, Layer, Led, Probe
 from tsis.model._require import (
-    LARGEST_SEED,
     freeze_arrays,
     require_array,
     require_integer,
@@ -42,13 +41,11 @@ __all__ = [
     "INTERVAL_LEVEL",
     "LARGEST_EVIDENCE",
     "LARGEST_PIXEL_MM",
-    "LARGEST_SEED",
     "MN_PER_N",
     "NOT_IDENTIFIED",
     "NO_UNIT",
     "SMALLEST_PIXEL_MM",
     "UNITS",
-    "VALID_DAYS",
     "Calibration",
     "Estimate",
     "Glass",

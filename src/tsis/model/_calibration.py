@@ -22,9 +22,6 @@ LEAST_LIGHT = 1e-6
 FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
 
 
-VALID_DAYS = 180  # of a calibration, where nothing else is given
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LightMap:
     """Light on the face from inside, over a coarse grid, and its change with displacement and tilt of the face.

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-LARGEST_SEED = 2**63 - 1  # of random generators: the largest integer of many programs
-
-
 def require_number(name: str, value: object, low: float, high: float, *, hint: str = "") -> float:
     """Return ``value`` as a float when it is finite and lies in ``[low, high]``, else raise `InputError`."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):

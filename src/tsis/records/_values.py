@@ -9,8 +9,9 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import InputError
-from tsis.files import LARGEST_TARGET, SHA256
+from tsis.files import SHA256
 from tsis.model import (
     INCLUSION_RANGES,
     Estimate,

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.__about__ import __version__
+from tsis.__about__ import LARGEST_SEED, __version__
 from tsis.catalog import load_phantom, load_probe
 from tsis.errors import InputError, RecordsError
 from tsis.files import EMPTY_CHAIN, LogDraft, as_path, atomic_folder, link_entries, one_line, printable_path
 from tsis.inclusion import InclusionPrior
-from tsis.model import LARGEST_SEED, Inclusion, Phantom, require_integer, require_number, require_type
+from tsis.model import Inclusion, Phantom, require_integer, require_number, require_type
 from tsis.study._folder import CREATED, PLAN, SEAL, open_study, user
 from tsis.study._log import LOG_FILE
 from tsis.study._plan import StudyPlan, coded

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
 from tsis.catalog import list_probes
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.files import SHA256, from_json_value, json_bytes, parse_object
-from tsis.model import LARGEST_SEED, require_integer, require_number, require_one_of, require_type
+from tsis.model import require_integer, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

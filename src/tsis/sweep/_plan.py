@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from tsis.__about__ import LARGEST_SEED
 from tsis.errors import InputError
-from tsis.model import LARGEST_SEED, Inclusion, Phantom, Probe, require_number, require_one_of, require_type
+from tsis.model import Inclusion, Phantom, Probe, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -9,7 +9,7 @@ import shutil
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.__about__ import CALIBRATION_FILE, RESEARCH_USE_ONLY
 from tsis.calibration.file import (
     calibration_bytes,
     calibration_sha256,
@@ -18,7 +18,6 @@ from tsis.calibration.file import (
 from tsis.calibration.session._setup import SessionSetup, plan_steps
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
 from tsis.files import (
-    CALIBRATION_FILE,
     as_path,
     from_json_value,
     json_bytes,

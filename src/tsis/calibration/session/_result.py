@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.__about__ import VALID_DAYS
 from tsis.calibration.file import ProbeCalibration
 from tsis.calibration.force import UNTOUCHED_N, Loading, fit_force_line, fit_run, read_loading_frame
 from tsis.calibration.reference import make_reference
@@ -19,7 +20,7 @@ from tsis.calibration.session._setup import BOARD, BOARD_UNTOUCHED, DARK, EDGE, 
 from tsis.calibration.specification import edge_width, frame_rate, specification_sheet
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.files import printable_path
-from tsis.model import VALID_DAYS, require_number
+from tsis.model import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

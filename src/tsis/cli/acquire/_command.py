@@ -7,11 +7,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 import tsis
-from tsis.catalog import load_phantom, load_probe
+from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson, ForceN, PhantomName, ProbeName
 from tsis.cli._progress import waiting
@@ -21,8 +20,6 @@ from tsis.cli.acquire._sequence import take_sequence
 from tsis.cli.acquire._snapshots import ROLES, SnapshotDestination, take_snapshot
 from tsis.cli.acquire._watching import watch_presses
 from tsis.errors import InputError
-from tsis.files import LARGEST_TARGET
-from tsis.model import LARGEST_SEED, require_number, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -45,17 +42,19 @@ class VirtualPress:
 
 def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
     """A function that returns a new handle of the camera, not yet open."""
+    import numpy as np
+
     if spec != VIRTUAL:
         return live_connector(spec)
     rng = np.random.default_rng(press.seed)
-    probe = tsis.virtual.VirtualProbe(load_probe(press.probe), rng=rng)
-    phantom = load_phantom(press.phantom)
+    probe = tsis.virtual.VirtualProbe(tsis.catalog.load_probe(press.probe), rng=rng)
+    phantom = tsis.catalog.load_phantom(press.phantom)
     return lambda: tsis.virtual.VirtualCamera(probe, phantom, rng=rng, force_n=press.force_n, paced=True)
 
 
 def live_connector(spec: str) -> Callable[[], Camera]:
     """The same for a camera that is not virtual; `UnknownNameError` for an unknown source."""
-    require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *tsis.instrument.SOURCES))
+    tsis.model.require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *tsis.instrument.SOURCES))
     return partial(tsis.instrument.connect, spec)
 
 
@@ -156,12 +155,12 @@ def acquire(
     if watch and (frames is not None or out is not None):
         raise InputError("--watch saves nothing: leave out --frames and --out (--seconds ends it)")
     if seconds is not None:
-        require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
+        tsis.model.require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
     if save and (sequence or watch):
         raise InputError("--save works for snapshots; import a sequence into a store by tsis records import")
-    require_one_of("role", role, ROLES)
-    require_one_of("picture format", picture, tsis.instrument.FORMATS)
-    require_one_of("colour map", map_name, tsis.imaging.COLOUR_MAPS)
+    tsis.model.require_one_of("role", role, ROLES)
+    tsis.model.require_one_of("picture format", picture, tsis.instrument.FORMATS)
+    tsis.model.require_one_of("colour map", map_name, tsis.imaging.COLOUR_MAPS)
     given = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     destination = chosen_destination(save, store, kind)
     where = None

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-import numpy as np
 from rich.markup import escape
 from rich.table import Column, Table
 
@@ -80,6 +79,8 @@ def show_camera(connect_camera: Callable[[], Camera], *, as_json: bool) -> None:
 
 
 def _finite_range(setting: Setting) -> dict[str, float | None]:
+    import numpy as np
+
     return {
         "low": setting.low if np.isfinite(setting.low) else None,
         "high": setting.high if np.isfinite(setting.high) else None,
@@ -87,4 +88,6 @@ def _finite_range(setting: Setting) -> dict[str, float | None]:
 
 
 def _bound(value: float) -> str:
+    import numpy as np
+
     return f"{value:g}" if np.isfinite(value) else "not told"

@@ -11,20 +11,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 
 import tsis
-from tsis.catalog import load_probe
+from tsis.__about__ import LARGEST_SEED, VALID_DAYS
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson
 from tsis.cli._output import publish
 from tsis.cli.acquire import VIRTUAL, live_connector, requested_settings
 from tsis.cli.calibrate._make import OUT, Days, Out, make_outcome
 from tsis.errors import CalibrationError, InputError
-from tsis.files import printable_path
-from tsis.model import LARGEST_SEED, VALID_DAYS, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -143,20 +140,20 @@ def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
     stored = folder.terms()
     if (stored.probe, stored.camera) != (terms.probe, terms.camera):
         raise CalibrationError(
-            f"the session in {printable_path(folder.path)} must be of probe {terms.probe!r} and camera "
+            f"the session in {tsis.files.printable_path(folder.path)} must be of probe {terms.probe!r} and camera "
             f"{terms.camera!r}; it is "
             f"of {stored.probe!r} and {stored.camera!r} (choose another --session)"
         )
     if other := stored.differing(terms):
         raise CalibrationError(
-            f"the session in {printable_path(folder.path)} began with {_settings_text(stored, other)}; "
+            f"the session in {tsis.files.printable_path(folder.path)} began with {_settings_text(stored, other)}; "
             f"this command gives "
             f"{_settings_text(terms, other)} (give the options of its begin, or choose another --session)"
         )
     if changed := stored.changed_setting(terms.settings):
         setting, value, now = changed
         raise CalibrationError(
-            f"the session in {printable_path(folder.path)} began at {setting} = {value:g}; the camera "
+            f"the session in {tsis.files.printable_path(folder.path)} began at {setting} = {value:g}; the camera "
             f"is at {now:g} "
             f"(--set {setting}={value:g}, or choose another --session)"
         )
@@ -220,7 +217,9 @@ def guide(
     Frames are saved as they arrive, one folder per step: an interrupted session resumes with its first
     unfinished step. Without --camera the virtual rig does every step.
     """
-    require_number("--days", days, 1, 3650)
+    import numpy as np
+
+    tsis.model.require_number("--days", days, 1, 3650)
     folder, console = tsis.calibration.session.SessionFolder(session), Console(stderr=True, highlight=False)
     terms = tsis.calibration.session.SessionSetup(
         name=name,
@@ -236,7 +235,9 @@ def guide(
     if camera == VIRTUAL:
         if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:
             raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual rig has its own")
-        rig = tsis.virtual.VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
+        rig = tsis.virtual.VirtualBench(
+            tsis.catalog.load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm
+        )
         begin(folder, replace(terms, camera=tsis.virtual.bench_name(seed), patch_px=rig.patch_px), console)
         console.print("The virtual rig does every step; the instructions for an operator are:")
         _take_steps(folder, rig.shots, console)

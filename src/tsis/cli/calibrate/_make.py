@@ -11,12 +11,11 @@ from rich.markup import escape
 from rich.table import Table
 
 import tsis
+from tsis.__about__ import CALIBRATION_FILE, VALID_DAYS
 from tsis.cli._options import AsJson
 from tsis.cli._output import CommandOutcome, people, print_json, print_notice, publish
 from tsis.cli._progress import progress_bar
 from tsis.errors import CalibrationError
-from tsis.files import CALIBRATION_FILE, to_json_value
-from tsis.model import VALID_DAYS
 
 if TYPE_CHECKING:
     from tsis.calibration.session import SessionFolder
@@ -32,7 +31,7 @@ def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
         table.add_row(*(escape(cell) for cell in row))
     provenance = {
         "session": str(session.path),
-        "terms": to_json_value(session.terms()),
+        "terms": tsis.files.to_json_value(session.terms()),
         "sha256": tsis.calibration.file.calibration_sha256(stored),
     }
     return CommandOutcome(

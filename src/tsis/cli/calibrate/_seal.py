@@ -8,11 +8,10 @@ from typing import Annotated
 import typer
 
 import tsis
+from tsis.__about__ import CALIBRATION_FILE, VALID_DAYS
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli.calibrate._make import Days
-from tsis.files import CALIBRATION_FILE
-from tsis.model import VALID_DAYS, require_number
 
 
 def seal(
@@ -23,7 +22,7 @@ def seal(
     as_json: AsJson = False,
 ) -> None:
     """Check values written by hand, and write them as a calibration file with date, expiry and hash."""
-    require_number("--days", days, 1, 3650)
+    tsis.model.require_number("--days", days, 1, 3650)
     handwritten_calibration = tsis.calibration.file.read_handwritten_calibration(values, days)
     cited = tsis.calibration.file.write_calibration(handwritten_calibration, out)
     if as_json:

@@ -20,8 +20,6 @@ from tsis.cli._options import AsJson
 from tsis.cli._output import RESULT, people, print_json, print_notice, result_bytes
 from tsis.cli._progress import progress_bar
 from tsis.errors import FileInputError, InputError
-from tsis.files import printable_path, write_durably
-from tsis.model import require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -135,10 +133,10 @@ def write_results(
         files[f"{kind}.png"] = buffer.getvalue()
     try:
         for name, content in files.items():
-            write_durably(out / name, content)
+            tsis.files.write_durably(out / name, content)
     except OSError as error:
         raise FileInputError(
-            f"{printable_path(out)} must be a folder that can be written; got: {error.strerror}"
+            f"{tsis.files.printable_path(out)} must be a folder that can be written; got: {error.strerror}"
         ) from error
 
 
@@ -230,7 +228,7 @@ def _trials(
         families.split(",") if families else [*tsis.matching.trials.FAMILIES, *([HOTEL] if data is not None else [])]
     )
     for name in chosen:
-        require_one_of("family of trials", name, (*tsis.matching.trials.FAMILIES, HOTEL))
+        tsis.model.require_one_of("family of trials", name, (*tsis.matching.trials.FAMILIES, HOTEL))
     if HOTEL in chosen and data is None:
         raise InputError("--families hotel needs --data, the folder of the sequence")
     distorted: list[Family] = [family for family in tsis.matching.trials.FAMILIES if family in chosen]

@@ -6,7 +6,6 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.markup import escape
 from rich.table import Table
@@ -16,10 +15,9 @@ from tsis.cli._options import AsJson
 from tsis.cli._output import leave, people, print_json, print_notice
 from tsis.cli._progress import waiting
 from tsis.errors import FileInputError, InputError
-from tsis.files import printable_name, printable_path, write_durably
-from tsis.model import require_one_of
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from tsis.matching import Registration
@@ -42,16 +40,18 @@ def points(
     Files contain two or three coordinates per line, with or without a header. Matches are row numbers from 0; -1 is
     none.
     """
-    require_one_of("method", method, tsis.matching.METHODS)
+    import numpy as np
+
+    tsis.model.require_one_of("method", method, tsis.matching.METHODS)
     for file in (out, figure):
         _refuse_existing(file)
     if out is not None and out == figure:
-        raise InputError(f"--out and --figure must be two files; got {printable_path(out)} for both")
+        raise InputError(f"--out and --figure must be two files; got {tsis.files.printable_path(out)} for both")
     first, second = tsis.matching.read_points(source), tsis.matching.read_points(target)
     if first.shape[1] != second.shape[1]:
         raise InputError(
             f"both files must contain points of the plane or both of space; got {first.shape[1]} coordinates in "
-            f"{printable_path(source)} and {second.shape[1]} in {printable_path(target)}"
+            f"{tsis.files.printable_path(source)} and {second.shape[1]} in {tsis.files.printable_path(target)}"
         )
     with waiting("matching"):
         result = tsis.matching.register(first, second, method=method, rng=np.random.default_rng(seed))
@@ -75,6 +75,8 @@ def _result(
     *,
     as_json: bool,
 ) -> None:
+    import numpy as np
+
     matches = np.asarray(registration.matches)
     paired = matches != tsis.matching.UNMATCHED
     before, after = (
@@ -86,8 +88,8 @@ def _result(
             "match",
             method=method,
             seed=seed,
-            source={"name": printable_name(source), "points": len(first)},
-            target={"name": printable_name(target), "points": len(second)},
+            source={"name": tsis.files.printable_name(source), "points": len(first)},
+            target={"name": tsis.files.printable_name(target), "points": len(second)},
             matched=int(paired.sum()),
             rms_before=before,
             rms_after=after,
@@ -102,7 +104,8 @@ def _result(
         leave(trusted=registration.reliable)
         return
     console = people()
-    title = escape(f"{printable_name(source)} ({len(first)} points) to {printable_name(target)} ({len(second)} points)")
+    sets = ((source, first), (target, second))
+    title = escape(" to ".join(f"{tsis.files.printable_name(file)} ({len(points)} points)" for file, points in sets))
     table = Table("quantity", "value", title=title)
     table.add_row("method", method)
     table.add_row("matched points", f"{paired.sum()} of {len(first)}")
@@ -122,6 +125,8 @@ def _result(
 
 
 def _rms_distance(points: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:
+    import numpy as np
+
     return float(np.sqrt(((points - others) ** 2).sum(axis=1).mean())) if len(points) else None
 
 
@@ -140,12 +145,14 @@ def _picture(first: NDArray[np.float64], second: NDArray[np.float64], registrati
 def _refuse_existing(file: Path | None) -> None:
     if file is not None and file.exists():
         raise FileInputError(
-            f"{printable_path(file)} must be new, so that nothing is overwritten; it exists (choose another)"
+            f"{tsis.files.printable_path(file)} must be new, so that nothing is overwritten; it exists (choose another)"
         )
 
 
 def _write(file: Path, content: bytes) -> None:
     try:
-        write_durably(file, content)
+        tsis.files.write_durably(file, content)
     except OSError as error:
-        raise FileInputError(f"{printable_path(file)} must be writable; got: {error.strerror or error}") from error
+        raise FileInputError(
+            f"{tsis.files.printable_path(file)} must be writable; got: {error.strerror or error}"
+        ) from error

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-import numpy as np
 from rich.table import Table
 
 import tsis
@@ -68,6 +67,8 @@ def _table(probe: Probe, acceptance: Acceptance) -> Table:
 
 
 def _limits(acceptance: Acceptance) -> list[str]:
+    import numpy as np
+
     low, high = acceptance.acceptance_deg.min(), acceptance.acceptance_deg.max()
     count = len(acceptance.index)
     notes = []

@@ -5,7 +5,6 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.table import Table
 
@@ -16,6 +15,7 @@ from tsis.cli._progress import waiting
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
@@ -89,12 +89,16 @@ def modes(
 
 def _evenly(count: int, most: int) -> list[int]:
     """At most ``most`` of the numbers below ``count``, including the first and last."""
+    import numpy as np
+
     picked: list[int] = np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
     return picked
 
 
 def _parted(guided: GuidedModes) -> NDArray[np.bool]:
     """Modes that decay between the pressed face and a layer that guides them."""
+    import numpy as np
+
     index, n_eff = guided.layers.index[1:-1], guided.n_eff
     difference = [(n_eff < index[layer]) & (n_eff > index[:layer].min()) for layer in range(1, len(index))]
     return np.any(difference, axis=0) if difference else np.zeros(len(n_eff), dtype=bool)
@@ -144,6 +148,7 @@ def _notes(guided: GuidedModes, face: float, blind: int) -> list[str]:
 
 
 def _figure(guided: GuidedModes) -> Figure:
+    import numpy as np
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")

@@ -6,7 +6,6 @@ from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.table import Table
 
@@ -15,7 +14,6 @@ from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeO
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar, waiting
 from tsis.errors import InputError, MechanicsError
-from tsis.model import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -97,9 +95,10 @@ def _pressed(
 
 def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     """The force that presses a sphere to the given depth."""
+    import numpy as np
     from scipy.optimize import brentq
 
-    require_number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
+    tsis.model.require_number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
 
     def depth(log_force: float) -> float | None:
         """None where the force strains the probe beyond what the model describes."""

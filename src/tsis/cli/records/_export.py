@@ -16,7 +16,6 @@ from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.errors import InputError
-from tsis.model import require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,7 +53,7 @@ def export(
     """
     requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
     for form in requested:
-        require_one_of("form of export", form, tsis.report.ENDINGS)
+        tsis.model.require_one_of("form of export", form, tsis.report.ENDINGS)
     if identified and not set(requested) & set(tsis.report.MASKED):
         raise InputError(
             f"--identified belongs to {' and '.join(tsis.report.MASKED)}; the other forms mask nothing (leave it out)"

@@ -12,7 +12,6 @@ import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import estimate_table, people, print_json, print_notice
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
-from tsis.files import to_json_value
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -142,8 +141,8 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
     ]
     return tsis.report.envelope(
         "records show",
-        target=to_json_value(record.target),
-        presses=[to_json_value(press) for press in record.presses],
+        target=tsis.files.to_json_value(record.target),
+        presses=[tsis.files.to_json_value(press) for press in record.presses],
         presses_in_all=total,
         estimate=created[-1] if created else None,
         in_force=[stored.id for stored in record.active_estimates],

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import tsis
+from tsis.__about__ import LARGEST_SEED
 from tsis.cli._options import AsJson, ProbeName
 from tsis.cli._output import people, print_json, print_notice
 from tsis.errors import InputError
-from tsis.model import LARGEST_SEED
 
 if TYPE_CHECKING:
     from collections.abc import Callable

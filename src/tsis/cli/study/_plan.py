@@ -11,7 +11,6 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.catalog import load_probe
 from tsis.cli._options import AsJson, ProbeName
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.errors import InputError
@@ -73,7 +72,7 @@ def plan(
         )
     if table is not None and diameter_mm is not None and depth_mm is not None:
         detection_range_mm = _range_mm(table, diameter_mm, depth_mm)
-    radius = load_probe(probe).radius_mm
+    radius = tsis.catalog.load_probe(probe).radius_mm
     if detection_range_mm is not None:
         result = widest_plan(width_mm, height_mm, radius_mm=radius, extent_mm=detection_range_mm)
     else:

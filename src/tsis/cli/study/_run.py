@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 import tsis
+from tsis.__about__ import LARGEST_SEED
 from tsis.cli._exit_codes import INTERRUPTED
 from tsis.cli._groups import ended_by
 from tsis.cli._options import AsJson
@@ -18,7 +19,6 @@ from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import progress_bar
 from tsis.cli._store import DATABASE, PHANTOM, opened
 from tsis.cli.study._new import ByName, StudyFolder
-from tsis.model import LARGEST_SEED
 
 
 def run(

@@ -14,7 +14,6 @@ from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli.study._new import StudyFolder
-from tsis.files import one_line
 
 if TYPE_CHECKING:
     from tsis.study import Study
@@ -70,7 +69,8 @@ def show(
     console.print(table)
     if by is not None:
         console.print(
-            f"Unblinded {one_line(f'{by.moment} by {by.actor}')}: no more readings are accepted.", markup=False
+            f"Unblinded {tsis.files.one_line(f'{by.moment} by {by.actor}')}: no more readings are accepted.",
+            markup=False,
         )
     elif left:
         code, repeat = left[0]

@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.catalog import list_phantoms, list_probes, list_spheres
 from tsis.console.api._models import OwnerItem, RequestModel, ResponseModel, Whole
 from tsis.console.api._value_schemas import CameraInfoItem
 from tsis.console.services import LONGEST_SPEC, MOST_TYPED_N, CameraChoice, CameraState, FrameAnalysis, JobState
-from tsis.files import LARGEST_TARGET
 from tsis.instrument import Setting
 from tsis.virtual import LARGEST_FORCE_N
 

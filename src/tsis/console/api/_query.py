@@ -8,10 +8,10 @@ from fastapi import Depends, Header, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.requests import Request
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.console._statuses import NoControlError, absent_if_unknown
 from tsis.console.files import Reports
 from tsis.console.services import Instrument
-from tsis.files import LARGEST_TARGET
 
 if TYPE_CHECKING:
     from tsis.records import StoredPress, Target

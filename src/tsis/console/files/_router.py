@@ -11,11 +11,12 @@ import numpy as np
 from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import FileResponse, PlainTextResponse
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.console._statuses import AbsentError, absent_if_unknown, status_of
 from tsis.console.files._exporting import MEDIA_TYPES, write_export
 from tsis.console.studies import FORMS, report_bytes
 from tsis.errors import TsisError
-from tsis.files import LARGEST_TARGET, encode_picture
+from tsis.files import encode_picture
 from tsis.imaging import COLOUR_MAPS, block_means, colour_map
 from tsis.model import TactileImage, require_integer, require_one_of
 from tsis.report import ENDINGS, PAGE_FORMS

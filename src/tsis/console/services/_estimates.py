@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import InputError, RecordsError
-from tsis.files import LARGEST_TARGET
 from tsis.model import require_integer, require_one_of
 from tsis.records import ESTIMATES, REFERENCE_ROLES, EstimationRequest, environment, estimate_stored, require_options
 

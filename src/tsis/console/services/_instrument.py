@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration import read_usable_calibration
 from tsis.console.services._active_calibration import ActiveCalibrationCheck
 from tsis.console.services._camera import CameraController
@@ -18,7 +19,6 @@ from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
-from tsis.files import LARGEST_TARGET
 from tsis.imaging import COLOUR_MAPS
 from tsis.instrument import connect
 from tsis.model import require_integer, require_one_of

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.__about__ import LARGEST_SEED
 from tsis.calibration import UsableCalibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.guard import GuardReference
@@ -16,16 +17,7 @@ from tsis.catalog import list_phantoms, list_probes, list_spheres, load_probe, l
 from tsis.errors import InputError, MechanicsError
 from tsis.imaging import Sensor
 from tsis.instrument import LIVE_SOURCES, STORED_SOURCES
-from tsis.model import (
-    LARGEST_SEED,
-    Phantom,
-    SoftSphere,
-    TactileImage,
-    require_integer,
-    require_number,
-    require_one_of,
-    require_type,
-)
+from tsis.model import Phantom, SoftSphere, TactileImage, require_integer, require_number, require_one_of, require_type
 from tsis.records import ROLES
 from tsis.virtual import LARGEST_FORCE_N, USUAL_MS, DirectContactRig, VirtualCamera, VirtualProbe, virtual_mode
 

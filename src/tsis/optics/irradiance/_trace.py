@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.__about__ import LARGEST_SEED
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.files import content_key, read_cached_arrays, write_cached_arrays
-from tsis.model import LARGEST_SEED, Probe, require_integer, require_number, require_type
+from tsis.model import Probe, require_integer, require_number, require_type
 from tsis.optics import _inputs as inputs
 from tsis.optics._asperities import real_contact
 from tsis.optics.irradiance._field import Irradiance, leaving_light

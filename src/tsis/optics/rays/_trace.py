@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import LARGEST_SEED, require_integer, require_number
+from tsis.__about__ import LARGEST_SEED
+from tsis.model import require_integer, require_number
 from tsis.optics import _inputs as inputs
 from tsis.optics.rays import _kernel as rays_kernel
 from tsis.optics.rays._emission import emitted, lamps

@@ -5,10 +5,11 @@ from __future__ import annotations
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from tsis.__about__ import CALIBRATION_FILE
 from tsis.calibration.file import read_calibration
 from tsis.catalog import load_probe
 from tsis.errors import FileInputError, InputError
-from tsis.files import CALIBRATION_FILE, from_json_value, printable_path, read_object
+from tsis.files import from_json_value, printable_path, read_object
 from tsis.model import grey_sha256
 from tsis.records._provenance import environment
 from tsis.records.importing._batch import (

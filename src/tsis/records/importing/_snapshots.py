@@ -6,8 +6,9 @@ from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import FileInputError, InputError
-from tsis.files import LARGEST_TARGET, from_json_value, printable_name, printable_path, read_object
+from tsis.files import from_json_value, printable_name, printable_path, read_object
 from tsis.instrument import SIDECAR_FORMAT, SIDECAR_VERSION
 from tsis.model import require_integer, require_one_of
 from tsis.records._values import ROLES

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from sqlalchemy import func, select
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration.file import parse_calibration
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import LARGEST_TARGET
 from tsis.model import require_integer
 from tsis.records._target_record import TargetRecord
 from tsis.records.store import _rows as rows

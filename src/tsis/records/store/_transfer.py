@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from sqlalchemy import func, select
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration.file import calibration_bytes
 from tsis.errors import InputError, RecordsError
-from tsis.files import LARGEST_TARGET
 from tsis.records.store import _rows as rows
 from tsis.records.store import _tables as tables
 from tsis.records.store._editing import insert_row, insert_row_once

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
+from tsis.__about__ import VALID_DAYS
 from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import read_calibration
 from tsis.console.pages.components import (
@@ -23,7 +24,6 @@ from tsis.console.pages.components import (
 )
 from tsis.console.services import ENDED, FAILED
 from tsis.files import to_json_value
-from tsis.model import VALID_DAYS
 from tsis.report import Table, calibration_page, content_rows
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from urllib.parse import quote
 
 from nicegui import ui
 
+from tsis.__about__ import LARGEST_SEED
 from tsis.calibration.force import TIPS_MM
 from tsis.calibration.session import SessionSetup
 from tsis.catalog import list_probes
@@ -19,7 +20,7 @@ from tsis.console.pages.components import (
     unit_field,
 )
 from tsis.errors import InputError
-from tsis.model import LARGEST_SEED, require_integer
+from tsis.model import require_integer
 from tsis.virtual import bench_name
 
 if TYPE_CHECKING:

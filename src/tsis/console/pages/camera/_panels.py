@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import run, ui
 
+from tsis.__about__ import LARGEST_SEED
 from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import LARGEST_BYTES
 from tsis.catalog import list_phantoms, list_probes, list_spheres
@@ -25,7 +26,6 @@ from tsis.console.pages.components import (
 from tsis.console.services import CameraChoice
 from tsis.errors import GaugeError
 from tsis.instrument.gauge import BAUD, connected_gauge, find_ports
-from tsis.model import LARGEST_SEED
 
 if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.console.pages.components import (
     FORCE,
     ChoiceField,
@@ -20,7 +21,6 @@ from tsis.console.pages.components import (
     unit_field,
 )
 from tsis.console.services import MOST_SEQUENCE_FRAMES
-from tsis.files import LARGEST_TARGET
 from tsis.model import require_integer
 from tsis.records import ROLE_NAMES
 from tsis.records.importing import target_by_number

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from nicegui import ui
 
+from tsis.__about__ import LARGEST_SEED
 from tsis.catalog import list_probes
 from tsis.console.pages.components import (
     cell,
@@ -24,7 +25,6 @@ from tsis.console.pages.components import (
 from tsis.console.pages.study._context import name_in, who_field
 from tsis.console.studies import StudyRepository
 from tsis.errors import InputError
-from tsis.model import LARGEST_SEED
 from tsis.study import TARGETS, printed_targets, random_targets
 
 if TYPE_CHECKING:
