@@ -27,6 +27,7 @@ from tsis.model._probe import FOUR_LEDS, Glass, Layer, Led, Probe
 from tsis.model._require import (
     LARGEST_SEED,
     freeze_arrays,
+    freeze_mappings,
     require_array,
     require_integer,
     require_number,
@@ -64,6 +65,7 @@ __all__ = [
     "TactileImage",
     "as_images",
     "freeze_arrays",
+    "freeze_mappings",
     "grey_sha256",
     "interpolation_matrix",
     "label_of",

@@ -34,8 +34,6 @@ def tactile_image(
     ----------
     image
         A frame or a signal.
-    ax
-        Where to draw.
     features
         Features of the image, for outline and centroid.
     low, high

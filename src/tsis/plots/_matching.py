@@ -41,8 +41,6 @@ def point_sets(
     ----------
     source, target
         Shapes (n, 2) and (m, 2), or (n, 3) and (m, 3) on an axes with the projection ``"3d"``.
-    ax
-        Where to draw.
     matches
         Row of each source point's match or -1, shape (n,); None draws no lines.
     source_label, target_label
@@ -86,8 +84,6 @@ def curves_over_levels(
     ----------
     summaries
         Of one group, as `tsis.matching.trials.summarise` returns them.
-    ax
-        Where to draw.
     quantity
         ``"error"`` draws the median as a line and the mean as a mark of its own, ``"failures"`` and ``"seconds"`` a
         line.
@@ -137,8 +133,6 @@ def trial_errors(
     ----------
     errors
         Errors of each method, shape (trials,).
-    ax
-        Where to draw.
     levels
         Values to draw lines at, with their names.
     error_label

@@ -26,8 +26,6 @@ def probe_section(probe: Probe, ax: Axes) -> Axes:
     ----------
     probe
         What is drawn; a lamp is shown when it stands in the plane of the first lit one, which is at the right.
-    ax
-        Where to draw.
     """
     ray_picture(probe, (), ax)
     limits = (ax.get_xlim(), ax.get_ylim())

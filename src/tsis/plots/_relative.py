@@ -32,8 +32,6 @@ def repeated_readings(
     ----------
     targets
         Readings of one kind, one entry a target.
-    ax
-        Where to draw.
     printed_mean, printed_sd
         Values to compare with, in the readings' unit, one a target; a None among the deviations draws no bar.
     label

@@ -9,12 +9,10 @@ from tsis.model import INTERVAL_LEVEL
 from tsis.plots import contact_growth, modulus, tactile_image
 from tsis.report._document import estimate_messages, withheld_reason
 from tsis.report._inclusion import inclusion_cards
-from tsis.report._page import Card, Page, Picture, Table, html
+from tsis.report._page import Card, Page, Picture, Table, html, on_axes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-
-    from matplotlib.figure import Figure
 
     from tsis.hardness import ContactTable
     from tsis.model import Estimate, TactileImage
@@ -64,10 +62,7 @@ def hardness_page(
     truth_kpa: float | None = None,
 ) -> Page:
     """The report of a hardness estimate; parameters as `hardness_report`."""
-
-    def growth(figure: Figure) -> None:
-        contact_growth(estimate, figure.subplots(), table=table)
-
+    growth = on_axes(contact_growth, estimate, table=table)
     pictures = [
         modulus_picture(estimate, truth_kpa),
         _picture("Growth of the contact", growth, "Contact radius over force, of the frames and of the estimate"),
@@ -100,10 +95,7 @@ def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
 
 def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Picture:
     """Posterior of the modulus."""
-
-    def density(figure: Figure) -> None:
-        modulus(estimate, figure.subplots(), truth_kpa=truth_kpa)
-
+    density = on_axes(modulus, estimate, truth_kpa=truth_kpa)
     return _picture("Modulus", density, "Posterior density of the modulus with its 90 % interval")
 
 
@@ -144,12 +136,9 @@ def _picture(title: str, draw: Any, alt: str) -> Picture:
 
 
 def _frame(image: TactileImage) -> Picture:
-    def draw(figure: Figure) -> None:
-        tactile_image(image, figure.subplots())
-
     return Picture(
         title=image.name or "Frame",
-        draw=draw,
+        draw=on_axes(tactile_image, image),
         size=(4.2, 3.0),
         alt=f"Grey levels of {image.name or 'a frame'}",
         caption=f"{image.force_n:g} N by the gauge.",

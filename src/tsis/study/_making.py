@@ -156,7 +156,6 @@ def new_study(
         Least score of a target that is called one with an inclusion.
     actor
         Who creates it; the user of this machine by default.
-        Who makes it; the user of this machine by default.
 
     Raises
     ------

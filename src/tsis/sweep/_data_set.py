@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from contextlib import contextmanager
 from dataclasses import asdict
 from importlib import metadata
@@ -17,6 +15,7 @@ from tsis.errors import FileInputError, InputError, import_extra
 from tsis.files import (
     UNFINISHED,
     content_sha256,
+    exclusive_lock,
     json_bytes,
     one_line,
     printable_path,
@@ -39,6 +38,7 @@ from tsis.sweep._shards import (
 )
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
@@ -88,13 +88,7 @@ def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Re
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read and check the manifest of a data set.
-
-    Raises
-    ------
-    FileInputError
-        When it is missing or invalid.
-    """
+    """Read and check the manifest of a data set; `FileInputError` when it is missing or invalid."""
     path = folder / MANIFEST_FILE
     document = read_object(path, most=LARGEST_BYTES, values=MOST_VALUES)
     try:
@@ -233,13 +227,7 @@ def _extra(destination: Path, manifest: dict[str, Any]) -> list[str]:
 
 
 def as_folder(folder: str | os.PathLike[str]) -> Path:
-    """The absolute path of a folder, which need not exist.
-
-    Raises
-    ------
-    FileInputError
-        When no folder can have this name.
-    """
+    """The absolute path of a folder, which need not exist; `FileInputError` when no folder can have this name."""
     try:
         return Path(folder).resolve()
     except (OSError, ValueError, TypeError) as error:
@@ -250,20 +238,21 @@ def as_folder(folder: str | os.PathLike[str]) -> Path:
 def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
     """Create or resume the data set of ``start``, and lock it against other sweeps.
 
-    Raises
-    ------
-    FileInputError
-        When the folder cannot be created, belongs to another plan or to something else, or is locked.
+    `FileInputError` when the folder cannot be created, belongs to another plan or to something else, or is locked.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with _lock(folder):
+        with exclusive_lock(folder, wait=False):
             if (folder / MANIFEST_FILE).exists():
                 _refuse_other(folder, start)
             else:
                 _refuse_content(folder, start)
                 write_manifest(folder, start, None)
             yield
+    except BlockingIOError as error:
+        raise FileInputError(
+            f"{printable_path(folder)} must not be in use; another sweep is writing into it"
+        ) from error
     except OSError as error:
         reason = error.strerror or str(error)
         raise FileInputError(f"{printable_path(folder)} must be a folder that can be written; got: {reason}") from error
@@ -276,12 +265,11 @@ def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
             f"{printable_path(folder)} must hold no other data set; got one of another plan, which differs in "
             f"{', '.join(_differences(manifest['plan'], start['plan']))} (choose another folder)"
         )
-    versions = {"tsis": manifest["tsis"], **manifest["libraries"]}
-    here = {"tsis": start["tsis"], **start["libraries"]}
+    versions, here = ({"tsis": item["tsis"], **item["libraries"]} for item in (manifest, start))
     other = [
-        f"{name} {versions.get(name)} and not {here[name]}"
-        for name in ("tsis", *LIBRARIES)
-        if versions.get(name) != here[name]
+        f"{name} {versions.get(name)} and not {version}"
+        for name, version in here.items()
+        if versions.get(name) != version
     ]
     if other:
         raise FileInputError(
@@ -307,26 +295,3 @@ def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:
                 f"{printable_path(folder)} must be new, empty, or a folder that this plan began; got "
                 f"{path.name!r:.80} in it"
             )
-
-
-@contextmanager
-def _lock(folder: Path) -> Iterator[None]:
-    if sys.platform == "win32":
-        yield
-        return
-    import fcntl
-
-    # The system releases this lock with the process, however it ends; a lock file would outlive a kill.
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise FileInputError(
-                f"{printable_path(folder)} must not be in use; another sweep is writing into it"
-            ) from error
-        except OSError:
-            pass  # some network file systems have no such locks; two sweeps there only do the work twice
-        yield
-    finally:
-        os.close(handle)

@@ -129,10 +129,7 @@ def is_whole(content: bytes) -> bool:
 def decode_shard(content: bytes) -> Any:
     """The Arrow table of a verified file.
 
-    Raises
-    ------
-    FileInputError
-        When it is no Parquet file, or unpacks to more than a sweep writes.
+    `FileInputError` when it is no Parquet file, or unpacks to more than a sweep writes.
     """
     pa, parquet = _arrow()
     try:

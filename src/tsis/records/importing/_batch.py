@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
@@ -14,11 +14,12 @@ from tsis.calibration.file import calibration_sha256
 from tsis.errors import FileInputError, InputError
 from tsis.files import free_to_json, printable_path
 from tsis.instrument import read_image
+from tsis.model import freeze_mappings
 from tsis.records._values import StoredPress
 from tsis.records.store import calibration_table, frame_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from tsis.calibration.file import ProbeCalibration
@@ -69,29 +70,15 @@ class ImportOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IncomingPress:
-    """A frame from a checked file, ready to be stored.
-
-    Parameters
-    ----------
-    path
-        The file.
-    sha256
-        Hash of the checked file.
-    frame
-        Hash of the frame in a store.
-    full_scale
-        Grey level at which the camera clips; None for that of the file.
-    role, taken, name, force_n, mm_per_pixel, probe, calibration, flags, settings
-        As in `StoredPress`.
-    """
+    """A frame from a checked file, ready to be stored; other fields as in `StoredPress`."""
 
     path: Path
-    sha256: str
-    frame: str
+    sha256: str  # of the checked file
+    frame: str  # SHA-256 of the frame in a store
     role: str
     taken: datetime
     name: str
-    full_scale: float | None = None
+    full_scale: float | None = None  # grey level at which the camera clips; None for that of the file
     force_n: float | None = None
     mm_per_pixel: tuple[float, float] | None = None
     probe: str = ""
@@ -100,19 +87,12 @@ class IncomingPress:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+        freeze_mappings(self, "settings")
         free_to_json(self.settings, "settings")
-        StoredPress(  # checks the values before anything is stored
-            frame=self.frame,
-            rows=1,
-            columns=1,
-            full_scale=255.0 if self.full_scale is None else self.full_scale,
-            axis_px=(0.0, 0.0),
-            **{
-                name: getattr(self, name)
-                for name in ("role", "taken", "name", "force_n", "mm_per_pixel", "probe", "flags")
-            },
-        )
+        full_scale = 255.0 if self.full_scale is None else self.full_scale
+        names = ("frame", "role", "taken", "name", "force_n", "mm_per_pixel", "probe", "flags")
+        values = {name: getattr(self, name) for name in names}
+        StoredPress(rows=1, columns=1, full_scale=full_scale, axis_px=(0.0, 0.0), **values)  # checks the values
 
     def image(self) -> TactileImage:
         """The frame, read again; `FileInputError` when its file has changed since the check."""
@@ -187,13 +167,9 @@ def read_frame(path: Path, *, full_scale: float | None = None) -> TactileImage:
         frame_bytes(image)
     except InputError as error:
         colour = image.settings.get("kind") == "colour"
+        fault = "got colours, of which a store keeps none (save it as a grey PNG file and use that everywhere)"
         raise FileInputError(
-            f"{printable_path(path)} must hold the grey levels that the camera gave; "
-            + (
-                "got colours, of which a store keeps none (save it as a grey PNG file and use that everywhere)"
-                if colour
-                else f"{error}"
-            )
+            f"{printable_path(path)} must hold the grey levels that the camera gave; {fault if colour else error}"
         ) from error
     return image
 
@@ -207,6 +183,18 @@ def inspect_file(path: Path, *, full_scale: float | None = None) -> dict[str, An
         "frame": hashlib.sha256(frame_bytes(image)).hexdigest(),
         "full_scale": full_scale,
     }
+
+
+@contextmanager
+def written_by(command: str, path: Path) -> Iterator[None]:
+    """Convert errors of the values in a file that a command writes to `FileInputError`."""
+    try:
+        yield
+    except FileInputError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
+        fault = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
+        raise FileInputError(f"{printable_path(path)} must be as {command} wrote it; {fault}") from error
 
 
 def own_file(folder: Path, name: str) -> Path:
@@ -242,12 +230,7 @@ def cited_calibration(
 ) -> tuple[ProbeCalibration | None, tuple[str, ...]]:
     """The calibration that a file cites, or None, and notes.
 
-    Raises
-    ------
-    FileInputError
-        When the citation is invalid.
-    InputError
-        When the user gave another calibration.
+    `FileInputError` when the citation is invalid, `InputError` when the user gave another calibration.
     """
     if citation is None:
         return given.calibration, ()

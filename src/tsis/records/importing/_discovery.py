@@ -31,12 +31,7 @@ if TYPE_CHECKING:
 def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
     """Image files of presses on one target.
 
-    Raises
-    ------
-    FileInputError
-        When a file is no grey image.
-    InputError
-        When the number of forces is neither one nor that of the files.
+    `FileInputError` when a file is no grey image, `InputError` when the number of forces does not fit that of files.
     """
     if len(given.force_n) not in (0, 1, len(paths)):
         raise InputError(f"--force-n must be given once, or once for each of {len(paths)}; got {len(given.force_n)}")

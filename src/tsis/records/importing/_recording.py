@@ -44,10 +44,7 @@ def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) 
     A recording has its start time and the delay of each frame. Without the start time, in an interrupted recording or
     one of an old release, the modification time of the index is that of the last frame.
 
-    Raises
-    ------
-    FileInputError
-        When it is no such folder, is a video, or its index does not fit its frames.
+    `FileInputError` when it is no such folder, is a video, or its index does not fit its frames.
     """
     summary = _summary(folder)
     rows = _rows(own_file(folder, RECORDING_INDEX))

@@ -19,6 +19,7 @@ from tsis.records.importing._batch import (
     modification_time,
     own_file,
     read_frame,
+    written_by,
 )
 from tsis.records.store import frame_bytes
 
@@ -86,22 +87,12 @@ TRUTH = ("diameter_mm", "depth_mm", "young_kpa")
 def result_folder(folder: Path, progress: Callable[[], None]) -> ImportBatch:
     """The presses in a folder of ``tsis demo``, each checked by the hash in the result.
 
-    Raises
-    ------
-    FileInputError
-        When it is no such folder, or a frame differs from that of the result.
-    CalibrationError
-        When the calibration in it was changed.
+    `FileInputError` when it is no such folder, or a frame differs; `CalibrationError` when the calibration was changed.
     """
     source = own_file(folder, RESULT)
     document = read_object(source)
-    try:
+    with written_by("tsis demo", source):
         return _batch(folder, document, progress)
-    except FileInputError:
-        raise
-    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
-        message = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
-        raise FileInputError(f"{printable_path(source)} must be as tsis demo wrote it; {message}") from error
 
 
 def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None]) -> ImportBatch:

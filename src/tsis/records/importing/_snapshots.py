@@ -19,11 +19,12 @@ from tsis.records.importing._batch import (
     cited_calibration,
     inspect_file,
     own_file,
+    written_by,
 )
 from tsis.records.importing._importing import import_batches
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable
     from pathlib import Path
 
     from tsis.calibration import UsableCalibration
@@ -64,29 +65,15 @@ def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], N
     note = (
         f"{len(unfinished)} snapshots in {printable_path(folder)} were cut short while they were saved and are left out"
     )
-    return (*result[:-1], _noted(result[-1], note))
+    return (*result[:-1], replace(result[-1], notes=(*result[-1].notes, note)))
 
 
 def snapshots(
     sidecars: Iterable[Path], given: ImportOptions, progress: Callable[[], None], *, single: bool = True
 ) -> tuple[ImportBatch, ...]:
-    """A batch for each target that these sidecars name.
+    """A batch for each target that these sidecars name; with ``single`` other JSON files are an error.
 
-    Parameters
-    ----------
-    sidecars
-        JSON files.
-    given
-        Role, scale and calibration where the sidecars lack them.
-    progress
-        Called after each frame.
-    single
-        Whether other JSON files are an error, because the user named each file.
-
-    Raises
-    ------
-    FileInputError
-        When a sidecar is damaged, or its frame differs from its hash.
+    `FileInputError` when a sidecar is damaged, or its frame differs from its hash.
     """
     targets: dict[int, list[IncomingPress]] = {}
     notes: dict[int, dict[str, None]] = {}
@@ -100,13 +87,8 @@ def snapshots(
                 f"{printable_path(sidecar)} must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got "
                 f"{document.get('format')!r:.60}"
             )
-        try:
+        with written_by("tsis acquire", sidecar):
             target, press, message = _snapshot(sidecar, document, given)
-        except FileInputError:
-            raise
-        except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
-            what = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
-            raise FileInputError(f"{printable_path(sidecar)} must be as tsis acquire wrote it; {what}") from error
         targets.setdefault(target, []).append(press)
         notes.setdefault(target, {}).update(dict.fromkeys(message))
         first.setdefault(target, sidecar.parent)
@@ -147,7 +129,7 @@ def _snapshot(
         mm_per_pixel=scale,
         probe=given.probe or ("" if known is None else known.probe) or _probe(document),
         calibration=known,
-        flags=tuple(_flags(document.get("flags") or ())),
+        flags=tuple(from_json_value(str, flag["name"], "flag.name") for flag in document.get("flags") or ()),
         settings=dict(document["settings"]) | settings,
     )
     return target, press, notes
@@ -160,15 +142,6 @@ def _probe(document: dict[str, Any]) -> str:
 def _force_n(force: Any) -> float | None:
     """The force of the gauge, at least 0: a press does not pull."""
     return None if force is None else max(0.0, from_json_value(float, force["force_n"], "force.force_n"))
-
-
-def _flags(flags: Iterable[Any]) -> Iterator[str]:
-    for flag in flags:
-        yield from_json_value(str, flag["name"], "flag.name")
-
-
-def _noted(batch: ImportBatch, note: str) -> ImportBatch:
-    return replace(batch, notes=(*batch.notes, note))
 
 
 def save_snapshot_to_store(

@@ -131,19 +131,7 @@ def device_results(
     truths: Mapping[str, TargetTruth],
     codes: Sequence[str],
 ) -> DeviceResults:
-    """Pair the first reading of every target by a device with the truth.
-
-    Parameters
-    ----------
-    device, threshold
-        As of `DeviceResults`.
-    readings
-        Of all devices, in the order of entry.
-    truths
-        By code.
-    codes
-        In the order of the study.
-    """
+    """Pair the first of the ``readings`` of every target by a device with the truth of its code."""
     first: dict[str, DeviceReading] = {}
     for reading in readings:
         if reading.device == device:
@@ -157,24 +145,12 @@ EDGES_MM = {"diameter_mm": (5.0, 8.0), "depth_mm": (6.0, 8.0)}  # a value at an 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stratum:
-    """Inclusions in one range of size or depth.
+    """Inclusions in one range of size or depth, mm."""
 
-    Attributes
-    ----------
-    quantity
-        ``"diameter_mm"`` or ``"depth_mm"``.
-    low, high
-        Ends, mm; infinite without an end.
-    detected
-        Detected among the decided ones; None without any.
-    undecided
-        Number of undecided ones.
-    """
-
-    quantity: str
+    quantity: str  # "diameter_mm" or "depth_mm"
     low: float
-    high: float
-    detected: Proportion | None
+    high: float  # infinite without an end
+    detected: Proportion | None  # of the decided ones; None without any
     undecided: int
 
 

@@ -81,15 +81,8 @@ def _write(record: TargetRecord, put: Put) -> str:
     for name, content in _files(record):
         put(name, content)
         entries[name] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
-    manifest = sealed_bytes(
-        {
-            "format": FORMAT,
-            "version": VERSION,
-            "notice": RESEARCH_USE_ONLY,
-            "tsis": __version__,
-            "files": dict(sorted(entries.items())),
-        }
-    )
+    head = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "tsis": __version__}
+    manifest = sealed_bytes(head | {"files": dict(sorted(entries.items()))})
     put(MANIFEST, manifest)
     return hashlib.sha256(manifest).hexdigest()
 
