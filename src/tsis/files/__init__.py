@@ -45,6 +45,7 @@ from tsis.files._names import LARGEST_TARGET, snapshot_stems, target_folder
 from tsis.files._packed import require_bounded_arrays, without_packed_arrays
 from tsis.files._reading import (
     as_path,
+    file_error,
     file_size,
     one_line,
     parse_object,
@@ -89,6 +90,7 @@ __all__ = [
     "digest",
     "digest_or_none",
     "exclusive_lock",
+    "file_error",
     "file_size",
     "free_to_json",
     "from_json_value",

@@ -102,16 +102,10 @@ def detected_by_size_and_depth(
 
 
 def read_over_true(true: ArrayLike, read: ArrayLike, ax: Axes, *, label: str, errors: ArrayLike | None = None) -> Axes:
-    """Draw readings over true values; on the diagonal they agree.
+    """Draw readings over true values, shape (targets,); on the diagonal they agree.
 
-    Parameters
-    ----------
-    true, read
-        Shape (targets,).
-    label
-        Name and unit of the quantity.
-    errors
-        Distances of both ends of an interval from the reading, shape (2, targets).
+    ``label`` gives name and unit; ``errors`` the distances of both ends of an interval from the reading, shape (2,
+    targets).
     """
     true_values, readings = np.asarray(true, dtype=float), np.asarray(read, dtype=float)
     both = np.concatenate([true_values, readings])
@@ -145,14 +139,7 @@ FACE, RANGE, PATH, WORST = "#999999", "#0072b2", "#333333", "#d55e00"  # distinc
 def draw_scan_plan(plan: ScanPlan, ax: Axes, *, extent_mm: float | None = None) -> Axes:
     """Draw the area, the face at each press, the path of the presses, and a point farthest from any press.
 
-    Parameters
-    ----------
-    plan
-        Positions of the presses.
-    ax
-        Where to draw; both axes get one scale.
-    extent_mm
-        Detection range beside a press, drawn as filled discs.
+    Both axes get one scale. ``extent_mm`` is the detection range beside a press, drawn as filled discs.
     """
     positions = plan.positions_mm
     if extent_mm is not None and extent_mm > 0:

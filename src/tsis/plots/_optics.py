@@ -27,16 +27,9 @@ POINTS, A_ZERO = 2001, 8  # in total, and least number between two zeros of a fi
 
 
 def mode_profiles(modes: GuidedModes, ax: Axes, *, shown: Sequence[int]) -> Axes:
-    """Draw numbered electric fields, each at the height of its effective index, over the refractive index of the stack.
+    """Draw the numbered electric fields over the refractive index, each at the height of its effective index.
 
-    Parameters
-    ----------
-    modes
-        The modes of a stack.
-    ax
-        Where to draw; across is the height above the lowest face, up are indices. Fields are scaled to be seen.
-    shown
-        Numbers of the modes to draw.
+    The abscissa is the height above the lowest face of the stack. Fields are scaled to be visible.
     """
     layers = modes.layers
     faces = layers.faces_um

@@ -73,14 +73,7 @@ def estimate_stored(
 ) -> EstimationResult:
     """Estimate from stored frames with a stored calibration.
 
-    Parameters
-    ----------
-    record
-        The source of frames and calibration.
-    request
-        What to estimate.
-    progress
-        Called with (done, all) while the mechanics of a new probe are solved; the solution is cached.
+    ``progress`` is called with (done, all) while the mechanics of a new probe are solved; the solution is cached.
 
     Raises
     ------

@@ -96,16 +96,7 @@ def recompute(
 ) -> tuple[Recomputation, ...]:
     """Recompute the active estimates of a target, the last of each kind, and store those that changed.
 
-    Parameters
-    ----------
-    store
-        The store of the target.
-    target
-        The target.
-    dry_run
-        Whether to store nothing.
-    progress
-        Called with (done, all) while the mechanics of a new probe are solved.
+    ``dry_run`` stores nothing; ``progress`` is called with (done, all) while the mechanics of a new probe are solved.
 
     Raises
     ------

@@ -209,13 +209,7 @@ NO_VALUE = "none"
 def comparison(image: TactileImage, other: TactileImage, *, same_light: bool = False) -> Page:
     """A page with two frames in one colour map, their difference or the reason why there is none, and their features.
 
-    Parameters
-    ----------
-    image, other
-        Camera frames with names.
-    same_light
-        Whether to scale the second to the brightness of the first before the subtraction
-        (`tsis.imaging.match_light`).
+    ``same_light`` scales the second to the brightness of the first before the subtraction (`tsis.imaging.match_light`).
     """
     top = float(max(image.grey.max(), other.grey.max()))
     pictures = [_frame(image, top), _frame(other, top)]

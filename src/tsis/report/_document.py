@@ -52,12 +52,7 @@ RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
 def envelope(command: str, part: str = "", /, **content: Any) -> dict[str, Any]:
     """A JSON result: its schema with the version, the notice, the version of tsis and the command, then its content.
 
-    Parameters
-    ----------
-    command
-        The command, e.g. ``"records list"``.
-    part
-        Name of the result where the command has several.
+    ``part`` names the result of a command, such as ``"records list"``, that has several.
 
     Examples
     --------

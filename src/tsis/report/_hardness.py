@@ -33,20 +33,8 @@ def hardness_report(
 ) -> bytes:
     """The report of a hardness estimate as HTML: the modulus, the growth of the contact, the frames and notes.
 
-    Parameters
-    ----------
-    estimate
-        Of `tsis.hardness.estimate`.
-    title
-        Heading of the page.
-    images
-        The frames that were estimated.
-    table
-        Contact radii of the probe.
-    provenance
-        Versions, files and options.
-    truth_kpa
-        The true modulus where known.
+    ``table`` has the contact radii of the probe, ``provenance`` versions, files and options; ``truth_kpa`` is the true
+    modulus where known.
     """
     page = hardness_page(estimate, title=title, images=images, table=table, provenance=provenance, truth_kpa=truth_kpa)
     return html(page)

@@ -62,14 +62,8 @@ def track_press(
 ) -> PressTrack:
     """Track the light through a sequence, and test whether its sum has settled.
 
-    Parameters
-    ----------
-    images, references, against, calibration, threshold_grey, progress
-        As for `tsis.inclusion.mobility.mobility`.
-    time_s
-        Times of the frames, s, shape (images,), ascending.
-    tolerance, longest_s
-        As for `tsis.calibration.settling.assess_settling`.
+    ``time_s`` has the times of the frames, s, shape (images,), ascending. Other parameters as for
+    `tsis.inclusion.mobility.mobility` and `tsis.calibration.settling.assess_settling`.
 
     Raises
     ------

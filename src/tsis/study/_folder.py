@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tsis.errors import InputError, RecordsError
-from tsis.files import LogChain, LogDraft, as_path, printable_path, read_bytes
+from tsis.files import LogChain, LogDraft, as_path, file_error, printable_path, read_bytes
 from tsis.model import require_number
 from tsis.study._log import LOG_FILE, append_log, read_log
 from tsis.study._plan import StudyPlan, parse_study_plan
@@ -148,8 +148,8 @@ def require_plan_unchanged(folder: Path, chain: LogChain) -> None:
     """Refuse a study whose plan differs from the log's first line."""
     first = chain.entries[0] if chain.entries else None
     if first is None or first.content.get("study_sha256") != commitment(read_bytes(folder / PLAN)):
-        raise RecordsError(
-            f"{printable_path(folder / PLAN)} must be as it was made; it was changed (tsis study verify tells more)"
+        raise file_error(
+            folder / PLAN, "must be as it was made; it was changed (tsis study verify tells more)", RecordsError
         )
 
 

@@ -15,6 +15,7 @@ from tsis.files import (
     LogDraft,
     append_entries,
     exclusive_lock,
+    file_error,
     printable_path,
     read_chain_file,
 )
@@ -53,8 +54,8 @@ def append_log(
                 path, drafts_after, datetime.now(UTC), log_chain=log_chain, damaged=damaged, cure=CURE, disk=disk
             )
         except OSError as error:
-            raise RecordsError(
-                f"{printable_path(path)} could not be written: {error.strerror or error}; earlier entries are unchanged"
+            raise file_error(
+                path, f"could not be written: {error.strerror or error}; earlier entries are unchanged", RecordsError
             ) from error
 
 

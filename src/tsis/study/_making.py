@@ -13,7 +13,7 @@ import numpy as np
 from tsis.__about__ import __version__
 from tsis.catalog import load_phantom, load_probe
 from tsis.errors import InputError, RecordsError
-from tsis.files import EMPTY_CHAIN, LogDraft, as_path, atomic_folder, link_entries, one_line, printable_path
+from tsis.files import EMPTY_CHAIN, LogDraft, as_path, atomic_folder, file_error, link_entries, one_line
 from tsis.inclusion import InclusionPrior
 from tsis.model import LARGEST_SEED, Inclusion, Phantom, require_integer, require_number, require_type
 from tsis.study._folder import CREATED, PLAN, SEAL, open_study, user
@@ -36,12 +36,7 @@ CLEARANCE = 0.97  # of the slab: deepest end of an inclusion
 
 
 def printed_targets(present: int = PRINTED, blank: int = PRINTED) -> tuple[TargetTruth, ...]:
-    """Phantoms ``detection-1`` to ``detection-8`` of the catalog in turn, and ``detection-blank``.
-
-    Parameters
-    ----------
-    present, blank
-        Number with and without an inclusion; at least one in all.
+    """Phantoms ``detection-1`` to ``detection-8`` of the catalog in turn, and ``detection-blank``; at least one target.
 
     Raises
     ------
@@ -59,17 +54,10 @@ def printed_targets(present: int = PRINTED, blank: int = PRINTED) -> tuple[Targe
 
 
 def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tuple[TargetTruth, ...]:
-    """Inclusions of 2 to 15 mm, 4 to 12 mm deep, of 40 to 120 kPa, and blanks; tissue varies alike in both.
+    """Inclusions of 2 to 15 mm, 4 to 12 mm deep, of 40 to 120 kPa, and blanks, at least one target in all.
 
-    Tissue is drawn from what the estimator believes of it, `tsis.inclusion.InclusionPrior`; the slab's thickness is
+    Tissue of both is drawn from what the estimator assumes, `tsis.inclusion.InclusionPrior`; the slab's thickness is
     drawn again until the inclusion fits.
-
-    Parameters
-    ----------
-    present, blank
-        How many with and without an inclusion; one at least in all.
-    rng
-        Source of the draws.
 
     Raises
     ------
@@ -204,11 +192,9 @@ def new_study(
                 file.write(sealed)
             (draft / LOG_FILE).write_bytes(f"{first[0].line()}\n".encode())
     except FileExistsError as error:
-        raise RecordsError(
-            f"{printable_path(root)} must be a new name; there is such a file or folder (choose another)"
+        raise file_error(
+            root, "must be a new name; there is such a file or folder (choose another)", RecordsError
         ) from error
     except (OSError, ValueError) as error:
-        raise RecordsError(
-            f"{printable_path(root)} must be a folder that can be written; got: {one_line(error)}"
-        ) from error
+        raise file_error(root, f"must be a folder that can be written; got: {one_line(error)}", RecordsError) from error
     return open_study(root)

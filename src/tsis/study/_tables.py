@@ -12,9 +12,9 @@ from tsis.files import (
     LARGEST_CSV_BYTES,
     CsvRow,
     as_path,
+    file_error,
     parse_csv_rows,
     printable_name,
-    printable_path,
     read_bytes,
     read_csv_rows,
 )
@@ -55,7 +55,7 @@ def read_truth_table(path: str | os.PathLike[str]) -> tuple[TargetTruth, ...]:
             raise row.refused("label", "different in every row", target.label)
         by_label[target.label] = target
     if not by_label:
-        raise FileInputError(f"{printable_path(file)} must hold at least one target; it has headings alone")
+        raise file_error(file, "must hold at least one target; it has headings alone")
     return tuple(by_label.values())
 
 
@@ -205,14 +205,7 @@ def _reading(row: CsvRow, codes: frozenset[str], device: str) -> DeviceReading:
 
 
 def export_readings(study: Study, device: str | None = None) -> bytes:
-    """Readings of a device in the format of `import_readings`, without the truth.
-
-    Parameters
-    ----------
-    study
-        The study.
-    device
-        Name of the device; the only device by default.
+    """Readings of a device, by default the only one, in the format of `import_readings`, without the truth.
 
     Raises
     ------

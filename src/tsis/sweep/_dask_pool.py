@@ -33,21 +33,9 @@ CURE = "finished files are saved: start the cluster and run the same command aga
 
 
 class DaskPool:
-    """The workers of a Dask scheduler.
+    """The workers of a Dask scheduler, which must all see the folder of the job.
 
-    Parameters
-    ----------
-    job
-        Common data of all batches; all workers must see its folder.
-    address
-        Of the scheduler, ``tcp://host:port`` or ``tls://host:port``.
-    work
-        Function of a worker for one batch.
-
-    Raises
-    ------
-    InputError
-        When ``address`` has another form.
+    ``address`` is ``tcp://host:port`` or ``tls://host:port``, else `InputError`; ``work`` computes a batch on a worker.
     """
 
     def __init__(

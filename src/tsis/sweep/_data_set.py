@@ -16,9 +16,9 @@ from tsis.files import (
     UNFINISHED,
     content_sha256,
     exclusive_lock,
+    file_error,
     json_bytes,
     one_line,
-    printable_path,
     read_bytes,
     read_object,
     write_durably,
@@ -99,15 +99,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         whole = whole and document.get("data_set") == data_set_key({key: document[key] for key in START})
         whole = whole and document["plan_sha256"] == manifest_sha256(document["plan"])
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, InputError) as error:
-        raise FileInputError(
-            f"{printable_path(path)} must be the manifest of a sweep; got: {one_line(error)}"
-        ) from error
+        raise file_error(path, f"must be the manifest of a sweep; got: {one_line(error)}") from error
     if version != (FORMAT, VERSION):
-        raise FileInputError(f"{printable_path(path)} must be of {FORMAT}, version {VERSION}; got another format")
+        raise file_error(path, f"must be of {FORMAT}, version {VERSION}; got another format")
     if not whole:
-        raise FileInputError(
-            f"{printable_path(path)} must be as it was written; its hashes do not agree with its content"
-        )
+        raise file_error(path, "must be as it was written; its hashes do not agree with its content")
     return dict(document)
 
 
@@ -140,9 +136,10 @@ def verify_data_set(folder: str | os.PathLike[str]) -> dict[str, Any]:
         *(f"{name} (not in the manifest)" for name in _extra(root, manifest)),
     ]
     if wrong:
-        raise FileInputError(
-            f"{printable_path(root)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
-            " (tsis sweep run with its plan computes damaged and missing files again)"
+        raise file_error(
+            root,
+            f"must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
+            " (tsis sweep run with its plan computes damaged and missing files again)",
         )
     return manifest
 
@@ -174,23 +171,19 @@ def read_data_set(folder: str | os.PathLike[str], columns: Sequence[str] | None 
     for entry in manifest["shards"]:
         content = read_bytes(root / entry["file"], most=LARGEST_SHARD_BYTES)
         if sha256(content) != entry["sha256"]:
-            raise FileInputError(
-                f"{printable_path(root / entry['file'])} must be as it was written; its SHA-256 differs"
-            )
+            raise file_error(root / entry["file"], "must be as it was written; its SHA-256 differs")
         table = decode_shard(content)
         for name in table.column_names if columns is None else columns:
             require_one_of("column", name, table.column_names)
             try:
                 parts.setdefault(name, []).append(_array(table.column(name), name))
             except (ValueError, AttributeError, TypeError, NotImplementedError) as error:
-                raise FileInputError(
-                    f"{printable_path(root / entry['file'])} must hold numbers by column; got others"
-                ) from error
+                raise file_error(root / entry["file"], "must hold numbers by column; got others") from error
     radius = np.array(outputs["radii_mm"], dtype=float)
     try:
         return {"radius_mm": radius} | {name: np.concatenate(values) for name, values in parts.items()}
     except (ValueError, TypeError) as error:
-        raise FileInputError(f"{printable_path(root)} must hold files with the same columns; got others") from error
+        raise file_error(root, "must hold files with the same columns; got others") from error
 
 
 def _array(column: Any, name: str) -> NDArray[Any]:
@@ -207,9 +200,7 @@ def _complete(folder: str | os.PathLike[str]) -> tuple[Path, dict[str, Any]]:
     path = Path(folder)
     manifest = read_manifest(path)
     if not manifest.get("complete"):
-        raise FileInputError(
-            f"{printable_path(path)} must hold a complete data set; tsis sweep run with its plan finishes it"
-        )
+        raise file_error(path, "must hold a complete data set; tsis sweep run with its plan finishes it")
     return path, manifest
 
 
@@ -250,20 +241,19 @@ def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
                 write_manifest(folder, start, None)
             yield
     except BlockingIOError as error:
-        raise FileInputError(
-            f"{printable_path(folder)} must not be in use; another sweep is writing into it"
-        ) from error
+        raise file_error(folder, "must not be in use; another sweep is writing into it") from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileInputError(f"{printable_path(folder)} must be a folder that can be written; got: {reason}") from error
+        raise file_error(folder, f"must be a folder that can be written; got: {reason}") from error
 
 
 def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
     manifest = read_manifest(folder)
     if manifest["plan_sha256"] != start["plan_sha256"]:
-        raise FileInputError(
-            f"{printable_path(folder)} must hold no other data set; got one of another plan, which differs in "
-            f"{', '.join(_differences(manifest['plan'], start['plan']))} (choose another folder)"
+        raise file_error(
+            folder,
+            f"must hold no other data set; got one of another plan, which differs in "
+            f"{', '.join(_differences(manifest['plan'], start['plan']))} (choose another folder)",
         )
     versions, here = ({"tsis": item["tsis"], **item["libraries"]} for item in (manifest, start))
     other = [
@@ -272,12 +262,13 @@ def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
         if versions.get(name) != version
     ]
     if other:
-        raise FileInputError(
-            f"{printable_path(folder)} was begun with {', '.join(other)}; install those versions or choose another "
-            "folder, so that all of its files are computed with the same versions"
+        raise file_error(
+            folder,
+            f"was begun with {', '.join(other)}; install those versions or choose another "
+            "folder, so that all of its files are computed with the same versions",
         )
     if manifest["data_set"] != data_set_key(start):
-        raise FileInputError(f"{printable_path(folder)} must hold no other data set; got one of another kind")
+        raise file_error(folder, "must hold no other data set; got one of another kind")
 
 
 def _differences(document: Mapping[str, Any], requested: Mapping[str, Any]) -> list[str]:
@@ -291,7 +282,6 @@ def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:
         if path.name.endswith(UNFINISHED):
             continue
         if not NAME.fullmatch(path.name) or data_set_of(path) != data_set_key(start):
-            raise FileInputError(
-                f"{printable_path(folder)} must be new, empty, or a folder that this plan began; got "
-                f"{path.name!r:.80} in it"
+            raise file_error(
+                folder, f"must be new, empty, or a folder that this plan began; got {path.name!r:.80} in it"
             )

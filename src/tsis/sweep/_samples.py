@@ -24,17 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SweepBatch:
-    """The phantoms of one file.
-
-    Attributes
-    ----------
-    shard
-        Number of the file, from 0.
-    first
-        Number of its first phantom in the sweep.
-    values
-        By quantity, one value per phantom.
-    """
+    """The phantoms of a file, numbered from 0: the number of the first, and by quantity one value per phantom."""
 
     shard: int
     first: int

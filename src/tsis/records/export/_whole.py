@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import cv2
 
-from tsis.errors import FileInputError
-from tsis.files import as_path, atomic_file, atomic_folder, printable_path
+from tsis.files import as_path, atomic_file, atomic_folder, file_error
 from tsis.instrument import QUICK_PNG
 
 if TYPE_CHECKING:
@@ -41,14 +40,10 @@ def _refusing(requested: Path) -> Iterator[None]:
     try:
         yield
     except FileExistsError as error:
-        raise FileInputError(
-            f"{printable_path(requested)} must be a new name; there is such a file or folder (choose another)"
-        ) from error
+        raise file_error(requested, "must be a new name; there is such a file or folder (choose another)") from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileInputError(
-            f"{printable_path(requested)} must be a place that can be written; got: {reason}"
-        ) from error
+        raise file_error(requested, f"must be a place that can be written; got: {reason}") from error
 
 
 def frame_png(record: TargetRecord, press: StoredPress) -> bytes:

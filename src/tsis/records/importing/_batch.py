@@ -12,7 +12,7 @@ from sqlalchemy import select
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import FileInputError, InputError
-from tsis.files import free_to_json, printable_path
+from tsis.files import file_error, free_to_json, printable_path
 from tsis.instrument import read_image
 from tsis.model import freeze_mappings
 from tsis.records._values import StoredPress
@@ -39,24 +39,10 @@ def no_calibration(_cited: str) -> ProbeCalibration | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImportOptions:
-    """Metadata from the user, for frames whose files lack it.
+    """Metadata from the user, for frames whose files lack it; other fields as in `StoredPress`.
 
-    Parameters
-    ----------
-    role
-        As in `StoredPress`.
-    force_n
-        A force for all image files, or one for each.
-    mm_per_pixel
-        Size (x, y) of a pixel on the face in mm.
-    probe
-        Name of the probe.
-    calibration
-        The active calibration.
-    taken
-        Time of image files; by default their modification time.
-    calibration_of
-        Finds a calibration by the SHA-256 that a file cites.
+    ``force_n`` has a force for all image files, or one for each. ``taken`` is the time of image files, by default their
+    modification time. ``calibration_of`` finds a calibration by the SHA-256 that a file cites.
     """
 
     role: str = "target"
@@ -98,9 +84,7 @@ class IncomingPress:
         """The frame, read again; `FileInputError` when its file has changed since the check."""
         image = read_frame(self.path, full_scale=self.full_scale)
         if image.settings["sha256"] != self.sha256:
-            raise FileInputError(
-                f"{printable_path(self.path)} must be as it was looked through; it was changed meanwhile"
-            )
+            raise file_error(self.path, "must be as it was looked through; it was changed meanwhile")
         return replace(
             image,
             force_n=self.force_n,
@@ -168,8 +152,8 @@ def read_frame(path: Path, *, full_scale: float | None = None) -> TactileImage:
     except InputError as error:
         colour = image.settings.get("kind") == "colour"
         fault = "got colours, of which a store keeps none (save it as a grey PNG file and use that everywhere)"
-        raise FileInputError(
-            f"{printable_path(path)} must hold the grey levels that the camera gave; {fault if colour else error}"
+        raise file_error(
+            path, f"must hold the grey levels that the camera gave; {fault if colour else error}"
         ) from error
     return image
 
@@ -194,16 +178,16 @@ def written_by(command: str, path: Path) -> Iterator[None]:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
         fault = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
-        raise FileInputError(f"{printable_path(path)} must be as {command} wrote it; {fault}") from error
+        raise file_error(path, f"must be as {command} wrote it; {fault}") from error
 
 
 def own_file(folder: Path, name: str) -> Path:
     """The file of this name in a folder; `FileInputError` for names that lead elsewhere, and for links."""
     path = folder / name
     if not _is_safe_name(name) or name in ("", ".", ".."):
-        raise FileInputError(f"{printable_path(folder)} must name files of its own; it names {name!r:.80}")
+        raise file_error(folder, f"must name files of its own; it names {name!r:.80}")
     if path.is_symlink():
-        raise FileInputError(f"{printable_path(path)} must be a file of its own; it is a link that leads elsewhere")
+        raise file_error(path, "must be a file of its own; it is a link that leads elsewhere")
     return path
 
 
@@ -215,7 +199,7 @@ def modification_time(path: Path) -> datetime:
     try:
         return datetime.fromtimestamp(path.stat().st_mtime, UTC)
     except (OSError, ValueError, OverflowError) as error:
-        raise FileInputError(f"{printable_path(path)} must tell when it was written; got: {error}") from error
+        raise file_error(path, f"must tell when it was written; got: {error}") from error
 
 
 def stored_calibration(store: Store, cited: str) -> ProbeCalibration | None:
@@ -235,7 +219,7 @@ def cited_calibration(
     if citation is None:
         return given.calibration, ()
     if not isinstance(citation, dict) or not isinstance(citation.get("sha256"), str):
-        raise FileInputError(f"{printable_path(source)} must cite its calibration by its SHA-256; got {citation!r:.80}")
+        raise file_error(source, f"must cite its calibration by its SHA-256; got {citation!r:.80}")
     requested = citation["sha256"]
     if given.calibration is not None:
         if calibration_sha256(given.calibration) != requested:

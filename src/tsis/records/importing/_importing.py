@@ -63,22 +63,10 @@ def _differences(item: IncomingPress, press: StoredPress) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImportedBatch:
-    """Result of the import of a batch.
+    """Result of the import of a batch, which may have further notes.
 
-    Attributes
-    ----------
-    batch
-        The batch, with further notes.
-    target
-        The target of its presses.
-    new
-        Whether the target is new.
-    added, present
-        Number of new presses, and of those that were stored before.
-    estimates
-        Number of added estimates.
-    presses
-        The stored presses in the order of the batch; empty for a bundle.
+    ``added`` and ``present`` are the numbers of new presses and of those that were stored before, ``estimates`` that of
+    added estimates. ``presses`` are the stored ones in the order of the batch; empty for a bundle.
     """
 
     batch: ImportBatch

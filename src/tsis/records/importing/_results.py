@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from tsis.calibration.file import CALIBRATION_FILE, read_calibration
 from tsis.catalog import load_probe
-from tsis.errors import FileInputError, InputError
-from tsis.files import from_json_value, printable_path, read_object
+from tsis.errors import InputError
+from tsis.files import file_error, from_json_value, read_object
 from tsis.model import grey_sha256
 from tsis.records._provenance import environment
 from tsis.records.importing._batch import (
@@ -98,10 +98,11 @@ def result_folder(folder: Path, progress: Callable[[], None]) -> ImportBatch:
 def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None]) -> ImportBatch:
     command = document.get("command")
     if command != "demo":
-        raise FileInputError(
-            f"{printable_path(folder / RESULT)} must be of tsis demo, whose folder holds its frames; got "
+        raise file_error(
+            folder / RESULT,
+            f"must be of tsis demo, whose folder holds its frames; got "
             f"one of {command!r:.40} "
-            "(name the frames, or repeat the command with --save)"
+            "(name the frames, or repeat the command with --save)",
         )
     reported = document["estimate"]["provenance"]
     calibration = read_calibration(own_file(folder, CALIBRATION_FILE))
@@ -149,9 +150,7 @@ def _presses(
         scale = _optional(tuple[float, float], entry["mm_per_pixel"], f"{role}.mm_per_pixel")
         grey = read_frame(path).grey
         if grey_sha256(grey) != entry["sha256"]:
-            raise FileInputError(
-                f"{printable_path(path)} must be the frame that was estimated; its grey levels are others"
-            )
+            raise file_error(path, "must be the frame that was estimated; its grey levels are others")
         yield IncomingPress(
             **inspect_file(path),
             role=role,

@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import LARGEST_TARGET, from_json_value, printable_name, printable_path, read_object
+from tsis.files import LARGEST_TARGET, file_error, from_json_value, printable_name, printable_path, read_object
 from tsis.instrument import SIDECAR_FORMAT, SIDECAR_VERSION
 from tsis.model import require_integer, require_one_of
 from tsis.records._values import ROLES
@@ -51,13 +51,9 @@ def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], N
         inside = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
         sidecars = [path for position in (folder, *inside) for path in sorted(position.glob("*.json"))]
     except OSError as error:
-        raise FileInputError(
-            f"{printable_path(folder)} must be a folder that can be read; got: {error.strerror}"
-        ) from error
+        raise file_error(folder, f"must be a folder that can be read; got: {error.strerror}") from error
     if len(sidecars) > MOST_FRAMES:
-        raise FileInputError(
-            f"{printable_path(folder)} must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}"
-        )
+        raise file_error(folder, f"must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}")
     unfinished = [path for path in sidecars if not path.is_symlink() and path.stat().st_size == 0]
     result = snapshots([path for path in sidecars if path not in unfinished], given, progress, single=False)
     if not result or not unfinished:
@@ -83,9 +79,8 @@ def snapshots(
         if document.get("format") != SIDECAR_FORMAT:
             if not single:
                 continue
-            raise FileInputError(
-                f"{printable_path(sidecar)} must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got "
-                f"{document.get('format')!r:.60}"
+            raise file_error(
+                sidecar, f"must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got {document.get('format')!r:.60}"
             )
         with written_by("tsis acquire", sidecar):
             target, press, message = _snapshot(sidecar, document, given)
@@ -114,7 +109,7 @@ def _snapshot(
     raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
     read = inspect_file(raw, full_scale=from_json_value(float, document["full_scale"], "snapshot.full_scale"))
     if read["sha256"] != hashes[ending]:
-        raise FileInputError(f"{printable_path(raw)} must be as it was saved; its content does not match its sidecar")
+        raise file_error(raw, "must be as it was saved; its content does not match its sidecar")
     known, notes = cited_calibration(sidecar, document.get("calibration"), given)
     scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
     settings: dict[str, Any] = {
@@ -149,18 +144,8 @@ def save_snapshot_to_store(
 ) -> dict[str, Any]:
     """Store the snapshot of a sidecar; return store, target, press and notes for the result document.
 
-    Parameters
-    ----------
-    store
-        An open store.
-    sidecar
-        The sidecar, beside its raw frame.
-    role
-        One of `tsis.records.ROLES`.
-    probe
-        Name of the probe where the calibration has none.
-    calibration
-        The calibration of the snapshot, or None.
+    The raw frame lies beside the sidecar. ``role`` is one of `tsis.records.ROLES`; ``probe`` is used where the
+    calibration names none.
 
     Raises
     ------

@@ -33,22 +33,12 @@ class AgreementValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Agreement:
-    """Agreement of repeated readings of one quantity.
+    """Agreement of repeated readings of one quantity, ``"score"`` or one of an inclusion.
 
-    Attributes
-    ----------
-    quantity
-        ``"score"`` or one of the quantities of an inclusion.
-    between
-        `WITHIN` an operator or `BETWEEN` operators.
-    targets, operators, repeats
-        Size of the data: targets that all operators read ``repeats`` times with a result.
-    correlation
-        Intraclass correlation, and its form.
-    form
-        ``"ICC(1,1)"`` of repeats, ``"ICC(2,1)"`` of operators.
-    coefficient
-        Difference that two readings of a target stay below with a probability of 95 %, in the quantity's unit.
+    ``between`` is `WITHIN` an operator or `BETWEEN` operators. ``targets`` counts those that all operators read
+    ``repeats`` times with a result. ``form`` of the intraclass correlation is ``"ICC(1,1)"`` of repeats, ``"ICC(2,1)"``
+    of operators. ``coefficient`` is the difference that two readings of a target stay below with a probability of 95 %,
+    in the quantity's unit.
     """
 
     quantity: str

@@ -20,17 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetResult:
-    """A target and the first reading of it by one device.
-
-    Attributes
-    ----------
-    code
-        Of the target.
-    truth
-        True values.
-    reading
-        The device's first reading, if any.
-    """
+    """A target with its true values and the first reading of it by one device, if any."""
 
     code: str
     truth: TargetTruth
@@ -44,16 +34,9 @@ class TargetResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceResults:
-    """All targets of a study with the results of one device.
+    """All targets of a study, in its order, with the results of one device.
 
-    Attributes
-    ----------
-    device
-        Its name.
-    threshold
-        Least score of a target that is called one with an inclusion.
-    targets
-        In the order of the study.
+    ``threshold`` is the least score of a target that is called one with an inclusion.
     """
 
     device: str
