@@ -89,13 +89,11 @@ def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
     result, circle = finding.features, finding.contact
     if not result.contact:
         return (("contact", "none found: nothing stands out of the noise"),)
+    diameter_mm = _also(_number(result.equivalent_diameter_mm, "mm"))
     rows = [
         ("centroid", _pair(result.centroid_px, "px") + _also(_pair(result.centroid_mm, "mm from the axis"))),
         ("area", f"{result.area_px:.0f} px" + _also(_number(result.area_mm2, "mm²"))),
-        (
-            "equivalent diameter",
-            f"{result.equivalent_diameter_px:.1f} px" + _also(_number(result.equivalent_diameter_mm, "mm")),
-        ),
+        ("equivalent diameter", f"{result.equivalent_diameter_px:.1f} px{diameter_mm}"),
         ("ellipse semi-axes", _pair(result.semi_axes_px, "px") + _also(_pair(result.semi_axes_mm, "mm"))),
         ("direction of the long axis", _number(result.angle_deg, "degrees")),
         ("eccentricity", _number(result.eccentricity, "")),
@@ -122,7 +120,7 @@ def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
         )
     if result.cropped:
         notes.append(f"{image.name}: the contact touches the picture's border, so area and diameter are too small.")
-    fall, rise = _extremes(finding.change)
+    fall, rise = np.quantile(finding.change.grey, [ODD_FRACTION, 1 - ODD_FRACTION]) * (-1, 1)  # without outliers
     if result.contact and fall > rise:
         notes.append(
             f"{image.name}: the light changes more the other way, by {fall:.0f} against {rise:.0f} grey levels: is "
@@ -138,12 +136,6 @@ def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
     if image.mm_per_pixel is None:
         notes.append(f"{image.name}: no scale was given, so lengths are in pixels (give --scale-mm).")
     return tuple(notes)
-
-
-def _extremes(change: TactileImage) -> tuple[float, float]:
-    """Largest fall and rise of the grey levels, without outliers."""
-    low, high = np.quantile(change.grey, [ODD_FRACTION, 1 - ODD_FRACTION])
-    return -float(low), float(high)
 
 
 def _cards(features: Features) -> tuple[Card, ...]:

@@ -89,10 +89,9 @@ def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Pictu
 
 def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
     """Names and values for people, without the modulus of an untrusted estimate."""
-    rows = []
     withheld = withheld_reason(estimate, "young_kpa")
     low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
-    rows.append(("Young's modulus", withheld or f"{estimate.mean['young_kpa']:.3g} kPa"))
+    rows = [("Young's modulus", withheld or f"{estimate.mean['young_kpa']:.3g} kPa")]
     if estimate.trusted:
         rows.append(("90 % interval", f"{low:.3g} to {high:.3g} kPa"))
     if not withheld:
@@ -100,14 +99,9 @@ def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
         for name, value in (("Shore 00", readings.shore_00), ("Shore A", readings.shore_a)):
             rows.append((f"{name} (converted)", "outside the scale" if value is None else f"{value:.0f}"))
     for press in estimate.provenance.get("presses", ()):
-        contact = press["seen"]
-        rows.append(
-            (
-                f"contact radius, {press['name'] or 'image'}",
-                f"{contact['radius_mm']:.3f} mm ± {100 * contact['radius_sd']:.2f} %",
-            )
-        )
-        rows.append((f"force by light, {press['name'] or 'image'}", f"{contact['light_force_n']:.3g} N"))
+        contact, name = press["seen"], press["name"] or "image"
+        radius = f"{contact['radius_mm']:.3f} mm ± {100 * contact['radius_sd']:.2f} %"
+        rows += [(f"contact radius, {name}", radius), (f"force by light, {name}", f"{contact['light_force_n']:.3g} N")]
     return tuple(rows)
 
 

@@ -67,15 +67,9 @@ def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tup
     _check_numbers(present, blank)
     require_type("rng", rng, np.random.Generator)
     prior = InclusionPrior()
-    with_inclusion = [
-        TargetTruth(label=f"random-{number + 1}", phantom=_drawn_with_inclusion(prior, rng))
-        for number in range(present)
-    ]
-    without = [
-        TargetTruth(label=f"blank-{number + 1}", phantom=_drawn_tissue(prior, rng, at_least_mm=0.0))
-        for number in range(blank)
-    ]
-    return (*with_inclusion, *without)
+    drawn = {f"random-{number}": _drawn_with_inclusion(prior, rng) for number in range(1, present + 1)}
+    drawn |= {f"blank-{number}": _drawn_tissue(prior, rng, at_least_mm=0.0) for number in range(1, blank + 1)}
+    return tuple(TargetTruth(label=label, phantom=phantom) for label, phantom in drawn.items())
 
 
 def _drawn_with_inclusion(prior: InclusionPrior, rng: np.random.Generator) -> Phantom:
@@ -101,10 +95,7 @@ def _check_numbers(present: int, blank: int) -> None:
 
 def _unnamed(phantom: Phantom) -> Phantom:
     """The phantom without its name and note, which would identify it."""
-    lump = phantom.inclusion
-    return Phantom(
-        young_kpa=phantom.young_kpa, thickness_mm=phantom.thickness_mm, poisson=phantom.poisson, inclusion=lump
-    )
+    return replace(phantom, name="", assumed=())
 
 
 THRESHOLD = 0.5
@@ -179,11 +170,8 @@ def new_study(
     )
     planned = plan.content()
     begun = {"study_sha256": commitment(planned), "truth_sha256": plan.commitment, "tsis": __version__}
-    first = link_entries(
-        EMPTY_CHAIN,
-        [LogDraft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)],
-        plan.made,
-    )
+    draft_entry = LogDraft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)
+    first = link_entries(EMPTY_CHAIN, [draft_entry], plan.made)
     try:
         with atomic_folder(root) as draft:
             (draft / PLAN).write_bytes(planned)

@@ -57,9 +57,6 @@ def enter_analysis(study: Study, *, by: str, folder: str, files: Mapping[str, st
     if study.unblinded is None:
         raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
     entries = {"folder": folder, "files": dict(files), "tsis": __version__}
-    append_log(
-        study.folder,
-        lambda _chain: [LogDraft(actor=require_short_name("by", by), action=ANALYSED, content=entries)],
-        damaged=True,
-    )
+    draft = LogDraft(actor=require_short_name("by", by), action=ANALYSED, content=entries)
+    append_log(study.folder, lambda _chain: [draft], damaged=True)
     return open_study(study.folder)
