@@ -80,8 +80,8 @@ def verification_notes(store_verification: StoreVerification) -> tuple[str, ...]
         )
     if store_verification.unanchored:
         messages.append(
-            f"The anchor does not cover the last {store_verification.unanchored} entries of the audit; the next record "
-            "updates it."
+            f"The anchor does not vouch for the last {store_verification.unanchored} entries of the audit; the next "
+            "record brings it up to date."
         )
     return (*messages, f"Audit: entry {store_verification.head.number}, {store_verification.head.hash}")
 
