@@ -6,10 +6,7 @@ from matplotlib.figure import Figure
 
 from tsis.calibration import MeasuredValue
 from tsis.calibration.force import ForceLine, Loading, loading_forces
-from tsis.errors import InputError
-from tsis.model import TactileImage
 from tsis.plots import force_residuals, force_sums, hysteresis_loops
-from tsis.plots._calibration import cross_sections
 
 SLOPE = 4e5
 
@@ -74,18 +71,3 @@ def test_loadings_without_unloading_say_that_there_is_no_loop() -> None:
     ax = hysteresis_loops([loading(2.0, 0.01, unloaded=False)], Figure().subplots())
     assert [text.get_text() for text in ax.texts] == ["no tip was unloaded"]
     assert len(ax.get_lines()) == 1  # zero
-
-
-def test_cross_sections_run_through_the_brightest_place() -> None:
-    grey = np.zeros((20, 30))
-    grey[7, 11] = 90.0
-    images = [TactileImage(grey=grey * force, mm_per_pixel=(0.1, 0.2), force_n=force) for force in (0.5, 1.0)]
-    ax = cross_sections(images, Figure().subplots())
-    assert [float(np.asarray(row.get_ydata()).max()) for row in ax.get_lines()] == [45.0, 90.0]
-    row = ax.get_lines()[-1]
-    assert float(np.asarray(row.get_xdata())[int(np.asarray(row.get_ydata()).argmax())]) == 0.0
-
-
-def test_frames_without_a_force_are_refused() -> None:
-    with pytest.raises(InputError, match="force_n"):
-        cross_sections([TactileImage(grey=np.ones((9, 9)), mm_per_pixel=(0.1, 0.1))], Figure().subplots())

@@ -3,29 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from matplotlib.figure import Figure
 
-from tsis.hardness import PrintedHardness, printed_estimate
-from tsis.model import TactileImage
 from tsis.plots import contact_rows, modulus_readings
-from tsis.plots._hardness import strain_over_depth
-
-DEPTHS_MM = np.array([0.02, 0.1])
-
-
-@pytest.fixture(scope="module")
-def answers() -> list[PrintedHardness]:
-    y, x = 0.05 * np.mgrid[-60:61, -80:81]
-    images = [
-        TactileImage(
-            grey=peak * np.sqrt(np.maximum(0.0, 1 - (x**2 + y**2) / radius**2)),
-            mm_per_pixel=(0.05, 0.05),
-            force_n=force,
-        )
-        for peak, radius, force in ((100.0, 2.0, 0.7), (120.0, 2.4, 1.2))
-    ]
-    return [printed_estimate(images, depth_mm_per_grey=depth, method="cpd") for depth in DEPTHS_MM]
 
 
 def test_every_force_has_its_row_and_some_are_named() -> None:
@@ -60,13 +40,3 @@ def test_objects_share_an_axes_that_shows_all_of_them() -> None:
 def test_a_truth_above_all_readings_is_in_sight() -> None:
     ax = modulus_readings(np.array([10.0]), Figure().subplots(), truth_kpa=103.0, label="stiff")
     assert ax.get_ylim()[1] > 103.0
-
-
-def test_the_needed_strain_is_stress_over_modulus(answers: list[PrintedHardness]) -> None:
-    ax = strain_over_depth(DEPTHS_MM, answers, Figure().subplots(), truth_kpa=50.0, label="stiff")
-    found, needed = ax.lines
-    np.testing.assert_allclose(np.asarray(found.get_ydata()), [one.mean_strain for one in answers])
-    np.testing.assert_allclose(np.asarray(needed.get_ydata()), answers[0].stress_kpa / 50.0)
-    assert ax.get_xscale() == "log"
-    strain_over_depth(DEPTHS_MM, answers, ax, truth_kpa=10.0, label="soft")
-    assert ax.get_ylim()[1] > answers[0].stress_kpa / 10.0, "what is drawn later stays in sight"

@@ -119,18 +119,8 @@ def write_durably(
 ) -> None:
     """Write a file durably; readers never see a part of it.
 
-    Parameters
-    ----------
-    path, content
-        The file and its whole content.
-    disk
-        Write operations, which tests replace.
-    drafts
-        Folder on the same disk for the draft; by default that of ``path``.
-    replace
-        Whether to replace an existing file.
-    private
-        Whether the owner alone may read it.
+    The draft lies in the folder ``drafts`` on the same disk, by default that of the file. ``replace`` allows to replace
+    an existing file; a ``private`` one can be read by the owner alone.
 
     Raises
     ------
@@ -155,21 +145,9 @@ def write_durably(
 
 
 def append_durably(path: Path, content: bytes, *, after: int | None = None, disk: Disk = DISK) -> None:
-    """Append to a file durably.
+    """Append to a file durably, after its first ``after`` bytes, by default after all.
 
-    Parameters
-    ----------
-    path, content
-        The file and the bytes to append.
-    after
-        Number of bytes to preserve; None for all.
-    disk
-        Write operations, which tests replace.
-
-    Raises
-    ------
-    OSError
-        When it cannot be written; the file is then as before. A power loss may leave a part of ``content``.
+    `OSError` when it cannot be written; the file is then as before. A power loss may leave a part of ``content``.
     """
     with disk.reopen(path) as file:
         end = file.seek(0, os.SEEK_END) if after is None else file.seek(after)

@@ -51,19 +51,9 @@ class CsvRow:
 
 
 def read_csv_rows(path: Path, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[CsvRow]:
-    """Rows of a UTF-8 file whose first line names its columns, in any order.
+    """Rows of a UTF-8 file whose first line names its columns, in any order: ``needed``, and ``optional`` ones.
 
-    Parameters
-    ----------
-    path
-        The file.
-    needed, optional
-        Columns that it must and may have; others are refused.
-
-    Raises
-    ------
-    FileInputError
-        When the file is no such table; the message names the line.
+    `FileInputError` when the file is no such table or has other columns; the message names the line.
     """
     return parse_csv_rows(read_bytes(path, most=LARGEST_CSV_BYTES), printable_path(path), needed, optional)
 

@@ -6,10 +6,10 @@ import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from tsis.errors import FileInputError, RecordsError
+from tsis.errors import RecordsError
 from tsis.files._atomic import DISK, Disk, append_durably
 from tsis.files._json import canonical, digest, digest_or_none
-from tsis.files._reading import printable_path, read_bytes
+from tsis.files._reading import file_error, read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -44,22 +44,9 @@ def link_faults(entry: Mapping[str, Any], number: int, previous: str) -> tuple[s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogEntry:
-    """An entry of the log.
+    """An entry of the log: its position from 1, the time in ISO 8601 with its offset from UTC, the user, the event.
 
-    Attributes
-    ----------
-    number
-        Position, from 1.
-    moment
-        Time in ISO 8601 with its offset from UTC.
-    actor
-        The user.
-    action
-        The event, e.g. ``"reading"``.
-    content
-        JSON values.
-    previous, hash
-        Hashes of the previous entry and of this one.
+    ``content`` has JSON values; ``previous`` and ``hash`` are those of the previous entry and of this one.
     """
 
     number: int
@@ -90,19 +77,7 @@ class LogDraft:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogChain:
-    """The lines of a log.
-
-    Attributes
-    ----------
-    entries
-        The readable entries in order.
-    lines
-        Number of lines in the file.
-    breaks
-        Faults by the number of the line.
-    size
-        Bytes of the complete lines.
-    """
+    """The lines of a log: readable entries, number of lines, faults by line, and bytes of the complete lines."""
 
     entries: tuple[LogEntry, ...] = ()
     lines: int = 0
@@ -206,7 +181,7 @@ def read_chain_file(path: Path, log_chain: LogChain = EMPTY_CHAIN, *, disk: Disk
         try:
             end = disk.read_from(path, log_chain.size - len(last))
         except OSError as error:
-            raise FileInputError(f"{printable_path(path)} must be a file that can be read; got: {error}") from error
+            raise file_error(path, f"must be a file that can be read; got: {error}") from error
         if end.startswith(last):
             return read_chain(end[len(last) :], log_chain)
     return read_chain(read_bytes(path))
@@ -258,8 +233,8 @@ def append_entries(
         chain = LogChain(entries=chain.entries, lines=chain.lines - len(torn), size=chain.size)
     if chain.breaks and not damaged:
         line, wrong = min(chain.breaks.items())
-        raise RecordsError(
-            f"{printable_path(path)} must be as it was written before anything is added; line {line} {wrong} ({cure})"
+        raise file_error(
+            path, f"must be as it was written before anything is added; line {line} {wrong} ({cure})", RecordsError
         )
     added = "".join(f"{entry.line()}\n" for entry in link_entries(chain, drafts_after(chain), moment)).encode()
     if not added:

@@ -211,18 +211,9 @@ _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
 def size_fault(columns: int, rows: int, file_bytes: int, *, kind: str, pixel_bytes: int) -> str | None:
-    """The requirement that an image of this size breaks, or None.
+    """The requirement that an image of this declared size breaks, or None.
 
-    Parameters
-    ----------
-    columns, rows
-        Declared size.
-    file_bytes
-        Size of the file.
-    kind
-        Format, e.g. ``"PNG"``.
-    pixel_bytes
-        Bytes of a pixel, all channels together.
+    ``kind`` is the format of its file of ``file_bytes``, e.g. ``"PNG"``; ``pixel_bytes`` counts all channels.
 
     Examples
     --------

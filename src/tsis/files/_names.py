@@ -21,10 +21,7 @@ _DEVICES_OF_WINDOWS = re.compile(r"(?i:con|prn|aux|nul|com[0-9]*|lpt[0-9]*)")
 def require_file_stem(name: object) -> str:
     """Return ``name`` when it may begin a file name on every system: a letter, then letters, digits, ``-``, ``_``.
 
-    Raises
-    ------
-    InputError
-        When it has other characters, or more than 40.
+    `InputError` when it has other characters, or more than 40.
 
     Examples
     --------

@@ -9,7 +9,7 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from tsis.errors import FileInputError, InputError
+from tsis.errors import FileInputError, InputError, TsisError
 
 if TYPE_CHECKING:
     import os
@@ -35,6 +35,11 @@ def printable_path(path: Path) -> str:
     """
     text = str(path)
     return repr(text if len(text) <= _LONGEST_SHOWN else "..." + text[-_LONGEST_SHOWN:])
+
+
+def file_error(path: Path, requirement: str, kind: type[TsisError] = FileInputError) -> TsisError:
+    """The error on a file or folder, whose printable path begins the message, e.g. ``"must be a file"``."""
+    return kind(f"{printable_path(path)} {requirement}")
 
 
 def printable_name(path: Path) -> str:
@@ -81,16 +86,16 @@ def file_size(path: Path) -> int:
     try:
         status = path.stat()
     except FileNotFoundError as error:
-        raise FileInputError(f"{printable_path(path)} does not exist; check the name and the folder") from error
+        raise file_error(path, "does not exist; check the name and the folder") from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise FileInputError(f"{printable_path(path)} must name a readable file; got: {reason}") from error
+        raise file_error(path, f"must name a readable file; got: {reason}") from error
     if stat.S_ISDIR(status.st_mode):
-        raise FileInputError(f"{printable_path(path)} must be a file; got a folder")
+        raise file_error(path, "must be a file; got a folder")
     if not stat.S_ISREG(status.st_mode):
-        raise FileInputError(f"{printable_path(path)} must be a regular file; got a device, pipe or socket")
+        raise file_error(path, "must be a regular file; got a device, pipe or socket")
     if status.st_size == 0:
-        raise FileInputError(f"{printable_path(path)} must hold data; got an empty file (0 bytes)")
+        raise file_error(path, "must hold data; got an empty file (0 bytes)")
     return status.st_size
 
 
@@ -104,7 +109,7 @@ def read_bytes(path: Path, *, most: int = LARGEST_FILE_BYTES) -> bytes:
     """
     size = file_size(path)
     if size > most:
-        raise FileInputError(f"{printable_path(path)} must be at most {most} bytes; got {size}")
+        raise file_error(path, f"must be at most {most} bytes; got {size}")
     return _first_bytes(path, most)  # bounded: the file may have grown since its size was read
 
 
@@ -122,7 +127,7 @@ def read_parsed(path: Path, parse: Callable[[str], Parsed], *, most: int = LARGE
     except InputError as error:
         raise FileInputError(f"{printable_path(path)}: {error}") from error
     except UnicodeDecodeError as error:
-        raise FileInputError(f"{printable_path(path)} must be text in UTF-8; it is not") from error
+        raise file_error(path, "must be text in UTF-8; it is not") from error
 
 
 LONGEST_KEY = 16  # parts
@@ -168,7 +173,7 @@ def _first_bytes(path: Path, most: int) -> bytes:
         with path.open("rb") as file:
             return file.read(most)
     except OSError as error:
-        raise FileInputError(f"{printable_path(path)} must be readable; got: {error.strerror}") from error
+        raise file_error(path, f"must be readable; got: {error.strerror}") from error
 
 
 def read_object(path: Path, *, most: int = LARGEST_OBJECT_BYTES, values: int = MOST_VALUES) -> dict[str, Any]:
@@ -177,9 +182,7 @@ def read_object(path: Path, *, most: int = LARGEST_OBJECT_BYTES, values: int = M
     The values are counted before parsing: a byte of JSON can take a hundred bytes of memory.
     """
     if not _begins_as_json(read_head(path)):
-        raise FileInputError(
-            f"{printable_path(path)} must be a readable JSON file; got something that begins otherwise"
-        )
+        raise file_error(path, "must be a readable JSON file; got something that begins otherwise")
     return parse_object(read_bytes(path, most=most), printable_path(path), values=values)
 
 

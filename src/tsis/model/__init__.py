@@ -26,6 +26,7 @@ from tsis.model._press import MN_PER_N, PressField, PressMap, interpolation_matr
 from tsis.model._probe import FOUR_LEDS, Glass, Layer, Led, Probe
 from tsis.model._require import (
     freeze_arrays,
+    freeze_mappings,
     require_array,
     require_integer,
     require_number,
@@ -62,6 +63,7 @@ __all__ = [
     "TactileImage",
     "as_images",
     "freeze_arrays",
+    "freeze_mappings",
     "grey_sha256",
     "interpolation_matrix",
     "label_of",

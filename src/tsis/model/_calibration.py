@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model._press import interpolation_matrix, require_ascending
-from tsis.model._require import require_array, require_number, require_type
+from tsis.model._press import interpolation_matrix, require_on_grid
+from tsis.model._require import require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -70,16 +70,10 @@ class LightMap:
     bend_per_mm2: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        for name in ("x_mm", "y_mm"):
-            object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
-        shape = (len(self.y_mm), len(self.x_mm))
+        shape = require_on_grid(self)
         if isinstance(self.bend_per_mm2, np.ndarray) and not self.bend_per_mm2.size:
             object.__setattr__(self, "bend_per_mm2", np.zeros(shape))
-        for name in FIELDS:
-            values = require_array(name, getattr(self, name), ndim=2)
-            if values.shape != shape:
-                raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
-            object.__setattr__(self, name, values)
+        require_on_grid(self, *FIELDS)
         for name, most in MOST.items():
             require_number(name, float(np.abs(getattr(self, name)).max()), 0.0, most, hint="the largest, either sign")
         require_number("relative", float(self.relative.min()), 0.0, np.inf)
@@ -122,18 +116,8 @@ class LightMap:
     ) -> NDArray[np.float64]:
         """Light on a deformed face over a grid, relative to the mean on the undeformed face; never negative.
 
-        Parameters
-        ----------
-        x_mm, y_mm
-            Coordinates of the grid's columns (k,) and rows (l,), mm.
-        displacement_mm
-            Displacement of the face towards the glass, mm, shape (l, k) or one number.
-        slope_x, slope_y
-            Its derivatives by x and y, of the same shapes.
-
-        Returns
-        -------
-        Light, shape (l, k).
+        The grid has columns ``x_mm`` (k,) and rows ``y_mm`` (l,). The displacement of the face towards the glass, mm,
+        and its derivatives by x and y are numbers or of shape (l, k), as the light is.
         """
         relative, flux_x, flux_y, growth, bend = self.undented(x_mm, y_mm)
         tilt = 1 + flux_x * np.asarray(slope_x) + flux_y * np.asarray(slope_y)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model._require import require_array, require_number, require_one_of, require_type
+from tsis.model._require import freeze_mappings, require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,10 +105,8 @@ class Estimate:
             require_number("presence", self.presence, 0.0, 1.0, hint="a probability")
         if self.log_bayes_factor is not None:
             require_number("log_bayes_factor", self.log_bayes_factor, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
-        object.__setattr__(self, "cramer_rao_sd", MappingProxyType(dict(self.cramer_rao_sd)))
-        object.__setattr__(self, "samples", MappingProxyType(samples))
-        object.__setattr__(self, "prior_sd", MappingProxyType(dict(self.prior_sd)))
-        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+        object.__setattr__(self, "samples", samples)
+        freeze_mappings(self, "samples", "prior_sd", "cramer_rao_sd", "provenance")
 
     @property
     def mean(self) -> dict[str, float]:

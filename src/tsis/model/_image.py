@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model._require import require_array, require_number, require_pair
+from tsis.model._require import freeze_mappings, require_array, require_number, require_pair
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -92,14 +91,12 @@ class TactileImage:
         )
         if self.mm_per_pixel is not None:
             object.__setattr__(self, "mm_per_pixel", require_pixel_scale(self.mm_per_pixel))
-        if self.axis_px is None:
-            rows, columns = self.grey.shape
-            object.__setattr__(self, "axis_px", ((columns - 1) / 2, (rows - 1) / 2))
-        else:
-            object.__setattr__(self, "axis_px", require_pair("axis_px", self.axis_px))
+        rows, columns = grey.shape
+        centre = ((columns - 1) / 2, (rows - 1) / 2)
+        object.__setattr__(self, "axis_px", centre if self.axis_px is None else require_pair("axis_px", self.axis_px))
         if not isinstance(self.settings, Mapping):
             raise InputError(f"settings must be a mapping of names to values; got {self.settings!r:.80}")
-        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+        freeze_mappings(self, "settings")
 
     def axis(self) -> tuple[float, float]:
         """Position (x, y) of the probe's axis in the image in pixels."""

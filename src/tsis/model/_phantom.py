@@ -190,11 +190,6 @@ class SoftSphere:
     ------
     InputError
         When a value lies outside its range.
-
-    Examples
-    --------
-    >>> SoftSphere(radius_mm=3.0, young_kpa=103.0).poisson
-    0.49
     """
 
     radius_mm: float
@@ -239,10 +234,7 @@ class Relaxation:
     times_s: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        fractions, times = (
-            require_array("shares", self.shares, ndim=1),
-            require_array("times_s", self.times_s, ndim=1),
-        )
+        fractions, times = (require_array(name, getattr(self, name), ndim=1) for name in ("shares", "times_s"))
         if fractions.shape != times.shape:
             raise InputError(f"shares and times_s must have one value a term; got {fractions.size} and {times.size}")
         for fraction in fractions.tolist():

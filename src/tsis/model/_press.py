@@ -23,6 +23,19 @@ def require_ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
     return result
 
 
+def require_on_grid(value: Any, *names: str) -> tuple[int, int]:
+    """Check and freeze the ascending ``x_mm``, ``y_mm`` of a frozen value and its named arrays over them; the shape."""
+    for axis in ("x_mm", "y_mm"):
+        object.__setattr__(value, axis, require_ascending(axis, getattr(value, axis)))
+    shape = (len(value.y_mm), len(value.x_mm))
+    for name in names:
+        array = require_array(name, getattr(value, name), ndim=2)
+        if array.shape != shape:
+            raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {array.shape}")
+        object.__setattr__(value, name, array)
+    return shape
+
+
 def interpolation_matrix(
     knots: NDArray[np.float64], at: ArrayLike, *, outside: Literal["edge", "zero"] = "edge"
 ) -> csr_array[Any, tuple[int, int]]:
@@ -148,14 +161,7 @@ class PressMap:
     force_n: float
 
     def __post_init__(self) -> None:
-        for name in ("x_mm", "y_mm"):
-            object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
-        shape = (len(self.y_mm), len(self.x_mm))
-        for name in ("face_displacement_mm", "pressure_kpa"):
-            values = require_array(name, getattr(self, name), ndim=2)
-            if values.shape != shape:
-                raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
-            object.__setattr__(self, name, values)
+        require_on_grid(self, "face_displacement_mm", "pressure_kpa")
 
 
 def _inside_cells(centres: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,6 +90,12 @@ def freeze_arrays(value: object, *names: str, dtype: type | None = None) -> None
         array = np.array(getattr(value, name), dtype=dtype)
         array.flags.writeable = False
         object.__setattr__(value, name, array)
+
+
+def freeze_mappings(value: object, *names: str) -> None:
+    """Replace the named fields of a frozen value by read-only copies as mappings."""
+    for name in names:
+        object.__setattr__(value, name, MappingProxyType(dict(getattr(value, name))))
 
 
 def require_one_of(what: str, name: str, names: Iterable[str]) -> str:

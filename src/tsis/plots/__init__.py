@@ -1,4 +1,4 @@
-"""Figures: every function takes a value and an ``ax`` and returns the ``ax``."""
+"""Figures: every function takes a value and the ``ax`` to draw it into, and returns the ``ax``."""
 
 from tsis.plots._calibration import dot_board, force_residuals, force_sums, grey_sums, hysteresis_loops
 from tsis.plots._detection import (

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.calibration.force import common_forces, fit_run
-from tsis.errors import InputError
-from tsis.plots._hardness import contact_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,14 +27,7 @@ def grey_sums(
 ) -> Axes:
     """Draw sums of grey levels, in millions, over forces in newtons, and the least-squares line from 0 N.
 
-    Parameters
-    ----------
-    force_n, sums
-        One value a press, shape (n,) each, at least two.
-    ax
-        Where to draw.
-    label, marker
-        Of the presses; the line bears no label.
+    Both have shape (presses,), at least two; the line has no label.
     """
     (drawn,) = ax.plot(force_n, sums / MILLION, marker, markersize=4, label=label)
     slope, intercept = np.polyfit(force_n, sums / MILLION, 1)
@@ -52,37 +43,10 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # told apart 
 BAND_POINTS = 60
 
 
-def cross_sections(images: Sequence[TactileImage], ax: Axes) -> Axes:
-    """Draw grey levels along the row of the brightest place of the last frame, one curve a force (figure 5.2).
-
-    Parameters
-    ----------
-    images
-        Corrected frames of one tip in the order of their forces, which they must know, of one scale.
-    ax
-        Where to draw.
-    """
-    forces = [image.force_n for image in images]
-    if not images or any(force is None for force in forces):
-        raise InputError("images must hold frames that know their force_n; got some without")
-    row, column = np.unravel_index(int(images[-1].grey.argmax()), images[-1].grey.shape)
-    position_mm = np.asarray((np.arange(images[-1].grey.shape[1]) - column) * images[-1].scale()[0], dtype=np.float64)
-    return contact_rows(
-        position_mm, np.array([image.grey[row] for image in images]), np.array(forces, dtype=np.float64), ax
-    )
-
-
 def force_sums(loadings: Sequence[Loading], line: ForceLine, ax: Axes) -> Axes:
-    """Draw sums of grey levels over the force, loading and unloading, and the line with its band (figures 5.3, 5.4).
+    """Draw sums of grey levels over the force, loading and unloading, and the fitted line (figures 5.3, 5.4).
 
-    Parameters
-    ----------
-    loadings
-        What the line was fitted to.
-    line
-        The line; the band is where 95 % of new frames should lie.
-    ax
-        Where to draw.
+    The band around the line is where 95 % of new frames should lie.
     """
     for loading, colour in _coloured(loadings):
         _presses(loading, loading.total_grey / MILLION, ax, colour)
@@ -163,25 +127,18 @@ def dot_board(
     scale: PixelScale | None = None,
     magnified: float | None = None,
 ) -> Axes:
-    """Draw the dots of a board, their lattice, and their residuals from the fit.
+    """Draw the dots of a board, their lattice, and their residuals from the fit, in pixels with y downwards.
 
     Parameters
     ----------
     dot_diagnostics
         Diagnostics of `scale_from_dots`.
-    ax
-        Where to draw; image coordinates in pixels, y downwards.
     image
         The frame below the dots, or None.
     scale
         The scale, for the title and the mark of its position, or None.
     magnified
         Factor of the residuals; by default the largest is as long as a third of the spacing of the dots.
-
-    Returns
-    -------
-    Axes
-        ``ax``.
     """
     if image is not None:
         ax.imshow(image.grey, cmap="gray", interpolation="antialiased")

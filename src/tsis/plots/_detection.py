@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.collections import EllipseCollection
@@ -24,58 +24,27 @@ BLUE, WARM, GREY = "#0072b2", "#d55e00", "0.45"
 def roc_curve(curve: Roc, ax: Axes, *, label: str = "", counts: Counts | None = None, colour: str = BLUE) -> Axes:
     """Draw a ROC curve, the diagonal of chance, and the fixed threshold with both Wilson intervals.
 
-    Parameters
-    ----------
-    curve
-        The detector.
-    ax
-        Where to draw.
-    label
-        Name of the detector.
-    counts
-        Decisions at the fixed threshold.
-    colour
-        Colour of curve and point.
+    ``label`` names the detector; ``counts`` are its decisions at the fixed threshold.
     """
     ax.plot([0, 1], [0, 1], color="0.75", linewidth=1, zorder=1)
-    ax.plot(
-        curve.false_positive_rate, curve.true_positive_rate, color=colour, drawstyle="steps-post", label=label or None,
-        linewidth=1.8, clip_on=False,
-    )  # fmt: skip
+    style: dict[str, Any] = {"color": colour, "clip_on": False}
+    rates = curve.false_positive_rate, curve.true_positive_rate
+    ax.plot(*rates, drawstyle="steps-post", label=label or None, linewidth=1.8, **style)
     if counts is not None:
         result, false = counts.sensitivity, 1 - counts.specificity.value
         low, high = result.interval()
         least, most = counts.specificity.interval()
+        across = [[max(false - (1 - most), 0.0)], [max(1 - least - false, 0.0)]]
+        upwards = [[max(result.value - low, 0.0)], [max(high - result.value, 0.0)]]
         ax.errorbar(
-            false,
-            result.value,
-            xerr=[[max(false - (1 - most), 0.0)], [max(1 - least - false, 0.0)]],
-            yerr=[[max(result.value - low, 0.0)], [max(high - result.value, 0.0)]],
-            fmt="o",
-            color=colour,
-            markersize=6,
-            capsize=3,
-            linewidth=1,
-            clip_on=False,
+            false, result.value, xerr=across, yerr=upwards, fmt="o", markersize=6, capsize=3, linewidth=1, **style
         )
     ax.set(xlim=(0, 1), ylim=(0, 1), xlabel="1 - specificity", ylabel="sensitivity", aspect="equal")
     return ax
 
 
 def scores_by_truth(scores: ArrayLike, present: ArrayLike, ax: Axes, *, threshold: float) -> Axes:
-    """Draw scores of targets with and without inclusion, and the threshold.
-
-    Parameters
-    ----------
-    scores
-        Shape (targets,).
-    present
-        Whether there is an inclusion, shape (targets,).
-    ax
-        Where to draw.
-    threshold
-        Threshold of the decision.
-    """
+    """Draw scores of targets with and without inclusion, both of shape (targets,), and the threshold."""
     values, truth = np.asarray(scores, dtype=float), np.asarray(present, dtype=bool)
     for index, (kind, colour) in enumerate(((False, GREY), (True, BLUE))):
         own = np.sort(values[truth == kind])
@@ -113,14 +82,7 @@ def detected_by_size_and_depth(
 ) -> Axes:
     """Draw inclusions over size and depth, deep ones below: found, missed and undecided.
 
-    Parameters
-    ----------
-    diameter_mm, depth_mm
-        Shape (inclusions,).
-    result
-        Whether it was found; None without a decision.
-    ax
-        Where to draw.
+    All have shape (inclusions,); ``result`` is None without a decision.
     """
     size, depth = np.asarray(diameter_mm, dtype=float), np.asarray(depth_mm, dtype=float)
     for response, marker, colour, label in (
@@ -140,18 +102,10 @@ def detected_by_size_and_depth(
 
 
 def read_over_true(true: ArrayLike, read: ArrayLike, ax: Axes, *, label: str, errors: ArrayLike | None = None) -> Axes:
-    """Draw readings over true values; on the diagonal they agree.
+    """Draw readings over true values, shape (targets,); on the diagonal they agree.
 
-    Parameters
-    ----------
-    true, read
-        Shape (targets,).
-    ax
-        Where to draw.
-    label
-        Name and unit of the quantity.
-    errors
-        Distances of both ends of an interval from the reading, shape (2, targets).
+    ``label`` gives name and unit; ``errors`` the distances of both ends of an interval from the reading, shape (2,
+    targets).
     """
     true_values, readings = np.asarray(true, dtype=float), np.asarray(read, dtype=float)
     both = np.concatenate([true_values, readings])
@@ -168,14 +122,7 @@ def read_over_true(true: ArrayLike, read: ArrayLike, ax: Axes, *, label: str, er
 def agreement_limits(bland_altman: BlandAltman, ax: Axes, *, label: str) -> Axes:
     """Draw differences over means of two methods, with the bias and both limits of agreement.
 
-    Parameters
-    ----------
-    bland_altman
-        The comparison.
-    ax
-        Where to draw.
-    label
-        Name and unit of the quantity.
+    ``label`` gives name and unit of the quantity.
     """
     ax.plot(bland_altman.means, bland_altman.differences, "o", color=BLUE, markersize=5, alpha=0.85)
     ax.axhline(0.0, color="0.75", linewidth=1)
@@ -192,14 +139,7 @@ FACE, RANGE, PATH, WORST = "#999999", "#0072b2", "#333333", "#d55e00"  # distinc
 def draw_scan_plan(plan: ScanPlan, ax: Axes, *, extent_mm: float | None = None) -> Axes:
     """Draw the area, the face at each press, the path of the presses, and a point farthest from any press.
 
-    Parameters
-    ----------
-    plan
-        Positions of the presses.
-    ax
-        Where to draw; both axes get one scale.
-    extent_mm
-        Detection range beside a press, drawn as filled discs.
+    Both axes get one scale. ``extent_mm`` is the detection range beside a press, drawn as filled discs.
     """
     positions = plan.positions_mm
     if extent_mm is not None and extent_mm > 0:

@@ -22,38 +22,26 @@ POSTERIOR = "#0072b2"
 
 
 def marginal(
-    estimate: Estimate,
-    name: str,
-    ax: Axes,
-    *,
-    prior_range: tuple[float, float],
-    truth: float | None = None,
+    estimate: Estimate, name: str, ax: Axes, *, prior_range: tuple[float, float], truth: float | None = None
 ) -> Axes:
     """Draw the posterior density of a parameter with its 90 % interval, the uniform prior and the truth if known.
 
-    Parameters
-    ----------
-    estimate
-        The estimate.
-    name
-        A parameter of it.
-    ax
-        Where to draw.
-    prior_range
-        Ends (low, high) of the uniform prior, which set the axis.
-    truth
-        The true value, of a virtual phantom for instance.
+    ``prior_range`` has the ends of the prior, which set the axis.
     """
     low, high = prior_range
-    left, right = estimate.interval(0.9)[name]
-    ax.hist(estimate.samples[name], bins=BINS, density=True, color=POSTERIOR, alpha=0.75, label="posterior")
     ax.plot([low, low, high, high], [0, 1 / (high - low), 1 / (high - low), 0], color="0.4", label="prior")
-    ax.axvspan(left, right, color=POSTERIOR, alpha=0.15, label="90 % interval")
-    if truth is not None:
-        ax.axvline(truth, color=TRUTH, linestyle="--", linewidth=2, label="truth")
+    draw_posterior(estimate, name, ax, truth)
     margin = 0.02 * (high - low)
     ax.set(xlabel=LABELS.get(name, name), xlim=(low - margin, high + margin), yticks=[])
     return ax
+
+
+def draw_posterior(estimate: Estimate, name: str, ax: Axes, truth: float | None) -> None:
+    """Draw the posterior density of a parameter with its 90 % interval, and the truth if known."""
+    ax.hist(estimate.samples[name], bins=BINS, density=True, color=POSTERIOR, alpha=0.75, label="posterior")
+    ax.axvspan(*estimate.interval(0.9)[name], color=POSTERIOR, alpha=0.15, label="90 % interval")
+    if truth is not None:
+        ax.axvline(truth, color=TRUTH, linestyle="--", linewidth=2, label="truth")
 
 
 def trade_off(
@@ -76,16 +64,8 @@ WITHIN_LIMITS, BEYOND_LIMITS = "#0072b2", "#d55e00"  # distinct without red-gree
 def design_errors(designs: Sequence[Design], names: tuple[str, str], ax: Axes) -> Axes:
     """Draw the expected errors of two parameters, a numbered point for each design; nearer to the corner is better.
 
-    Filled circles keep every limit, crosses break one. The legend's entries say which number is which design.
-
-    Parameters
-    ----------
-    designs
-        What to draw, numbered from 1 in their order.
-    names
-        The parameters along x and y.
-    ax
-        Where to draw.
+    Circles meet every limit, crosses break one. The legend names the designs by their number, from 1 in their order.
+    ``names`` are the parameters along x and y.
     """
     first, second = names
     for number, design in enumerate(designs, start=1):

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib import colormaps
 
-from tsis.plots._estimate import BINS, POSTERIOR, TRUTH
+from tsis.plots._estimate import POSTERIOR, TRUTH, draw_posterior
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from tsis.hardness import ContactTable, PrintedHardness
+    from tsis.hardness import ContactTable
     from tsis.model import Estimate
 
 
@@ -21,22 +21,8 @@ CURVE_POINTS = 60
 
 
 def modulus(estimate: Estimate, ax: Axes, *, truth_kpa: float | None = None) -> Axes:
-    """Draw the posterior density of a touched object's modulus with its 90 % interval, and the truth if known.
-
-    Parameters
-    ----------
-    estimate
-        Of ``young_kpa``.
-    ax
-        Where to draw.
-    truth_kpa
-        The true modulus, of a virtual sphere for instance.
-    """
-    left, right = estimate.interval(0.9)["young_kpa"]
-    ax.hist(estimate.samples["young_kpa"], bins=BINS, density=True, color=POSTERIOR, alpha=0.75, label="posterior")
-    ax.axvspan(left, right, color=POSTERIOR, alpha=0.15, label="90 % interval")
-    if truth_kpa is not None:
-        ax.axvline(truth_kpa, color=TRUTH, linestyle="--", linewidth=2, label="truth")
+    """Draw the posterior density of a touched object's modulus with its 90 % interval, and the truth if known."""
+    draw_posterior(estimate, "young_kpa", ax, truth_kpa)
     ax.set(xlabel="modulus E / kPa", yticks=[])
     ax.legend(frameon=False)
     return ax
@@ -45,14 +31,7 @@ def modulus(estimate: Estimate, ax: Axes, *, truth_kpa: float | None = None) -> 
 def contact_growth(estimate: Estimate, ax: Axes, *, table: ContactTable) -> Axes:
     """Draw measured contact radii over the force, and those of the estimated moduli.
 
-    Parameters
-    ----------
-    estimate
-        Of `tsis.hardness.estimate`, whose provenance holds the presses.
-    ax
-        Where to draw.
-    table
-        Contact radii of the probe that pressed.
+    The provenance of the estimate, of `tsis.hardness.estimate`, holds the presses; ``table`` is that of the probe.
     """
     presses = [press for press in estimate.provenance["presses"] if press["ball_radius_mm"] is None]
     forces = np.array([press["force_n"] for press in presses])
@@ -82,18 +61,10 @@ MARKS = "oxs"
 def contact_rows(
     row_mm: NDArray[np.float64], rows: NDArray[np.float64], force_n: NDArray[np.float64], ax: Axes
 ) -> Axes:
-    """Draw grey levels along a line through the contact, one curve a force (figure 5.2).
+    """Draw grey levels along a line through the contact, a curve for each force (figure 5.2).
 
-    Parameters
-    ----------
-    row_mm
-        Places along the line, mm, shape (columns,).
-    rows
-        Grey levels, shape (forces, columns).
-    force_n
-        Ascending forces, N, shape (forces,).
-    ax
-        Where to draw.
+    Shapes: positions along the line ``row_mm`` (columns,), grey levels ``rows`` (forces, columns), ascending forces
+    ``force_n`` (forces,).
     """
     named = set(np.linspace(0, len(force_n) - 1, min(LABELLED, len(force_n))).round().astype(int).tolist())
     shades = colormaps["viridis"](np.linspace(0.0, 0.9, len(force_n)))
@@ -108,20 +79,9 @@ def contact_rows(
 def modulus_readings(
     young_kpa: NDArray[np.float64], ax: Axes, *, truth_kpa: float, label: str, series: int = 0
 ) -> Axes:
-    """Draw repeated readings of one object's modulus and a line at its true one (figure 5.23).
+    """Draw repeated readings of one object's modulus, kPa, shape (n,), and a line at its true one (figure 5.23).
 
-    Parameters
-    ----------
-    young_kpa
-        Readings, kPa, shape (n,).
-    ax
-        Where to draw; several objects may share it.
-    truth_kpa
-        The true modulus.
-    label
-        Of the object.
-    series
-        Which colour and mark it takes, from 0.
+    Several objects may share the axes; ``series``, from 0, selects the colour and mark of each.
     """
     colour, mark = COLOURS[series % len(COLOURS)], MARKS[series % len(MARKS)]
     number = np.arange(1, len(young_kpa) + 1)
@@ -129,36 +89,6 @@ def modulus_readings(
     ax.axhline(truth_kpa, color=colour, linewidth=1, linestyle="--", label=f"{label}, {truth_kpa:g} kPa")
     highest = max(float(ax.dataLim.y1), truth_kpa)
     ax.set(xlabel="reading", ylabel="modulus E / kPa", ylim=(0.0, 1.1 * highest))
-    ax.grid(visible=True, alpha=0.3)
-    ax.legend(frameon=False, fontsize="small")
-    return ax
-
-
-def strain_over_depth(
-    depth_mm_per_grey: NDArray[np.float64], responses: list[PrintedHardness], ax: Axes, *, truth_kpa: float, label: str
-) -> Axes:
-    """Draw the mean strain of the printed pipeline over the depth of a grey level, and the strain that E would need.
-
-    Parameters
-    ----------
-    depth_mm_per_grey
-        Depths that a grey level was taken for, mm, shape (n,).
-    responses
-        What they gave, as many.
-    ax
-        Where to draw.
-    truth_kpa
-        The true modulus, which stress over strain should give.
-    label
-        Of the object.
-    """
-    (drawn,) = ax.plot(
-        depth_mm_per_grey, [abs(item.mean_strain) for item in responses], "o-", markersize=4, label=label
-    )
-    needed = float(np.mean([item.stress_kpa for item in responses])) / truth_kpa
-    ax.axhline(needed, color=drawn.get_color(), linestyle="--", linewidth=1, label=f"{label}: stress / E")
-    highest = max(float(ax.dataLim.y1), needed)
-    ax.set(xscale="log", xlabel="depth of a grey level / mm", ylabel="mean strain", ylim=(0.0, 1.1 * highest))
     ax.grid(visible=True, alpha=0.3)
     ax.legend(frameon=False, fontsize="small")
     return ax

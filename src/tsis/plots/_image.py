@@ -30,20 +30,8 @@ def tactile_image(
 ) -> Axes:
     """Draw an image with a colour bar, a scale bar when its scale is known, and the contact's outline and centroid.
 
-    Parameters
-    ----------
-    image
-        A frame or a signal.
-    ax
-        Where to draw.
-    features
-        Features of the image, for outline and centroid.
-    low, high
-        Grey levels of the colour map's ends; the image's range when None.
-    label
-        What the colour bar shows.
-    colours, ink
-        Colour map, and what stands out on it: of the scale bar, the outline and the centroid.
+    ``low`` and ``high`` are the grey levels of the colour map's ends, by default of the image's range. ``label``
+    describes the colour bar; ``ink`` is distinct from the colours, for scale bar, outline and centroid.
     """
     rows, columns = image.grey.shape
     sx, sy = image.mm_per_pixel or (1.0, 1.0)

@@ -35,18 +35,8 @@ def point_sets(
 ) -> Axes:
     """Draw two point sets over each other, with a line from each source point to its match.
 
-    Of more than `MOST_DRAWN` points every second, third, ... is drawn.
-
-    Parameters
-    ----------
-    source, target
-        Shapes (n, 2) and (m, 2), or (n, 3) and (m, 3) on an axes with the projection ``"3d"``.
-    ax
-        Where to draw.
-    matches
-        Row of each source point's match or -1, shape (n,); None draws no lines.
-    source_label, target_label
-        What the legend calls them.
+    Shapes are (n, 2) and (m, 2), or (n, 3) and (m, 3) on an axes with the projection ``"3d"``. ``matches``, shape (n,),
+    has the row of each source point's match or -1. Of more than `MOST_DRAWN` points every second, third, ... is drawn.
     """
     first, second = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
     rows, others = (np.arange(0, len(item), -(-len(item) // MOST_DRAWN)) for item in (first, second))
@@ -85,11 +75,9 @@ def curves_over_levels(
     Parameters
     ----------
     summaries
-        Of one group, as `tsis.matching.trials.summarise` returns them.
-    ax
-        Where to draw.
+        Of one group, the result of `tsis.matching.trials.summarise`.
     quantity
-        ``"error"`` draws the median as a line and the mean as a mark of its own, ``"failures"`` and ``"seconds"`` a
+        ``"error"`` draws the median as a line and the mean as a separate mark, ``"failures"`` and ``"seconds"`` a
         line.
     positions
         Where each level lies on the axis.
@@ -133,18 +121,8 @@ def trial_errors(
 ) -> Axes:
     """Draw the error of each trial, a colour for each method, with horizontal lines at published errors.
 
-    Parameters
-    ----------
-    errors
-        Errors of each method, shape (trials,).
-    ax
-        Where to draw.
-    levels
-        Values to draw lines at, with their names.
-    error_label
-        Name and unit of the error, e.g. ``"RMSE of diameter / mm"``.
-    top
-        Where the axis ends; errors beyond it are drawn there as triangles. None lets the axis hold them all.
+    ``errors`` has shape (trials,) by method, ``levels`` the values of the lines by name. Errors beyond ``top`` are
+    drawn there as triangles; by default the axis shows all.
     """
     for colour, (name, values) in zip(itertools.cycle(TRIAL_COLOURS), errors.items(), strict=False):
         shown = np.asarray(values, dtype=float)

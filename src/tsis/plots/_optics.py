@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgba
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from matplotlib.axes import Axes
-    from matplotlib.image import AxesImage
     from numpy.typing import NDArray
 
     from tsis.model import PressField, Probe
@@ -27,16 +27,9 @@ POINTS, A_ZERO = 2001, 8  # in total, and least number between two zeros of a fi
 
 
 def mode_profiles(modes: GuidedModes, ax: Axes, *, shown: Sequence[int]) -> Axes:
-    """Draw numbered electric fields, each at the height of its effective index, over the refractive index of the stack.
+    """Draw the numbered electric fields over the refractive index, each at the height of its effective index.
 
-    Parameters
-    ----------
-    modes
-        The modes of a stack.
-    ax
-        Where to draw; across is the height above the lowest face, up are indices. Fields are scaled to be seen.
-    shown
-        Numbers of the modes to draw.
+    The abscissa is the height above the lowest face of the stack. Fields are scaled to be visible.
     """
     layers = modes.layers
     faces = layers.faces_um
@@ -46,7 +39,8 @@ def mode_profiles(modes: GuidedModes, ax: Axes, *, shown: Sequence[int]) -> Axes
     ax.stairs(layers.index, ends, baseline=None, color="black", linewidth=1.2)
     for (lower, upper), index in zip(pairwise(faces), layers.index[1:-1], strict=True):
         ax.fill_between([lower, upper], float(layers.index.min()), index, color="tab:blue", alpha=0.08, linewidth=0)
-    height = 0.45 * _spacing(modes, shown)
+    span = float(layers.index.max() - layers.surroundings)
+    height = 0.45 * span / max(len(shown), 4)  # most curves do not overlap
     for number in shown:
         field = modes.profile(number, x)
         line = modes.n_eff[number] + height * field / np.abs(field).max()
@@ -66,28 +60,19 @@ def mode_profiles(modes: GuidedModes, ax: Axes, *, shown: Sequence[int]) -> Axes
     return ax
 
 
-def _spacing(modes: GuidedModes, shown: Sequence[int]) -> float:
-    """Height of the curves in effective index, so that most do not overlap."""
-    span = float(modes.layers.index.max() - modes.layers.surroundings)
-    return span / max(len(shown), 4)
-
-
 FAINTEST_DB = -30.0
 
 
 def guide_index(result: Propagation, ax: Axes) -> Axes:
     """Draw the refractive index, the pressed face on top, with a colour bar."""
-    shown = _map(result, result.index.T, ax, cmap="YlGnBu")
-    _bar(shown, ax, "refractive index")
-    return ax
+    return _map(result, result.index.T, ax, "refractive index", cmap="YlGnBu")
 
 
 def guide_light(result: Propagation, ax: Axes) -> Axes:
     """Draw the mean intensity of the launched modes in decibels below its largest, and the borders of the layers."""
     brightest = result.intensity.max()
     decibels = 10 * np.log10(np.maximum(result.intensity / brightest, 10 ** (FAINTEST_DB / 10)))
-    shown = _map(result, decibels.T, ax, cmap="inferno", vmin=FAINTEST_DB, vmax=0.0)
-    _bar(shown, ax, "intensity / dB")
+    _map(result, decibels.T, ax, "intensity / dB", cmap="inferno", vmin=FAINTEST_DB, vmax=0.0)
     for interface in result.interfaces_um.T:
         ax.plot(result.z_um, interface, color="white", linewidth=0.5, alpha=0.6)
     return ax
@@ -110,15 +95,12 @@ def light_out_of_the_top(results: Iterable[Propagation], ax: Axes) -> Axes:
     return ax
 
 
-def _map(result: Propagation, values: np.ndarray, ax: Axes, **style: object) -> AxesImage:
+def _map(result: Propagation, values: np.ndarray, ax: Axes, label: str, **style: object) -> Axes:
     left, right, top, bottom = result.z_um[0], result.z_um[-1], result.x_um[0], result.x_um[-1]
     shown = ax.imshow(values, extent=(left, right, bottom, top), aspect="auto", interpolation="nearest", **style)  # type: ignore[arg-type]
     ax.set(xlabel="distance from the dent's middle / µm", ylabel="depth / µm", xlim=(left, right), ylim=(bottom, top))
-    return shown
-
-
-def _bar(shown: AxesImage, ax: Axes, label: str) -> None:
     ax.figure.colorbar(shown, ax=ax, label=label, pad=0.01)
+    return ax
 
 
 LAYER_COLOURS = ("#d8ecf7", "#bcdcf0", "#9dcae6", "#84b8da", "#6ea7cd")
@@ -143,16 +125,8 @@ def ray_picture(
 ) -> Axes:
     """Draw layers, glass and lamps from the side, and rays of the first lit lamp, at the right.
 
-    Parameters
-    ----------
-    probe
-        What is drawn; the lamps beside the plane of the picture are left out.
-    paths
-        Ways as `tsis.optics.rays.trace_paths` gives them; fainter where less light is left, drawn into the plane.
-    ax
-        Where to draw.
-    pressed
-        A press around the axis, whose dent is drawn.
+    Lamps beside the plane of the picture are omitted. The paths, of `tsis.optics.rays.trace_paths`, are drawn into the
+    plane, fainter where less light remains. ``pressed`` is a press around the axis, whose dent is drawn.
     """
     first = np.radians(next(led.azimuth_deg for led in probe.leds if led.power > 0))
     span = np.linspace(-probe.radius_mm, probe.radius_mm, 241)
@@ -172,7 +146,7 @@ def ray_picture(
         legs = np.stack([along[:-1], along[1:]], axis=1)
         power = path[:-1, 3] / path[0, 3]
         observed = power > FAINTEST
-        colours = [(*_rgb(RAY_COLOUR), 0.15 + 0.75 * float(fraction)) for fraction in power[observed]]
+        colours = [to_rgba(RAY_COLOUR, 0.15 + 0.75 * float(fraction)) for fraction in power[observed]]
         ax.add_collection(LineCollection(list(legs[observed]), colors=colours, linewidths=0.8, zorder=3))
     extent = probe.radius_mm + 2 * LAMP_DEPTH_MM
     ax.set(xlim=(-extent, extent), ylim=(-1.0, probe.thickness_mm + probe.glass.thickness_mm + 1.0))
@@ -221,8 +195,3 @@ def light_on_face(traced_light: TracedLight, ax: Axes, *, what: str = "arriving"
         figure.colorbar(shown, ax=ax, label=label, shrink=0.9)
     ax.set(xlabel="x / mm", ylabel="y / mm")
     return ax
-
-
-def _rgb(colour: str) -> tuple[float, float, float]:
-    red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
-    return red, green, blue

@@ -22,12 +22,7 @@ STEEPEST = 89.0  # largest drawn angle, degrees
 def probe_section(probe: Probe, ax: Axes) -> Axes:
     """Draw layers with moduli and refractive indices, glass, face, and the lamps with their beams.
 
-    Parameters
-    ----------
-    probe
-        What is drawn; a lamp is shown when it stands in the plane of the first lit one, which is at the right.
-    ax
-        Where to draw.
+    A lamp is shown when it is in the plane of the first lit one, which is at the right.
     """
     ray_picture(probe, (), ax)
     limits = (ax.get_xlim(), ax.get_ylim())

@@ -28,16 +28,8 @@ def repeated_readings(
 ) -> Axes:
     """Draw mean and standard deviation of each target, and published ones beside them (figures 6.5, 6.11 and 6.15).
 
-    Parameters
-    ----------
-    targets
-        Readings of one kind, one entry a target.
-    ax
-        Where to draw.
-    printed_mean, printed_sd
-        Values to compare with, in the readings' unit, one a target; a None among the deviations draws no bar.
-    label
-        What the legend calls the readings.
+    All readings are of one kind; published values are in their unit, one for each target, without a bar where the
+    deviation is None.
     """
     position = np.arange(len(targets), dtype=float)
     shift = 0.0 if printed_mean is None else BAR_OFFSET

@@ -117,11 +117,7 @@ def _press(record: TargetRecord, press: StoredPress, probes: Mapping[str, str], 
 
 
 def _stored(
-    record: TargetRecord,
-    stored: StoredEstimate,
-    probes: Mapping[str, str],
-    numbers: Mapping[str, int],
-    target: str,
+    record: TargetRecord, stored: StoredEstimate, probes: Mapping[str, str], numbers: Mapping[str, int], target: str
 ) -> StoredEstimate:
     supersedes = stored.supersedes
     return replace(

@@ -34,10 +34,7 @@ def estimate_from_json(
 ) -> StoredEstimate:
     """The stored estimate that `estimate_to_json` wrote, with its samples: name -> shape (n,).
 
-    Raises
-    ------
-    InputError
-        When ``document`` is no estimate or does not fit the samples; ``where`` names it in the message.
+    `InputError` when ``document`` is no estimate or does not fit the samples; ``where`` names it in the message.
     """
     if isinstance(document, dict) and isinstance(result := document.get("estimate"), dict):
         if "samples" in result:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import tsis.hardness
@@ -13,6 +12,7 @@ from tsis.catalog import load_probe
 from tsis.errors import RecordsError
 from tsis.hardness import HardnessPrior
 from tsis.inclusion import InclusionPrior
+from tsis.model import freeze_mappings
 from tsis.records._values import ESTIMATES
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class EstimationRequest:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
+        freeze_mappings(self, "options")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,14 +73,7 @@ def estimate_stored(
 ) -> EstimationResult:
     """Estimate from stored frames with a stored calibration.
 
-    Parameters
-    ----------
-    record
-        The source of frames and calibration.
-    request
-        What to estimate.
-    progress
-        Called with (done, all) while the mechanics of a new probe are solved; the solution is cached.
+    ``progress`` is called with (done, all) while the mechanics of a new probe are solved; the solution is cached.
 
     Raises
     ------

@@ -16,7 +16,6 @@ from tsis.records._provenance import changes, comparison_message, environment
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from typing import Any
 
     from tsis.calibration.file import ProbeCalibration
     from tsis.model import Estimate
@@ -30,18 +29,10 @@ COMPARED = ("prior_sd", "cramer_rao_sd", "presence", "identifiability", "prior",
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """Change of a parameter in units of its old standard deviation.
+    """Change of a parameter: posterior means and 90 % intervals in the unit of its name, and their shifts.
 
-    Attributes
-    ----------
-    name
-        Name of the parameter.
-    before, after
-        Posterior means, in the unit of the name.
-    interval_before, interval_after
-        90 % intervals.
-    moved, low_shift, high_shift
-        Shifts of the mean and of the ends of the interval in old standard deviations; positive is upwards.
+    ``moved``, ``low_shift`` and ``high_shift`` are shifts of the mean and of the ends of the interval in old standard
+    deviations; positive is upwards.
     """
 
     name: str
@@ -105,16 +96,7 @@ def recompute(
 ) -> tuple[Recomputation, ...]:
     """Recompute the active estimates of a target, the last of each kind, and store those that changed.
 
-    Parameters
-    ----------
-    store
-        The store of the target.
-    target
-        The target.
-    dry_run
-        Whether to store nothing.
-    progress
-        Called with (done, all) while the mechanics of a new probe are solved.
+    ``dry_run`` stores nothing; ``progress`` is called with (done, all) while the mechanics of a new probe are solved.
 
     Raises
     ------
@@ -144,17 +126,14 @@ def _recomputed(
     if missing := [identity for identity in before.presses if identity not in by_identity]:
         raise RecordsError(f"an estimate must rest on stored presses; {missing[0]!r:.40} is none (tsis records verify)")
     presses = tuple(by_identity[identity] for identity in before.presses)
-    new = estimate_stored(
-        record,
-        EstimationRequest(
-            kind=before.kind,
-            probe=before.probe,
-            presses=presses,
-            calibration=before.calibration,
-            options=before.options,
-        ),
-        progress=progress,
+    request = EstimationRequest(
+        kind=before.kind,
+        probe=before.probe,
+        presses=presses,
+        calibration=before.calibration,
+        options=before.options,
     )
+    new = estimate_stored(record, request, progress=progress)
     calibration = record.calibrations[before.calibration]
     after = replace(
         before,
@@ -192,27 +171,26 @@ def _recomputed(
 
 def _same(before: StoredEstimate, after: StoredEstimate) -> bool:
     """Whether samples and texts are equal, bit for bit."""
-    item, other = before.estimate, after.estimate
-    if list(item.samples) != list(other.samples):
+    samples, new_samples = before.estimate.samples, after.estimate.samples
+    if list(samples) != list(new_samples):
         return False
-    entries: list[dict[str, Any]] = [estimate_to_json(item)["estimate"] for item in (before, after)]
-    return all(np.array_equal(item.samples[name], other.samples[name]) for name in item.samples) and all(
-        entries[0][name] == entries[1][name] for name in COMPARED
-    )
+    was, now = (estimate_to_json(stored)["estimate"] for stored in (before, after))
+    equal = all(np.array_equal(samples[name], new_samples[name]) for name in samples)
+    return equal and all(was[name] == now[name] for name in COMPARED)
 
 
 def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
     sd = before.sd
     was, now = before.interval(INTERVAL_LEVEL), after.interval(INTERVAL_LEVEL)
-    means = before.mean, after.mean
+    means, new_means = before.mean, after.mean
     return tuple(
         Shift(
             name=name,
-            before=means[0][name],
-            after=means[1][name],
+            before=means[name],
+            after=new_means[name],
             interval_before=was[name],
             interval_after=now[name],
-            moved=_in_sd(means[1][name] - means[0][name], sd[name]),
+            moved=_in_sd(new_means[name] - means[name], sd[name]),
             low_shift=_in_sd(now[name][0] - was[name][0], sd[name]),
             high_shift=_in_sd(now[name][1] - was[name][1], sd[name]),
         )

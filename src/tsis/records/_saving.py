@@ -24,16 +24,8 @@ if TYPE_CHECKING:
 class SavableResult:
     """An estimate with its frames and calibration, ready to be saved.
 
-    Attributes
-    ----------
-    kind, estimate, probe, options
-        As in `StoredEstimate`.
-    frames
-        Camera frames by the role of their presses, those of the target first.
-    calibration
-        The calibration of the estimate.
-    name, truth
-        Fields of a new target.
+    ``kind``, ``probe`` and ``options`` are as in `StoredEstimate`, ``name`` and ``truth`` those of a new target.
+    ``frames`` has the camera frames by the role of their presses, those of the target first.
     """
 
     kind: str
@@ -66,14 +58,8 @@ def require_savable(frames: Sequence[TactileImage]) -> None:
 def save_results(store: Store, result: SavableResult, *, number: int | None = None) -> dict[str, Any]:
     """Save presses, calibration and estimate; return store, target, estimate and notes for the result document.
 
-    Parameters
-    ----------
-    store
-        An open store; a store of subjects ignores the truth.
-    result
-        What to save.
-    number
-        Number of the target, which is entered where it is missing; by default a new one.
+    A store of subjects ignores the truth. ``number`` is that of the target, which is entered where it is missing; by
+    default a new one.
 
     Raises
     ------

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import secrets
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tsis.errors import RecordsError
-from tsis.model import TactileImage
+from tsis.model import TactileImage, freeze_mappings
 from tsis.records._values import ESTIMATES
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ class TargetRecord:
     secret: str = field(default_factory=lambda: secrets.token_hex(32), repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "calibrations", MappingProxyType(dict(self.calibrations)))
+        freeze_mappings(self, "calibrations")
 
     @property
     def estimate(self) -> StoredEstimate | None:
@@ -86,10 +85,7 @@ class TargetRecord:
     def levels(self, press: StoredPress) -> NDArray[Any]:
         """Grey levels as the camera gave them, shape (rows, columns), uint8 or uint16.
 
-        Raises
-        ------
-        RecordsError
-            When size or type of the stored frame do not match the press.
+        `RecordsError` when size or type of the stored frame do not match the press.
         """
         result = self.read(press.frame)
         if result.shape != (press.rows, press.columns) or result.dtype not in (np.uint8, np.uint16):

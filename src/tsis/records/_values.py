@@ -15,6 +15,7 @@ from tsis.files import SHA256
 from tsis.model import (
     INCLUSION_RANGES,
     Estimate,
+    freeze_mappings,
     require_image_numbers,
     require_integer,
     require_number,
@@ -207,7 +208,7 @@ class StoredPress:
         require_type("flags", self.flags, tuple)
         for flag in self.flags:
             require_text("flag", flag, LONGEST_NAME)
-        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+        freeze_mappings(self, "settings")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -258,8 +259,7 @@ class StoredEstimate:
             stored = getattr(self, name).get(part)
             if stored is not None and not isinstance(stored, Mapping):
                 raise InputError(f"{name}[{part!r}] must be a mapping of names to values; got {stored!r:.80}")
-        object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
-        object.__setattr__(self, "environment", MappingProxyType(dict(self.environment)))
+        freeze_mappings(self, "options", "environment")
 
 
 LARGEST_FORCE_N = 100.0

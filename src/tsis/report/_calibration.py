@@ -8,7 +8,7 @@ from tsis.calibration.file import calibration_sha256
 from tsis.files import to_json_value
 from tsis.plots import dot_board, force_residuals, force_sums, hysteresis_loops
 from tsis.report._document import envelope
-from tsis.report._page import Card, Page, Picture, Table, html
+from tsis.report._page import Card, Page, Picture, Table, html, on_axes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,15 +28,13 @@ def calibration_document(
     calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
 ) -> dict[str, Any]:
     """A calibration as a JSON document."""
+    saturation = findings.response.saturation
     return envelope(
         "calibrate",
         name=calibration.name,
         sha256=calibration_sha256(calibration),
         values=measured_values(calibration),
-        saturation_kpa={
-            "value": findings.response.saturation.value_kpa,
-            "identified": findings.response.saturation.identified,
-        },
+        saturation_kpa={"value": saturation.value_kpa, "identified": saturation.identified},
         made=None if calibration.made is None else calibration.made.isoformat(),
         expires=None if calibration.expires is None else calibration.expires.isoformat(),
         provenance=dict(provenance),
@@ -53,17 +51,16 @@ def measured_values(calibration: ProbeCalibration) -> dict[str, dict[str, Any]]:
 
 def calibration_rows(calibration: ProbeCalibration, findings: SessionResult) -> tuple[Row, ...]:
     """Quantity, value and 95 % interval of all measurements."""
-    low, high = findings.response.saturation.interval()
-    upper = f"{high:.4g} kPa" if findings.response.saturation.identified else "open above"
-    rows = list(content_rows(calibration))
-    rows.append(("saturation", f"{findings.response.saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
-    line = findings.line
-    rows.append(_fraction_row("largest departure of the mean of tips from the line", line.linearity))
-    if line.hysteresis is not None:
-        rows.append(_fraction_row("hysteresis", line.hysteresis))
-    if line.tip_difference is not None:
-        rows.append(_fraction_row("largest tip against the one before, at 0.8 N", line.tip_difference))
-    return tuple(rows)
+    saturation = findings.response.saturation
+    low, high = saturation.interval()
+    upper = f"{high:.4g} kPa" if saturation.identified else "open above"
+    rows = (*content_rows(calibration), ("saturation", f"{saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
+    fractions = {
+        "largest departure of the mean of tips from the line": findings.line.linearity,
+        "hysteresis": findings.line.hysteresis,
+        "largest tip against the one before, at 0.8 N": findings.line.tip_difference,
+    }
+    return (*rows, *(_fraction_row(name, value) for name, value in fractions.items() if value is not None))
 
 
 def content_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
@@ -73,34 +70,22 @@ def content_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row
         ("camera", calibration.camera or "not named", ""),
         *((f"setting {name}", f"{value:g}", "") for name, value in calibration.settings.items()),
         ("made", "simulated" if calibration.made is None else f"{calibration.made:%Y-%m-%d %H:%M}", ""),
-        ("good until", "does not age" if calibration.expires is None else f"{calibration.expires:%Y-%m-%d}", ""),
+        ("good until", _expiry(calibration), ""),
         ("identity", (cited or calibration_sha256(calibration))[:12], ""),
     ]
     rows += [_row(name, value) for name, value in _measured(calibration).items()]
-    if calibration.force_line is not None:
-        rows.append(
-            ("range of force", f"{calibration.force_line.least_n:.2f} to {calibration.force_line.most_n:.2f} N", "")
-        )
-    if calibration.response is not None:
-        rows.append(
-            ("gain", f"{calibration.response.gain_grey_per_kpa:.4g} grey/kPa", f"sd {calibration.response.gain_sd:.1%}")
-        )
+    if (line := calibration.force_line) is not None:
+        rows.append(("range of force", f"{line.least_n:.2f} to {line.most_n:.2f} N", ""))
+    if (response := calibration.response) is not None:
+        rows.append(("gain", f"{response.gain_grey_per_kpa:.4g} grey/kPa", f"sd {response.gain_sd:.1%}"))
     return tuple(rows)
 
 
 def specification_rows(calibration: ProbeCalibration) -> tuple[tuple[str, str, str, str], ...]:
     """The sheet: quantity, measured, fingertip, printed in the dissertation."""
-    if calibration.specification is None:
-        return ()
-    return tuple(
-        (
-            row.quantity,
-            "not measured" if row.measured is None else _shown(row.measured, row.unit),
-            row.fingertip,
-            row.printed,
-        )
-        for row in calibration.specification.rows
-    )
+    rows = () if calibration.specification is None else calibration.specification.rows
+    measured = ("not measured" if row.measured is None else _shown(row.measured, row.unit) for row in rows)
+    return tuple((row.quantity, text, row.fingertip, row.printed) for row, text in zip(rows, measured, strict=True))
 
 
 def specification_notes(calibration: ProbeCalibration) -> tuple[str, ...]:
@@ -145,31 +130,22 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
     assert line is not None  # a session measures both
     assert scale is not None
 
-    def sums(figure: Figure) -> None:
-        force_sums(findings.loadings, line, figure.subplots())
-
     def residuals(figure: Figure) -> None:
         left, right = figure.subplots(1, 2)
         force_residuals(findings.loadings, line, left)
         hysteresis_loops(findings.loadings, right)
-
-    def board(figure: Figure) -> None:
-        dot_board(findings.dots, figure.subplots(), image=findings.board, scale=scale)
 
     x, y = scale.mm_per_pixel
     force = line.slope_grey_per_n
     cards = (
         Card(title="Scale", value=f"{x:.5f} x {y:.5f} mm", detail=f"a pixel, from {scale.count} dots"),
         Card(title="Force", value=f"{force.value:.4g} grey/N", detail=f"sd {force.sd / force.value:.2%}"),
-        Card(
-            title="Good until",
-            value="does not age" if calibration.expires is None else f"{calibration.expires:%Y-%m-%d}",
-        ),
+        Card(title="Good until", value=_expiry(calibration)),
     )
     pictures = (
         Picture(
             title="Sum of grey levels over the force",
-            draw=sums,
+            draw=on_axes(force_sums, findings.loadings, line),
             size=(6.4, 4.2),
             alt="Sums of grey levels rise in a straight line with the force; rings loading, crosses unloading",
         ),
@@ -182,7 +158,7 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
         ),
         Picture(
             title="The dot board",
-            draw=board,
+            draw=on_axes(dot_board, findings.dots, image=findings.board, scale=scale),
             size=(6.4, 4.4),
             alt="Frame of the board with the detected dots, their lattice, and the magnified residuals",
         ),
@@ -209,21 +185,19 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
     )
 
 
+def _expiry(calibration: ProbeCalibration) -> str:
+    return "does not age" if calibration.expires is None else f"{calibration.expires:%Y-%m-%d}"
+
+
 def _measured(calibration: ProbeCalibration) -> dict[str, MeasuredValue]:
     values: dict[str, MeasuredValue] = {}
-    if calibration.scale is not None:
-        values |= {"scale x": calibration.scale.mm_per_pixel_x, "scale y": calibration.scale.mm_per_pixel_y}
-    if calibration.reference is not None:
-        values |= {
-            "read noise": calibration.reference.read_noise_grey,
-            "shot noise": calibration.reference.shot_noise_grey,
-            "stray light": calibration.reference.stray_grey,
-        }
-    if calibration.force_line is not None:
-        values |= {
-            "force line, intercept": calibration.force_line.intercept_grey,
-            "force line, slope": calibration.force_line.slope_grey_per_n,
-        }
+    if (scale := calibration.scale) is not None:
+        values |= {"scale x": scale.mm_per_pixel_x, "scale y": scale.mm_per_pixel_y}
+    if (noise := calibration.reference) is not None:
+        values |= {"read noise": noise.read_noise_grey, "shot noise": noise.shot_noise_grey}
+        values["stray light"] = noise.stray_grey
+    if (line := calibration.force_line) is not None:
+        values |= {"force line, intercept": line.intercept_grey, "force line, slope": line.slope_grey_per_n}
     return values
 
 

@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import TsisError
-from tsis.imaging import features, find_contact, height_surface, match_light, signal, subtract_background
-from tsis.plots import relief, ring_profile, tactile_image
-from tsis.report._page import Card, Page, Picture, Table, html
+from tsis.imaging import features, find_contact, match_light, signal, subtract_background
+from tsis.plots import ring_profile, tactile_image
+from tsis.report._frames import change_picture, surface_picture
+from tsis.report._page import Card, Page, Picture, Table, html, on_axes
 from tsis.report._relative import comparison_notes, comparison_pictures, comparison_tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from matplotlib.figure import Figure
-
-    from tsis.imaging import Contact, Features, RadialProfile
+    from tsis.imaging import Contact, Features
     from tsis.model import TactileImage
     from tsis.report._relative import PressComparison
 
 
+ROW = ("quantity", "value")
 ODD_FRACTION = 1e-3  # of the pixels
 
 
@@ -53,16 +53,8 @@ def contact_report(
 ) -> bytes:
     """Contact features as HTML: images with outline, surface, profile, numbers, and refused estimates.
 
-    Parameters
-    ----------
-    findings
-        The analysis of each image.
-    refused
-        Estimates that these files do not allow, each with the reason.
-    provenance
-        Versions, files and options.
-    comparison
-        Relative readings and shapes of the same images.
+    ``refused`` has the estimates that these files do not allow, each with the reason; ``provenance`` versions, files
+    and options; ``comparison`` relative readings and shapes of the same images.
     """
     return html(
         Page(
@@ -81,11 +73,9 @@ def contact_report(
                 *(() if comparison is None else comparison_tables(comparison)),
                 *(
                     Table(
-                        title=f"Features of {finding.image.name}",
-                        headings=("quantity", "value"),
-                        rows=finding_rows(finding),
+                        title=f"Features of {item.image.name}", headings=("quantity", "value"), rows=finding_rows(item)
                     )
-                    for finding in findings
+                    for item in findings
                 ),
             ),
             refused=tuple(refused),
@@ -99,13 +89,11 @@ def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
     result, circle = finding.features, finding.contact
     if not result.contact:
         return (("contact", "none found: nothing stands out of the noise"),)
+    diameter_mm = _also(_number(result.equivalent_diameter_mm, "mm"))
     rows = [
         ("centroid", _pair(result.centroid_px, "px") + _also(_pair(result.centroid_mm, "mm from the axis"))),
         ("area", f"{result.area_px:.0f} px" + _also(_number(result.area_mm2, "mm²"))),
-        (
-            "equivalent diameter",
-            f"{result.equivalent_diameter_px:.1f} px" + _also(_number(result.equivalent_diameter_mm, "mm")),
-        ),
+        ("equivalent diameter", f"{result.equivalent_diameter_px:.1f} px{diameter_mm}"),
         ("ellipse semi-axes", _pair(result.semi_axes_px, "px") + _also(_pair(result.semi_axes_mm, "mm"))),
         ("direction of the long axis", _number(result.angle_deg, "degrees")),
         ("eccentricity", _number(result.eccentricity, "")),
@@ -132,7 +120,7 @@ def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
         )
     if result.cropped:
         notes.append(f"{image.name}: the contact touches the picture's border, so area and diameter are too small.")
-    fall, rise = _extremes(finding.change)
+    fall, rise = np.quantile(finding.change.grey, [ODD_FRACTION, 1 - ODD_FRACTION]) * (-1, 1)  # without outliers
     if result.contact and fall > rise:
         notes.append(
             f"{image.name}: the light changes more the other way, by {fall:.0f} against {rise:.0f} grey levels: is "
@@ -148,12 +136,6 @@ def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
     if image.mm_per_pixel is None:
         notes.append(f"{image.name}: no scale was given, so lengths are in pixels (give --scale-mm).")
     return tuple(notes)
-
-
-def _extremes(change: TactileImage) -> tuple[float, float]:
-    """Largest fall and rise of the grey levels, without outliers."""
-    low, high = np.quantile(change.grey, [ODD_FRACTION, 1 - ODD_FRACTION])
-    return -float(low), float(high)
 
 
 def _cards(features: Features) -> tuple[Card, ...]:
@@ -175,50 +157,28 @@ def _cards(features: Features) -> tuple[Card, ...]:
 
 def _pictures(finding: ImageFinding) -> tuple[Picture, ...]:
     image, change, result = finding.image, finding.change, finding.features
-
-    def outline(figure: Figure) -> None:
-        tactile_image(change, figure.subplots(), features=result, low=0.0)
-
     pictures = [
-        Picture(
+        change_picture(
+            change,
+            result,
             title=f"Signal of {image.name}",
-            draw=outline,
-            size=(6.0, 4.2),
             alt=f"Change of grey level in {image.name} with the contact's outline and centroid",
             caption="Change of grey level, positive where the probe is pressed; outline and centroid in white.",
         )
     ]
     if change.mm_per_pixel is not None and min(change.grey.shape) > 1:
-
-        def lifted(figure: Figure) -> None:
-            relief(height_surface(change, max_points=96), figure.add_subplot(projection="3d"))
-
-        pictures.append(
-            Picture(
-                title="Surface",
-                draw=lifted,
-                size=(6.0, 4.2),
-                vector=False,
-                alt="The same signal as a surface in three dimensions",
-                caption="Heights are grey levels, not millimetres.",
-            )
-        )
-    profile = result.profile
-    if profile is not None:
+        pictures.append(surface_picture(change))
+    if result.profile is not None:
         pictures.append(
             Picture(
                 title="Profile",
-                draw=lambda figure: _draw_profile(figure, profile),
+                draw=on_axes(ring_profile, result.profile),
                 size=(5.5, 3.6),
                 alt="Mean grey level in rings around the centroid",
                 caption="Mean change of grey level in rings around the centroid.",
             )
         )
     return tuple(pictures)
-
-
-def _draw_profile(figure: Figure, profile: RadialProfile) -> None:
-    ring_profile(profile, figure.subplots())
 
 
 def _number(value: float | None, unit: str) -> str:
@@ -241,13 +201,7 @@ NO_VALUE = "none"
 def comparison(image: TactileImage, other: TactileImage, *, same_light: bool = False) -> Page:
     """A page with two frames in one colour map, their difference or the reason why there is none, and their features.
 
-    Parameters
-    ----------
-    image, other
-        Camera frames with names.
-    same_light
-        Whether to scale the second to the brightness of the first before the subtraction
-        (`tsis.imaging.match_light`).
+    ``same_light`` scales the second to the brightness of the first before the subtraction (`tsis.imaging.match_light`).
     """
     top = float(max(image.grey.max(), other.grey.max()))
     pictures = [_frame(image, top), _frame(other, top)]
@@ -269,13 +223,10 @@ def comparison(image: TactileImage, other: TactileImage, *, same_light: bool = F
 
 
 def _frame(image: TactileImage, top: float) -> Picture:
-    def draw(figure: Figure) -> None:
-        tactile_image(image, figure.subplots(), low=0.0, high=top)
-
     force = "force not measured" if image.force_n is None else f"{image.force_n:g} N"
     return Picture(
         title=image.name,
-        draw=draw,
+        draw=on_axes(tactile_image, image, low=0.0, high=top),
         size=SIZE,
         alt=f"Frame of {image.name}, bright where the pressure is high",
         caption=f"{force}. Both frames in one colour map.",
@@ -284,17 +235,11 @@ def _frame(image: TactileImage, top: float) -> Picture:
 
 
 def _difference(change: TactileImage, image: TactileImage, other: TactileImage) -> Picture:
-    detection_range = float(np.abs(change.grey).max()) or 1.0
-
-    def draw(figure: Figure) -> None:
-        ax = figure.subplots()
-        tactile_image(
-            change, ax, low=-detection_range, high=detection_range, label="grey levels", colours=DIVERGING, ink="black"
-        )
-
+    most = float(np.abs(change.grey).max()) or 1.0
+    colours = {"label": "grey levels", "colours": DIVERGING, "ink": "black"}
     return Picture(
         title="Difference",
-        draw=draw,
+        draw=on_axes(tactile_image, change, low=-most, high=most, **colours),
         size=SIZE,
         alt=f"{image.name} minus {other.name}: red where the first is brighter, blue where the second is",
         caption="The first minus the second: red where the first is brighter, blue where the second is.",

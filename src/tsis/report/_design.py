@@ -108,16 +108,9 @@ class DesignQuestion:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignAnalysis:
-    """The designs, best first, and the result of the search.
+    """The designs and the result of the search, if any.
 
-    Attributes
-    ----------
-    question
-        The input.
-    designs
-        Best first by the criterion, those that break a limit last, the optimum included.
-    optimum
-        Result of the search; None without one.
+    ``designs`` includes the optimum: best first by the criterion, those that break a limit last.
     """
 
     question: DesignQuestion

@@ -23,69 +23,37 @@ NOT_TRUSTED = "Diameter, depth and modulus are not to be trusted, for a reason n
 NOT_SCALAR = ("profile", "patch")
 
 
+# Results of each command; "" is that without a part.
+_RESULTS = {
+    "acquire": ("describe", "list", "record", "snapshot", "watch"),
+    "calibrate": ("", "seal", "show"),
+    "console": ("",),
+    "demo": ("",),
+    "design": ("",),
+    "detect": ("apply", "train"),
+    "doctor": ("",),
+    "examine": ("", "contacts"),
+    "hardness": ("",),
+    "logins": ("",),
+    "match": ("", "bench"),
+    "network": ("apply", "train"),
+    "optics": ("angles", "modes", "propagate", "trace"),
+    "records": ("edit", "export", "import", "list", "recompute", "send", "show", "verify"),
+    "simulate": ("", "list"),
+    "study": ("analyse", "export", "import", "new", "plan", "run", "show", "verify"),
+    "sweep": ("run", "run-plan", "verify"),
+    "track": ("",),
+}
+# Version by name; it increases when a name in the document is removed or changes its meaning.
 RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
-    {
-        "tsis-acquire-describe": 1,
-        "tsis-acquire-list": 1,
-        "tsis-acquire-record": 1,
-        "tsis-acquire-snapshot": 1,
-        "tsis-acquire-watch": 1,
-        "tsis-calibrate": 1,
-        "tsis-calibrate-seal": 1,
-        "tsis-calibrate-show": 1,
-        "tsis-console": 1,
-        "tsis-demo": 1,
-        "tsis-design": 1,
-        "tsis-detect-apply": 1,
-        "tsis-detect-train": 1,
-        "tsis-doctor": 1,
-        "tsis-examine": 1,
-        "tsis-examine-contacts": 1,
-        "tsis-hardness": 1,
-        "tsis-logins": 1,
-        "tsis-match": 1,
-        "tsis-match-bench": 1,
-        "tsis-network-apply": 1,
-        "tsis-network-train": 1,
-        "tsis-optics-angles": 1,
-        "tsis-optics-modes": 1,
-        "tsis-optics-propagate": 1,
-        "tsis-optics-trace": 1,
-        "tsis-records-edit": 1,
-        "tsis-records-export": 1,
-        "tsis-records-import": 1,
-        "tsis-records-list": 1,
-        "tsis-records-recompute": 1,
-        "tsis-records-send": 1,
-        "tsis-records-show": 1,
-        "tsis-records-verify": 1,
-        "tsis-simulate": 1,
-        "tsis-simulate-list": 1,
-        "tsis-study-analyse": 1,
-        "tsis-study-export": 1,
-        "tsis-study-import": 1,
-        "tsis-study-new": 1,
-        "tsis-study-plan": 1,
-        "tsis-study-run": 1,
-        "tsis-study-show": 1,
-        "tsis-study-verify": 1,
-        "tsis-sweep-run": 1,
-        "tsis-sweep-run-plan": 1,
-        "tsis-sweep-verify": 1,
-        "tsis-track": 1,
-    }
-)  # version by name; it increases when a name in the document is removed or changes its meaning
+    {f"tsis-{command}-{part}".rstrip("-"): 1 for command, parts in _RESULTS.items() for part in parts}
+)
 
 
 def envelope(command: str, part: str = "", /, **content: Any) -> dict[str, Any]:
     """A JSON result: its schema with the version, the notice, the version of tsis and the command, then its content.
 
-    Parameters
-    ----------
-    command
-        The command, e.g. ``"records list"``.
-    part
-        Name of the result where the command has several.
+    ``part`` names the result of a command, such as ``"records list"``, that has several.
 
     Examples
     --------

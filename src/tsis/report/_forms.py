@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from tsis.errors import FileInputError, RecordsError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
     from tsis.records import TargetRecord
@@ -64,8 +63,14 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
         from tsis.records.export.bundle import write_bundle
 
         return write_bundle(record, path)
+    elif form == "csv":
+        from tsis.records.export import write_csv
+
+        write_csv(record, path)
     else:
-        _writer(form)(record, path)
+        from tsis.records.export.arrays import write_hdf5, write_zarr
+
+        {"hdf5": write_hdf5, "zarr": write_zarr}[form](record, path)
     return ""
 
 
@@ -81,18 +86,6 @@ def page_bytes(form: str, record: TargetRecord) -> bytes:
     from tsis.report.paper import pdf
 
     return pdf(page)
-
-
-def _writer(form: str) -> Callable[[TargetRecord, Path], object]:
-    from tsis.records.export import write_csv
-    from tsis.records.export.arrays import write_hdf5, write_zarr
-
-    writers: dict[str, Callable[[TargetRecord, Path], object]] = {
-        "csv": write_csv,
-        "hdf5": write_hdf5,
-        "zarr": write_zarr,
-    }
-    return writers[form]
 
 
 def _write_file(path: Path, content: bytes) -> None:
@@ -134,11 +127,10 @@ def report_of_stored_target(store_address: StoreAddress, number: int, form: str)
     """
     from tsis.records.store import open_store  # loads the libraries of records
 
-    with open_store(
-        store_address.folder, kind=store_address.kind, database=store_address.database, create=False
-    ) as store:
-        if store.identity != store_address.identity:
+    address = store_address
+    with open_store(address.folder, kind=address.kind, database=address.database, create=False) as store:
+        if store.identity != address.identity:
             raise RecordsError(
-                f"the store must be {store_address.identity[:12]}, which was opened; got {store.identity[:12]}"
+                f"the store must be {address.identity[:12]}, which was opened; got {store.identity[:12]}"
             )
         return page_bytes(form, store.record(store.target(number)))

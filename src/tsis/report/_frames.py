@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from tsis.imaging import features, height_surface, radial_profile
 from tsis.plots import relief, ring_profile, tactile_image
-from tsis.report._page import Picture
+from tsis.report._page import Picture, on_axes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
+    from tsis.imaging import Features
     from tsis.model import TactileImage
 
 
@@ -29,14 +30,10 @@ def force_of(frame: TactileImage) -> float:
 
 def frame_picture(image: TactileImage) -> Picture:
     """The image of a frame."""
-
-    def frame(figure: Figure) -> None:
-        tactile_image(image, figure.subplots())
-
     force = "force not measured" if image.force_n is None else f"{image.force_n:g} N"
     return Picture(
         title="Tactile image",
-        draw=frame,
+        draw=on_axes(tactile_image, image),
         size=(6.0, 4.0),
         alt=f"Tactile image of {image.name}, bright where the pressure is high",
         caption=f"{image.name}, {force}. Bright is high pressure; the rim is the edge of the face.",
@@ -45,18 +42,15 @@ def frame_picture(image: TactileImage) -> Picture:
 
 def change_picture(
     signal: TactileImage,
+    result: Features | None = None,
     *,
     title: str = "What the inclusion adds",
     alt: str = "Target minus reference press, with the outline and the centroid of the bright patch",
     caption: str = "Target minus reference press on plain tissue; outline and centroid in white.",
 ) -> Picture:
-    """The difference of two frames, with the outline of the bright patch."""
-    result = features(signal)
-
-    def change(figure: Figure) -> None:
-        tactile_image(signal, figure.subplots(), features=result, low=0.0)
-
-    return Picture(title=title, draw=change, size=(6.0, 4.0), alt=alt, caption=caption)
+    """The difference of two frames, with the outline of the bright patch; ``result`` has its features."""
+    draw = on_axes(tactile_image, signal, features=result or features(signal), low=0.0)
+    return Picture(title=title, draw=draw, size=(6.0, 4.0), alt=alt, caption=caption)
 
 
 def surface_picture(signal: TactileImage) -> Picture:

@@ -9,12 +9,10 @@ from tsis.model import INTERVAL_LEVEL
 from tsis.plots import contact_growth, modulus, tactile_image
 from tsis.report._document import estimate_messages, withheld_reason
 from tsis.report._inclusion import inclusion_cards
-from tsis.report._page import Card, Page, Picture, Table, html
+from tsis.report._page import Card, Page, Picture, Table, html, on_axes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-
-    from matplotlib.figure import Figure
 
     from tsis.hardness import ContactTable
     from tsis.model import Estimate, TactileImage
@@ -35,20 +33,8 @@ def hardness_report(
 ) -> bytes:
     """The report of a hardness estimate as HTML: the modulus, the growth of the contact, the frames and notes.
 
-    Parameters
-    ----------
-    estimate
-        Of `tsis.hardness.estimate`.
-    title
-        Heading of the page.
-    images
-        The frames that were estimated.
-    table
-        Contact radii of the probe.
-    provenance
-        Versions, files and options.
-    truth_kpa
-        The true modulus where known.
+    ``table`` has the contact radii of the probe, ``provenance`` versions, files and options; ``truth_kpa`` is the true
+    modulus where known.
     """
     page = hardness_page(estimate, title=title, images=images, table=table, provenance=provenance, truth_kpa=truth_kpa)
     return html(page)
@@ -64,10 +50,7 @@ def hardness_page(
     truth_kpa: float | None = None,
 ) -> Page:
     """The report of a hardness estimate; parameters as `hardness_report`."""
-
-    def growth(figure: Figure) -> None:
-        contact_growth(estimate, figure.subplots(), table=table)
-
+    growth = on_axes(contact_growth, estimate, table=table)
     pictures = [
         modulus_picture(estimate, truth_kpa),
         _picture("Growth of the contact", growth, "Contact radius over force, of the frames and of the estimate"),
@@ -100,19 +83,15 @@ def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
 
 def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Picture:
     """Posterior of the modulus."""
-
-    def density(figure: Figure) -> None:
-        modulus(estimate, figure.subplots(), truth_kpa=truth_kpa)
-
+    density = on_axes(modulus, estimate, truth_kpa=truth_kpa)
     return _picture("Modulus", density, "Posterior density of the modulus with its 90 % interval")
 
 
 def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
     """Names and values for people, without the modulus of an untrusted estimate."""
-    rows = []
     withheld = withheld_reason(estimate, "young_kpa")
     low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
-    rows.append(("Young's modulus", withheld or f"{estimate.mean['young_kpa']:.3g} kPa"))
+    rows = [("Young's modulus", withheld or f"{estimate.mean['young_kpa']:.3g} kPa")]
     if estimate.trusted:
         rows.append(("90 % interval", f"{low:.3g} to {high:.3g} kPa"))
     if not withheld:
@@ -120,14 +99,9 @@ def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
         for name, value in (("Shore 00", readings.shore_00), ("Shore A", readings.shore_a)):
             rows.append((f"{name} (converted)", "outside the scale" if value is None else f"{value:.0f}"))
     for press in estimate.provenance.get("presses", ()):
-        contact = press["seen"]
-        rows.append(
-            (
-                f"contact radius, {press['name'] or 'image'}",
-                f"{contact['radius_mm']:.3f} mm ± {100 * contact['radius_sd']:.2f} %",
-            )
-        )
-        rows.append((f"force by light, {press['name'] or 'image'}", f"{contact['light_force_n']:.3g} N"))
+        contact, name = press["seen"], press["name"] or "image"
+        radius = f"{contact['radius_mm']:.3f} mm ± {100 * contact['radius_sd']:.2f} %"
+        rows += [(f"contact radius, {name}", radius), (f"force by light, {name}", f"{contact['light_force_n']:.3g} N")]
     return tuple(rows)
 
 
@@ -144,12 +118,9 @@ def _picture(title: str, draw: Any, alt: str) -> Picture:
 
 
 def _frame(image: TactileImage) -> Picture:
-    def draw(figure: Figure) -> None:
-        tactile_image(image, figure.subplots())
-
     return Picture(
         title=image.name or "Frame",
-        draw=draw,
+        draw=on_axes(tactile_image, image),
         size=(4.2, 3.0),
         alt=f"Grey levels of {image.name or 'a frame'}",
         caption=f"{image.force_n:g} N by the gauge.",

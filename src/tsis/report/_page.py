@@ -40,15 +40,21 @@ def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DP
 
 
 def _drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:
+    buffer = io.BytesIO()
     with FIGURE_LOCK, mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
         figure = Figure(figsize=size, layout="constrained")
         picture.draw(figure)
-        buffer = io.BytesIO()
-        if kind == "svg":
-            figure.savefig(buffer, format="svg", dpi=dpi, metadata={"Date": None})
-        else:
-            figure.savefig(buffer, format="png", dpi=dpi)
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata={"Date": None} if kind == "svg" else None)
     return buffer.getvalue()
+
+
+def on_axes(plot: Callable[..., object], *values: Any, **options: Any) -> Callable[[Figure], None]:
+    """The drawing of ``plot(*values, ax, **options)`` into a figure with one axes."""
+
+    def draw(figure: Figure) -> None:
+        plot(*values, figure.subplots(), **options)
+
+    return draw
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

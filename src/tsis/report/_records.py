@@ -30,28 +30,20 @@ def recomputation_notes(recomputation: Recomputation) -> tuple[str, ...]:
 
 def recomputation_message(recomputation: Recomputation) -> str:
     """Where the new estimate is stored; empty where nothing changed."""
-    if recomputation.same:
-        return ""
-    return (
-        f"Stored as {recomputation.after.id[:SHORT]}."
-        if recomputation.stored
-        else "Nothing was stored: this was a dry run."
-    )
+    if recomputation.stored:
+        return f"Stored as {recomputation.after.id[:SHORT]}."
+    return "" if recomputation.same else "Nothing was stored: this was a dry run."
 
 
 def shift_table(recomputation: Recomputation) -> Table:
     """The shift of each parameter."""
     headings = ("", "before", "after", "moved (old sd)", "90 % interval before", "90 % interval after")
-    return Table(title="What moved", headings=headings, rows=tuple(_shift_rows(recomputation)))
-
-
-def _shift_rows(recomputation: Recomputation) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for shift in recomputation.shifts:
         (low, high), (now_low, now_high) = shift.interval_before, shift.interval_after
         means = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.moved:+.2g}")
         rows.append((shift.name, *means, f"{low:.3g} to {high:.3g}", f"{now_low:.3g} to {now_high:.3g}"))
-    return rows
+    return Table(title="What moved", headings=headings, rows=tuple(rows))
 
 
 def recomputation_document(target: Target, recomputation: Recomputation) -> dict[str, Any]:
@@ -74,11 +66,8 @@ def recomputation_document(target: Target, recomputation: Recomputation) -> dict
 
 def verdict(store_verification: StoreVerification) -> str:
     """Whether the store is sound."""
-    state = (
-        "as it was stored"
-        if store_verification.sound
-        else f"NOT as it was stored: {count_of(len(store_verification.faults), 'fault')}"
-    )
+    fault = f"NOT as it was stored: {count_of(len(store_verification.faults), 'fault')}"
+    state = "as it was stored" if store_verification.sound else fault
     return f"The store is {state}: {store_verification.rows} rows and {store_verification.files} files were read."
 
 
@@ -91,9 +80,8 @@ def verification_notes(store_verification: StoreVerification) -> tuple[str, ...]
         )
     if store_verification.unanchored:
         messages.append(
-            f"The anchor does not vouch for the last {store_verification.unanchored} entries of the audit; "
-            f"the next record brings "
-            "it up to date."
+            f"The anchor does not vouch for the last {store_verification.unanchored} entries of the audit; the next "
+            "record brings it up to date."
         )
     return (*messages, f"Audit: entry {store_verification.head.number}, {store_verification.head.hash}")
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tsis.inclusion.relative import (
     RelativeReading,
     change_of_light,
@@ -62,18 +64,9 @@ def compare_presses(
 ) -> PressComparison:
     """Relative readings and shapes of presses, each against references of the same force.
 
-    Parameters
-    ----------
-    images
-        Camera frames with a scale.
-    references
-        Frames of the untouched probe, or reference presses.
-    against
-        Kind of the references: ``"untouched probe"`` or ``"plain tissue"``.
-    calibration
-        Required for relative hardness, whose gain converts grey levels to pressure.
-    relative, shape
-        What to read.
+    The frames have a scale. ``against`` is the kind of the references: ``"untouched probe"`` or ``"plain tissue"``.
+    Relative hardness requires a calibration, whose gain converts grey levels to pressure. ``relative`` and ``shape``
+    select what is read.
 
     Raises
     ------
@@ -81,24 +74,20 @@ def compare_presses(
         As `tsis.inclusion.relative.relative_size`; when an image has no reference of the same force.
     """
     fitting = [matching_references(image, references, against=against) for image in images]
+    given: dict[str, Any] = {"against": against, "calibration": calibration}
     readings, shapes, changes = [], [], []
     for image, own in zip(images, fitting, strict=True):
         if relative:
-            readings += [
-                (image.name, read(image, own, against=against, calibration=calibration))
-                for read in (relative_size, relative_depth)
-            ]
+            readings += [(image.name, read(image, own, **given)) for read in (relative_size, relative_depth)]
         if shape:
-            shapes.append((image.name, object_shape(image, own, against=against, calibration=calibration)))
-        changes.append((image.name, change_of_light(image, own, against=against, calibration=calibration).image))
+            shapes.append((image.name, object_shape(image, own, **given)))
+        changes.append((image.name, change_of_light(image, own, **given).image))
     rising = sorted(zip(images, fitting, strict=True), key=lambda pair: pair[0].force_n or 0.0)
     pairs = [(item, other) for item, other in pairwise(rising) if (item[0].force_n or 0.0) < (other[0].force_n or 0.0)]
     missing = _missing(pairs, calibration) if relative else ()
     if relative and not missing and calibration is not None:
         for (first, item), (second, other) in pairs:
-            reading = relative_hardness(
-                first, second, reference=item, second_reference=other, against=against, calibration=calibration
-            )
+            reading = relative_hardness(first, second, reference=item, second_reference=other, **given)
             readings.append((f"{first.name}, {second.name}", reading))
     return PressComparison(
         against=against, relative=tuple(readings), shapes=tuple(shapes), changes=tuple(changes), missing=missing
@@ -123,10 +112,8 @@ def comparison_document(press_comparison: PressComparison) -> dict[str, Any]:
             "missing": list(press_comparison.missing),
         }
     if press_comparison.shapes:
-        shapes = [
-            {"press": name, **_fields_by_name(shape), "notes": list(shape.notes)}
-            for name, shape in press_comparison.shapes
-        ]
+        own = press_comparison.shapes
+        shapes = [{"press": name, **_fields_by_name(shape), "notes": list(shape.notes)} for name, shape in own]
         document["shape"] = {"against": press_comparison.against, "presses": shapes}
     return document
 
@@ -140,13 +127,8 @@ def comparison_tables(press_comparison: PressComparison) -> tuple[Table, ...]:
     tables = []
     if press_comparison.relative:
         rows = tuple((name, reading.quantity, _reading(reading)) for name, reading in press_comparison.relative)
-        tables.append(
-            Table(
-                title=f"Relative readings against {press_comparison.against}",
-                headings=("press", "quantity", "value"),
-                rows=rows,
-            )
-        )
+        title = f"Relative readings against {press_comparison.against}"
+        tables.append(Table(title=title, headings=("press", "quantity", "value"), rows=rows))
     for name, shape in press_comparison.shapes:
         tables.append(Table(title=f"Shape in {name}", headings=("quantity", "value"), rows=_shape_rows(shape)))
     return tuple(tables)
@@ -188,14 +170,9 @@ def comparison_pictures(press_comparison: PressComparison) -> tuple[Picture, ...
 def _outline(name: str, change: TactileImage, shape: ObjectShape) -> Picture:
     def draw(figure: Figure) -> None:
         ax = tactile_image(change, figure.subplots(), low=0.0)
-        axis, scale = change.axis(), change.scale()
         if len(shape.contour_mm):
-            ax.plot(
-                shape.contour_mm[:, 0] + axis[0] * scale[0],
-                shape.contour_mm[:, 1] + axis[1] * scale[1],
-                color="white",
-                linewidth=1.0,
-            )
+            outline = shape.contour_mm + np.multiply(change.axis(), change.scale())
+            ax.plot(*outline.T, color="white", linewidth=1.0)
 
     return Picture(
         title=f"Shape in {name}",

@@ -12,7 +12,7 @@ from tsis.errors import InputError
 from tsis.inclusion.mobility import Mobility, mobility
 from tsis.model import require_array
 from tsis.plots import light_over_time, light_path
-from tsis.report._page import Card, Page, Picture, Table, html
+from tsis.report._page import Card, Page, Picture, Table, html, on_axes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -62,14 +62,8 @@ def track_press(
 ) -> PressTrack:
     """Track the light through a sequence, and test whether its sum has settled.
 
-    Parameters
-    ----------
-    images, references, against, calibration, threshold_grey, progress
-        As for `tsis.inclusion.mobility.mobility`.
-    time_s
-        Times of the frames, s, shape (images,), ascending.
-    tolerance, longest_s
-        As for `tsis.calibration.settling.assess_settling`.
+    ``time_s`` has the times of the frames, s, shape (images,), ascending. Other parameters as for
+    `tsis.inclusion.mobility.mobility` and `tsis.calibration.settling.assess_settling`.
 
     Raises
     ------
@@ -175,9 +169,6 @@ def track_report(track: PressTrack, *, subtitle: str, provenance: Mapping[str, A
 def _pictures(track: PressTrack) -> tuple[Picture, ...]:
     times = np.arange(len(track.total_grey), dtype=float) if track.time_s is None else track.time_s
 
-    def path(figure: Figure) -> None:
-        light_path(track.mobility, figure.subplots())
-
     def series(figure: Figure) -> None:
         ax = light_over_time(times, track.total_grey, figure.subplots())
         if track.time_s is None:
@@ -186,7 +177,7 @@ def _pictures(track: PressTrack) -> tuple[Picture, ...]:
     return (
         Picture(
             title="Path of the light",
-            draw=path,
+            draw=on_axes(light_path, track.mobility),
             size=(5.5, 4.2),
             alt="Centroid of the light in each frame, joined in the order of time",
             caption=f"Centroid of the light from the probe's axis, against the {track.mobility.against}.",

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tsis.errors import InputError, RecordsError
-from tsis.files import LogChain, LogDraft, as_path, printable_path, read_bytes
+from tsis.files import LogChain, LogDraft, as_path, file_error, printable_path, read_bytes
 from tsis.model import require_number
 from tsis.study._log import LOG_FILE, append_log, read_log
 from tsis.study._plan import StudyPlan, parse_study_plan
@@ -29,24 +29,12 @@ CREATED, READING, IMPORTED, UNBLINDED, ANALYSED = "created", "reading", "importe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """A study at the time of reading; `open_study` reads it again.
-
-    Attributes
-    ----------
-    folder
-        Its folder.
-    plan
-        Its plan.
-    chain
-        Its log.
-    readings
-        Unique readings from before the unblinding, in the order of entry.
-    """
+    """A study at the time of reading: folder, plan, log, and readings; `open_study` reads it again."""
 
     folder: Path
     plan: StudyPlan
     chain: LogChain
-    readings: tuple[DeviceReading, ...]
+    readings: tuple[DeviceReading, ...]  # unique ones from before the unblinding, in the order of entry
 
     @property
     def unblinded(self) -> LogEntry | None:
@@ -67,19 +55,12 @@ class Study:
 
     def missing(self, device: str, operator: str | None = None) -> tuple[tuple[str, int], ...]:
         """Codes and repeats still to be read, in order, by an operator or by the one with most readings."""
-        done: Counter[str] = Counter()
+        own = [reading for reading in self.readings if reading.device == device]
         if operator is None:
-            by = Counter(reading.operator for reading in self.readings if reading.device == device)
-            operator = by.most_common(1)[0][0] if by else ""
-        done.update(
-            reading.code for reading in self.readings if (reading.device, reading.operator) == (device, operator)
-        )
-        return tuple(
-            (code, repeat)
-            for repeat in range(1, self.plan.repeats + 1)
-            for code in self.plan.codes
-            if done[code] < repeat
-        )
+            operator = next((name for name, _ in Counter(reading.operator for reading in own).most_common(1)), "")
+        done = Counter(reading.code for reading in own if reading.operator == operator)
+        repeats = range(1, self.plan.repeats + 1)
+        return tuple((code, repeat) for repeat in repeats for code in self.plan.codes if done[code] < repeat)
 
 
 def open_study(folder: str | os.PathLike[str]) -> Study:
@@ -130,16 +111,7 @@ def enter_readings(
 ) -> Study:
     """Enter readings, all or none, and return the updated study.
 
-    Parameters
-    ----------
-    study
-        The study.
-    readings
-        Of its targets.
-    actor
-        Who enters them.
-    imported
-        For readings from a file: its description for the log.
+    ``imported`` describes the file of the readings for the log, if they come from one.
 
     Raises
     ------
@@ -176,8 +148,8 @@ def require_plan_unchanged(folder: Path, chain: LogChain) -> None:
     """Refuse a study whose plan differs from the log's first line."""
     first = chain.entries[0] if chain.entries else None
     if first is None or first.content.get("study_sha256") != commitment(read_bytes(folder / PLAN)):
-        raise RecordsError(
-            f"{printable_path(folder / PLAN)} must be as it was made; it was changed (tsis study verify tells more)"
+        raise file_error(
+            folder / PLAN, "must be as it was made; it was changed (tsis study verify tells more)", RecordsError
         )
 
 

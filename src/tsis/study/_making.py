@@ -13,7 +13,7 @@ import numpy as np
 from tsis.__about__ import LARGEST_SEED, __version__
 from tsis.catalog import load_phantom, load_probe
 from tsis.errors import InputError, RecordsError
-from tsis.files import EMPTY_CHAIN, LogDraft, as_path, atomic_folder, link_entries, one_line, printable_path
+from tsis.files import EMPTY_CHAIN, LogDraft, as_path, atomic_folder, file_error, link_entries, one_line
 from tsis.inclusion import InclusionPrior
 from tsis.model import Inclusion, Phantom, require_integer, require_number, require_type
 from tsis.study._folder import CREATED, PLAN, SEAL, open_study, user
@@ -36,12 +36,7 @@ CLEARANCE = 0.97  # of the slab: deepest end of an inclusion
 
 
 def printed_targets(present: int = PRINTED, blank: int = PRINTED) -> tuple[TargetTruth, ...]:
-    """Phantoms ``detection-1`` to ``detection-8`` of the catalog in turn, and ``detection-blank``.
-
-    Parameters
-    ----------
-    present, blank
-        Number with and without an inclusion; at least one in all.
+    """Phantoms ``detection-1`` to ``detection-8`` of the catalog in turn, and ``detection-blank``; at least one target.
 
     Raises
     ------
@@ -59,17 +54,10 @@ def printed_targets(present: int = PRINTED, blank: int = PRINTED) -> tuple[Targe
 
 
 def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tuple[TargetTruth, ...]:
-    """Inclusions of 2 to 15 mm, 4 to 12 mm deep, of 40 to 120 kPa, and blanks; tissue varies alike in both.
+    """Inclusions of 2 to 15 mm, 4 to 12 mm deep, of 40 to 120 kPa, and blanks, at least one target in all.
 
-    Tissue is drawn from what the estimator believes of it, `tsis.inclusion.InclusionPrior`; the slab's thickness is
+    Tissue of both is drawn from what the estimator assumes, `tsis.inclusion.InclusionPrior`; the slab's thickness is
     drawn again until the inclusion fits.
-
-    Parameters
-    ----------
-    present, blank
-        How many with and without an inclusion; one at least in all.
-    rng
-        Source of the draws.
 
     Raises
     ------
@@ -79,15 +67,9 @@ def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tup
     _check_numbers(present, blank)
     require_type("rng", rng, np.random.Generator)
     prior = InclusionPrior()
-    with_inclusion = [
-        TargetTruth(label=f"random-{number + 1}", phantom=_drawn_with_inclusion(prior, rng))
-        for number in range(present)
-    ]
-    without = [
-        TargetTruth(label=f"blank-{number + 1}", phantom=_drawn_tissue(prior, rng, at_least_mm=0.0))
-        for number in range(blank)
-    ]
-    return (*with_inclusion, *without)
+    drawn = {f"random-{number}": _drawn_with_inclusion(prior, rng) for number in range(1, present + 1)}
+    drawn |= {f"blank-{number}": _drawn_tissue(prior, rng, at_least_mm=0.0) for number in range(1, blank + 1)}
+    return tuple(TargetTruth(label=label, phantom=phantom) for label, phantom in drawn.items())
 
 
 def _drawn_with_inclusion(prior: InclusionPrior, rng: np.random.Generator) -> Phantom:
@@ -113,10 +95,7 @@ def _check_numbers(present: int, blank: int) -> None:
 
 def _unnamed(phantom: Phantom) -> Phantom:
     """The phantom without its name and note, which would identify it."""
-    lump = phantom.inclusion
-    return Phantom(
-        young_kpa=phantom.young_kpa, thickness_mm=phantom.thickness_mm, poisson=phantom.poisson, inclusion=lump
-    )
+    return replace(phantom, name="", assumed=())
 
 
 THRESHOLD = 0.5
@@ -156,7 +135,6 @@ def new_study(
         Least score of a target that is called one with an inclusion.
     actor
         Who creates it; the user of this machine by default.
-        Who makes it; the user of this machine by default.
 
     Raises
     ------
@@ -192,11 +170,8 @@ def new_study(
     )
     planned = plan.content()
     begun = {"study_sha256": commitment(planned), "truth_sha256": plan.commitment, "tsis": __version__}
-    first = link_entries(
-        EMPTY_CHAIN,
-        [LogDraft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)],
-        plan.made,
-    )
+    draft_entry = LogDraft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)
+    first = link_entries(EMPTY_CHAIN, [draft_entry], plan.made)
     try:
         with atomic_folder(root) as draft:
             (draft / PLAN).write_bytes(planned)
@@ -205,11 +180,9 @@ def new_study(
                 file.write(sealed)
             (draft / LOG_FILE).write_bytes(f"{first[0].line()}\n".encode())
     except FileExistsError as error:
-        raise RecordsError(
-            f"{printable_path(root)} must be a new name; there is such a file or folder (choose another)"
+        raise file_error(
+            root, "must be a new name; there is such a file or folder (choose another)", RecordsError
         ) from error
     except (OSError, ValueError) as error:
-        raise RecordsError(
-            f"{printable_path(root)} must be a folder that can be written; got: {one_line(error)}"
-        ) from error
+        raise file_error(root, f"must be a folder that can be written; got: {one_line(error)}", RecordsError) from error
     return open_study(root)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -16,7 +17,7 @@ from tsis.files import SHA256, from_json_value, json_bytes, parse_object
 from tsis.model import require_integer, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 
 LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # without letters that look similar
@@ -27,26 +28,9 @@ Target = TypeVar("Target")
 
 
 def coded(targets: Sequence[Target], seed: int) -> dict[str, Target]:
-    """Give every target a code, and put the targets into the order of reading.
+    """Targets by a code, in the order of reading; both follow from the seed and the number of targets alone.
 
-    Codes and order follow from the seed and the number of targets alone.
-
-    Parameters
-    ----------
-    targets
-        In any order.
-    seed
-        Whole, from 0.
-
-    Returns
-    -------
-    dict
-        Targets by code, in the order of reading.
-
-    Raises
-    ------
-    InputError
-        When the seed is no whole number.
+    `InputError` when the seed is no whole number from 0.
 
     Examples
     --------
@@ -75,50 +59,19 @@ UNDECIDED = "counted apart, and also as the wrong answer"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyPlan:
-    """The plan of a study, without its truth.
-
-    Parameters
-    ----------
-    name
-        Of the study.
-    seed
-        Determines codes, order and drawn targets; None where the seal contains it.
-    probe
-        Name of the virtual probe in the catalog.
-    forces_n
-        Forces on every target, newtons.
-    with_reference
-        Whether it also presses tissue without inclusion nearby.
-    repeats
-        Readings of every target by an operator.
-    threshold
-        Least score of a target that is called one with an inclusion; fixed before any reading.
-    codes
-        Of the targets, in the order of reading.
-    commitment
-        SHA-256 of the sealed truth.
-    made
-        Time of creation, with its offset from UTC.
-    tsis
-        Version that created it.
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
-    """
+    """The plan of a study, without its truth; `InputError` when a value lies outside its range."""
 
     name: str
-    seed: int | None
-    probe: str
-    forces_n: tuple[float, ...]
-    with_reference: bool
-    repeats: int
-    threshold: float
-    codes: tuple[str, ...]
-    commitment: str
+    seed: int | None  # of codes, order and drawn targets; None where the seal contains it
+    probe: str  # name of the virtual probe in the catalog
+    forces_n: tuple[float, ...]  # on every target
+    with_reference: bool  # whether it also presses tissue without inclusion nearby
+    repeats: int  # readings of every target by an operator
+    threshold: float  # least score of a target that is called one with an inclusion; fixed before any reading
+    codes: tuple[str, ...]  # in the order of reading
+    commitment: str  # SHA-256 of the sealed truth
     made: datetime
-    tsis: str
+    tsis: str  # version that created it
 
     def __post_init__(self) -> None:
         for name in ("name", "tsis"):
@@ -153,49 +106,39 @@ class StudyPlan:
 
     def content(self) -> bytes:
         """Content of the file."""
+        protocol = ("seed", "probe", "forces_n", "with_reference", "repeats", "threshold")
+        head = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "tsis": self.tsis, "name": self.name}
+        rules = {"judged_by": ANALYSED_READING, "undecided": UNDECIDED}
         return json_bytes(
-            {
-                "format": FORMAT,
-                "version": VERSION,
-                "notice": RESEARCH_USE_ONLY,
-                "tsis": self.tsis,
-                "name": self.name,
-                "made": self.made.isoformat(),
-                "seed": self.seed,
-                "probe": self.probe,
-                "forces_n": list(self.forces_n),
-                "with_reference": self.with_reference,
-                "repeats": self.repeats,
-                "threshold": self.threshold,
-                "judged_by": ANALYSED_READING,
-                "undecided": UNDECIDED,
-                "codes": list(self.codes),
-                "truth_sha256": self.commitment,
-            }
+            {**head, "made": self.made.isoformat()}
+            | {name: getattr(self, name) for name in protocol}
+            | {**rules, "codes": self.codes, "truth_sha256": self.commitment}
         )
 
 
 def parse_study_plan(content: bytes, name: str) -> StudyPlan:
     """Parse the content of a ``study.json``; ``name`` identifies it in errors.
 
-    Raises
-    ------
-    RecordsError
-        When it is no plan of this version.
+    `RecordsError` when it is no plan of this version.
     """
-    try:
+    with study_file_errors(name, "every part of a study's plan"):
         document = parse_object(content, name, values=2_000_000)
         require_study_format(document, FORMAT, VERSION)
-        names = {
-            field.name: "truth_sha256" if field.name == "commitment" else field.name for field in fields(StudyPlan)
-        }
-        return from_json_value(StudyPlan, {name: document[key] for name, key in names.items()}, "study")
+        document["commitment"] = document["truth_sha256"]
+        return from_json_value(StudyPlan, {field.name: document[field.name] for field in fields(StudyPlan)}, "study")
+
+
+@contextmanager
+def study_file_errors(name: str, parts: str) -> Iterator[None]:
+    """Convert errors of the content of a file to `RecordsError` with its name."""
+    try:
+        yield
     except FileInputError as error:  # it names the file
         raise RecordsError(str(error)) from error
     except InputError as error:
         raise RecordsError(f"{name}: {error}") from error
-    except (KeyError, TypeError, ValueError) as error:
-        raise RecordsError(f"{name} must hold every part of a study's plan; wrong or missing: {error!s:.80}") from error
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise RecordsError(f"{name} must hold {parts}; wrong or missing: {error!s:.80}") from error
 
 
 def require_study_format(document: Mapping[str, Any], form: str, version: int) -> None:

@@ -25,7 +25,7 @@ from tsis.virtual import VirtualProbe
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.model import Estimate, Phantom, TactileImage
+    from tsis.model import Phantom, TactileImage
     from tsis.optics.irradiance import Irradiance
     from tsis.records.store import Store
     from tsis.study._folder import Study
@@ -39,19 +39,7 @@ NOT_PRESSED = "the press could not be computed"  # the cause would reveal the tr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
-    """Summary of a run.
-
-    Attributes
-    ----------
-    study
-        The updated study.
-    entered
-        Number of new readings.
-    undecided
-        Number of undecided ones among them.
-    left
-        Number of readings still missing by this operator.
-    """
+    """The updated study, the numbers of new and of undecided readings, and that of readings still missing."""
 
     study: Study
     entered: int
@@ -118,10 +106,7 @@ def press_study(
             if ended is not None and ended():
                 break
             assert instrument is not None
-            rng = _rng(seed, code, operator, repeat)
-            reading = instrument.read(
-                seal.truths[code], rng, save, code=code, operator=operator, repeat=repeat, seed=seed
-            )
+            reading = instrument.read(seal.truths[code], save, code=code, operator=operator, repeat=repeat, seed=seed)
             study = enter_readings(study, [reading], actor=operator)
             entered, undecided = entered + 1, undecided + reading.undecided
     if progress is not None and left:
@@ -151,18 +136,10 @@ class _Rig:
         return cls(study=study, light=light, prior=prior)
 
     def read(
-        self,
-        truth: TargetTruth,
-        rng: np.random.Generator,
-        store: Store | None,
-        *,
-        code: str,
-        operator: str,
-        repeat: int,
-        seed: int,
+        self, truth: TargetTruth, store: Store | None, *, code: str, operator: str, repeat: int, seed: int
     ) -> DeviceReading:
         """Press one target and estimate."""
-        plan = self.study.plan
+        plan, rng = self.study.plan, _rng(seed, code, operator, repeat)
         blank = DeviceReading(code=code, device=plan.device, operator=operator, repeat=repeat, score=None)
         virtual = VirtualProbe(load_probe(plan.probe), rng=rng, light=self.light)
         calibration = virtual.calibration
@@ -181,7 +158,18 @@ class _Rig:
         except (InputError, MechanicsError) as error:
             return replace(blank, reason=one_line(error), evidence=evidence)
         if store is not None:
-            evidence["kept_as"] = _saved(store, result, saved, targets, references, code, self.prior)
+            from tsis.records import SavableResult, save_results
+
+            savable = SavableResult(
+                kind="inclusion",
+                estimate=result,
+                probe=plan.probe,
+                calibration=saved,
+                frames={"target": targets, "plain": references},
+                options={"prior": asdict(self.prior)},
+                name=code,  # the only sign of the target
+            )
+            evidence["kept_as"] = int(save_results(store, savable)["target"])
         caveats = UNTRUSTED_FLAGS.intersection(result.flags) - {NO_INCLUSION}
         if caveats or result.presence is None:
             reason = f"{NOT_TRUSTED}: {', '.join(sorted(caveats))}"
@@ -221,27 +209,3 @@ def _digest(frames: list[TactileImage]) -> str:
     for frame in frames:
         digest.update(frame.grey.astype(np.float32).tobytes())
     return digest.hexdigest()
-
-
-def _saved(
-    store: Store,
-    estimate: Estimate,
-    calibration: ProbeCalibration,
-    targets: list[TactileImage],
-    references: list[TactileImage],
-    code: str,
-    prior: InclusionPrior,
-) -> int:
-    """Save the reading under its code alone, and return its number in the store."""
-    from tsis.records import SavableResult, save_results
-
-    saved = SavableResult(
-        kind="inclusion",
-        estimate=estimate,
-        probe=calibration.probe,
-        calibration=calibration,
-        frames={"target": targets, "plain": references},
-        options={"prior": asdict(prior)},
-        name=code,
-    )
-    return int(save_results(store, saved)["target"])

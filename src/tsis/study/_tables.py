@@ -12,9 +12,9 @@ from tsis.files import (
     LARGEST_CSV_BYTES,
     CsvRow,
     as_path,
+    file_error,
     parse_csv_rows,
     printable_name,
-    printable_path,
     read_bytes,
     read_csv_rows,
     table_bytes,
@@ -55,7 +55,7 @@ def read_truth_table(path: str | os.PathLike[str]) -> tuple[TargetTruth, ...]:
             raise row.refused("label", "different in every row", target.label)
         by_label[target.label] = target
     if not by_label:
-        raise FileInputError(f"{printable_path(file)} must hold at least one target; it has headings alone")
+        raise file_error(file, "must hold at least one target; it has headings alone")
     return tuple(by_label.values())
 
 
@@ -66,30 +66,20 @@ def _target(row: CsvRow) -> TargetTruth:
     if given and len(given) < len(COLUMNS) - 1:
         lost = next(name for name in COLUMNS[1:] if name not in given)
         raise row.refused(lost, f"given where {given[0]} is, or all three empty", "")
+    values = dict(zip(MORE_COLUMNS, (0.0, usual.young_kpa, usual.thickness_mm, usual.poisson), strict=True))
+    values |= {name: value for name, value in numbers.items() if value is not None}
+    offset, tissue, thickness, poisson = (values[name] for name in MORE_COLUMNS)
     try:
-        poisson = _or(numbers["poisson"], usual.poisson)
         lump = None
         if given:
+            diameter, depth, young = (values[name] for name in COLUMNS[1:])
             lump = Inclusion(
-                diameter_mm=_or(numbers["diameter_mm"], 0.0),
-                depth_mm=_or(numbers["depth_mm"], 0.0),
-                young_kpa=_or(numbers["young_kpa"], 0.0),
-                poisson=poisson,
-                offset_mm=(_or(numbers["offset_mm"], 0.0), 0.0),
+                diameter_mm=diameter, depth_mm=depth, young_kpa=young, poisson=poisson, offset_mm=(offset, 0.0)
             )
-        phantom = Phantom(
-            young_kpa=_or(numbers["tissue_kpa"], usual.young_kpa),
-            thickness_mm=_or(numbers["thickness_mm"], usual.thickness_mm),
-            poisson=poisson,
-            inclusion=lump,
-        )
+        phantom = Phantom(young_kpa=tissue, thickness_mm=thickness, poisson=poisson, inclusion=lump)
         return TargetTruth(label=row.text("label"), phantom=phantom)
     except InputError as error:
         raise FileInputError(f"{error} ({row.where})") from error
-
-
-def _or(value: float | None, usual: float) -> float:
-    return usual if value is None else value
 
 
 READING_COLUMNS = ("code", "score", "operator", "repeat", *QUANTITIES)
@@ -205,14 +195,7 @@ def _reading(row: CsvRow, codes: frozenset[str], device: str) -> DeviceReading:
 
 
 def export_readings(study: Study, device: str | None = None) -> bytes:
-    """Readings of a device in the format of `import_readings`, without the truth.
-
-    Parameters
-    ----------
-    study
-        The study.
-    device
-        Name of the device; the only device by default.
+    """Readings of a device, by default the only one, in the format of `import_readings`, without the truth.
 
     Raises
     ------

@@ -20,21 +20,9 @@ if TYPE_CHECKING:
 
 
 def unblind(study: Study, *, by: str) -> Study:
-    """Enter the unblinding; a second call changes nothing.
+    """Enter the unblinding of a study with readings and return the updated study; a second call changes nothing.
 
     The entry includes the faults at this time, so that earlier and later changes differ.
-
-    Parameters
-    ----------
-    study
-        The study, with at least one reading.
-    by
-        Who unblinds it.
-
-    Returns
-    -------
-    Study
-        The updated study.
 
     Raises
     ------
@@ -60,30 +48,15 @@ def unblind(study: Study, *, by: str) -> Study:
 
 
 def enter_analysis(study: Study, *, by: str, folder: str, files: Mapping[str, str]) -> Study:
-    """Enter an analysis with the hashes of its files.
+    """Enter an analysis of an unblinded study with the hashes of its files.
 
-    Parameters
-    ----------
-    study
-        Unblinded.
-    by
-        Who did it.
-    folder
-        Its name below the study's folder; empty elsewhere.
-    files
-        SHA-256 by name.
+    ``folder`` is its name below the study's folder, empty elsewhere; ``files`` has the SHA-256 by name.
 
-    Raises
-    ------
-    RecordsError
-        When the study is blind.
+    `RecordsError` when the study is blind.
     """
     if study.unblinded is None:
         raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
     entries = {"folder": folder, "files": dict(files), "tsis": __version__}
-    append_log(
-        study.folder,
-        lambda _chain: [LogDraft(actor=require_short_name("by", by), action=ANALYSED, content=entries)],
-        damaged=True,
-    )
+    draft = LogDraft(actor=require_short_name("by", by), action=ANALYSED, content=entries)
+    append_log(study.folder, lambda _chain: [draft], damaged=True)
     return open_study(study.folder)

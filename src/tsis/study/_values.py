@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
 from tsis.files import from_json_value, to_json_value
-from tsis.model import Inclusion, Phantom, require_integer, require_number, require_one_of, require_pair, require_type
+from tsis.model import (
+    Inclusion,
+    Phantom,
+    freeze_mappings,
+    require_integer,
+    require_number,
+    require_one_of,
+    require_pair,
+    require_type,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -72,27 +80,25 @@ class DeviceReading:
         for name in ("code", "device", "operator"):
             require_short_name(name, getattr(self, name))
         require_integer("repeat", self.repeat, 1, MOST_REPEATS)
-        if self.score is not None:
-            score = require_number("score", self.score, -LARGEST_SCORE, LARGEST_SCORE)
-            object.__setattr__(self, "score", score)
-        if self.rank is not None:
-            object.__setattr__(self, "rank", require_number("rank", self.rank, -LARGEST_SCORE, LARGEST_SCORE))
+        for name in ("score", "rank"):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, require_number(name, value, -LARGEST_SCORE, LARGEST_SCORE))
         for name in ("values", "sd"):
             by_name = {
                 require_one_of("quantity", name, QUANTITIES): require_number(name, value, 0.0, LARGEST_VALUE)
                 for name, value in getattr(self, name).items()
             }
-            object.__setattr__(self, name, MappingProxyType(by_name))
+            object.__setattr__(self, name, by_name)
         ends = {
             require_one_of("quantity", name, QUANTITIES): require_pair(name, tuple(float(end) for end in pair))
             for name, pair in self.interval_90.items()
         }
-        object.__setattr__(self, "interval_90", MappingProxyType(ends))
+        object.__setattr__(self, "interval_90", ends)
         object.__setattr__(self, "flags", tuple(self.flags))
         for text in (self.reason, *self.flags):
             if not isinstance(text, str) or not text.isprintable():
                 raise InputError(f"reason and flags must be printable text; got {text!r:.80}")
-        object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
+        freeze_mappings(self, "values", "sd", "interval_90", "evidence")
 
     @property
     def undecided(self) -> bool:
@@ -110,13 +116,7 @@ class DeviceReading:
 
 
 def parse_reading(document: Mapping[str, Any]) -> DeviceReading:
-    """The reading in the JSON values of a log entry.
-
-    Raises
-    ------
-    InputError
-        When they are no reading.
-    """
+    """The reading in the JSON values of a log entry; `InputError` when they are no reading."""
     return from_json_value(DeviceReading, document, "reading")
 
 
@@ -172,9 +172,7 @@ class TargetTruth:
     def values(self) -> dict[str, float]:
         """Diameter, depth and modulus of the inclusion by the names of an estimate; empty where there is none."""
         lump = self.phantom.inclusion
-        if lump is None:
-            return {}
-        return {"diameter_mm": lump.diameter_mm, "depth_mm": lump.depth_mm, "young_kpa": lump.young_kpa}
+        return {} if lump is None else {name: getattr(lump, name) for name in QUANTITIES}
 
     def json_values(self) -> dict[str, Any]:
         """JSON values for a file."""
@@ -190,12 +188,7 @@ class TargetTruth:
 
 
 def parse_target_truth(document: Mapping[str, Any]) -> TargetTruth:
-    """The target in the JSON values of a file.
-
-    Raises
-    ------
-    InputError
-        When they are no target.
+    """The target in the JSON values of a file; `InputError` when they are no target.
 
     Examples
     --------

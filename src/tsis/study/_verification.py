@@ -29,24 +29,12 @@ BEFORE, AFTER = "before the unblinding", "after the unblinding"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyFault:
-    """A change of a study since it was written.
-
-    Attributes
-    ----------
-    file
-        Changed file of the study.
-    line
-        Changed line; 0 for the whole file.
-    what
-        The fault, as the end of a message.
-    when
-        Whether it happened before or after the unblinding; empty while the study is blind.
-    """
+    """A change of a study since it was written."""
 
     file: str
-    line: int
-    what: str
-    when: str = ""
+    line: int  # 0 for the whole file
+    what: str  # the end of a message
+    when: str = ""  # before or after the unblinding; empty while the study is blind
 
     @property
     def key(self) -> str:

@@ -17,7 +17,6 @@ from tsis.sweep._work import Lost, finish_batch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from types import TracebackType
     from typing import Self
 
     from tsis.sweep._samples import SweepBatch
@@ -34,21 +33,9 @@ CURE = "finished files are saved: start the cluster and run the same command aga
 
 
 class DaskPool:
-    """The workers of a Dask scheduler.
+    """The workers of a Dask scheduler, which must all see the folder of the job.
 
-    Parameters
-    ----------
-    job
-        Common data of all batches; all workers must see its folder.
-    address
-        Of the scheduler, ``tcp://host:port`` or ``tls://host:port``.
-    work
-        Function of a worker for one batch.
-
-    Raises
-    ------
-    InputError
-        When ``address`` has another form.
+    ``address`` is ``tcp://host:port`` or ``tls://host:port``, else `InputError`; ``work`` computes a batch on a worker.
     """
 
     def __init__(
@@ -80,13 +67,7 @@ class DaskPool:
         self._results.add(self._client.submit(self._work, self._job, batch, key=key, pure=False))
 
     def collect(self) -> Outcome:
-        """Wait for the next outcome.
-
-        Raises
-        ------
-        SweepError
-            When the scheduler is gone.
-        """
+        """Wait for the next outcome; `SweepError` when the scheduler is gone."""
         future = next(self._results)
         batch = self._batches.pop(future.key)
         try:
@@ -118,16 +99,14 @@ class DaskPool:
         try:
             self._client.wait_for_workers(1, timeout=WORKERS_S)
         except (OSError, TimeoutError) as error:
-            self.__exit__(None, None, None)
+            self.__exit__()
             raise SweepError(
                 f"the scheduler at {self._address} must have a worker; got none in {WORKERS_S:g} s"
             ) from error
         self._results = self._distributed.as_completed(loop=self._client.loop)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with suppress(Exception):  # a lost cluster cannot be closed
             self._client.close(timeout=CONNECT_S)
         self._restore_loggers()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from contextlib import contextmanager
 from dataclasses import asdict
 from importlib import metadata
@@ -17,9 +15,10 @@ from tsis.errors import FileInputError, InputError, import_extra
 from tsis.files import (
     UNFINISHED,
     content_sha256,
+    exclusive_lock,
+    file_error,
     json_bytes,
     one_line,
-    printable_path,
     read_bytes,
     read_object,
     write_durably,
@@ -39,6 +38,7 @@ from tsis.sweep._shards import (
 )
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
@@ -88,13 +88,7 @@ def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Re
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read and check the manifest of a data set.
-
-    Raises
-    ------
-    FileInputError
-        When it is missing or invalid.
-    """
+    """Read and check the manifest of a data set; `FileInputError` when it is missing or invalid."""
     path = folder / MANIFEST_FILE
     document = read_object(path, most=LARGEST_BYTES, values=MOST_VALUES)
     try:
@@ -105,15 +99,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         whole = whole and document.get("data_set") == data_set_key({key: document[key] for key in START})
         whole = whole and document["plan_sha256"] == manifest_sha256(document["plan"])
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, InputError) as error:
-        raise FileInputError(
-            f"{printable_path(path)} must be the manifest of a sweep; got: {one_line(error)}"
-        ) from error
+        raise file_error(path, f"must be the manifest of a sweep; got: {one_line(error)}") from error
     if version != (FORMAT, VERSION):
-        raise FileInputError(f"{printable_path(path)} must be of {FORMAT}, version {VERSION}; got another format")
+        raise file_error(path, f"must be of {FORMAT}, version {VERSION}; got another format")
     if not whole:
-        raise FileInputError(
-            f"{printable_path(path)} must be as it was written; its hashes do not agree with its content"
-        )
+        raise file_error(path, "must be as it was written; its hashes do not agree with its content")
     return dict(document)
 
 
@@ -146,9 +136,10 @@ def verify_data_set(folder: str | os.PathLike[str]) -> dict[str, Any]:
         *(f"{name} (not in the manifest)" for name in _extra(root, manifest)),
     ]
     if wrong:
-        raise FileInputError(
-            f"{printable_path(root)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
-            " (tsis sweep run with its plan computes damaged and missing files again)"
+        raise file_error(
+            root,
+            f"must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
+            " (tsis sweep run with its plan computes damaged and missing files again)",
         )
     return manifest
 
@@ -180,23 +171,19 @@ def read_data_set(folder: str | os.PathLike[str], columns: Sequence[str] | None 
     for entry in manifest["shards"]:
         content = read_bytes(root / entry["file"], most=LARGEST_SHARD_BYTES)
         if sha256(content) != entry["sha256"]:
-            raise FileInputError(
-                f"{printable_path(root / entry['file'])} must be as it was written; its SHA-256 differs"
-            )
+            raise file_error(root / entry["file"], "must be as it was written; its SHA-256 differs")
         table = decode_shard(content)
         for name in table.column_names if columns is None else columns:
             require_one_of("column", name, table.column_names)
             try:
                 parts.setdefault(name, []).append(_array(table.column(name), name))
             except (ValueError, AttributeError, TypeError, NotImplementedError) as error:
-                raise FileInputError(
-                    f"{printable_path(root / entry['file'])} must hold numbers by column; got others"
-                ) from error
+                raise file_error(root / entry["file"], "must hold numbers by column; got others") from error
     radius = np.array(outputs["radii_mm"], dtype=float)
     try:
         return {"radius_mm": radius} | {name: np.concatenate(values) for name, values in parts.items()}
     except (ValueError, TypeError) as error:
-        raise FileInputError(f"{printable_path(root)} must hold files with the same columns; got others") from error
+        raise file_error(root, "must hold files with the same columns; got others") from error
 
 
 def _array(column: Any, name: str) -> NDArray[Any]:
@@ -213,9 +200,7 @@ def _complete(folder: str | os.PathLike[str]) -> tuple[Path, dict[str, Any]]:
     path = Path(folder)
     manifest = read_manifest(path)
     if not manifest.get("complete"):
-        raise FileInputError(
-            f"{printable_path(path)} must hold a complete data set; tsis sweep run with its plan finishes it"
-        )
+        raise file_error(path, "must hold a complete data set; tsis sweep run with its plan finishes it")
     return path, manifest
 
 
@@ -233,13 +218,7 @@ def _extra(destination: Path, manifest: dict[str, Any]) -> list[str]:
 
 
 def as_folder(folder: str | os.PathLike[str]) -> Path:
-    """The absolute path of a folder, which need not exist.
-
-    Raises
-    ------
-    FileInputError
-        When no folder can have this name.
-    """
+    """The absolute path of a folder, which need not exist; `FileInputError` when no folder can have this name."""
     try:
         return Path(folder).resolve()
     except (OSError, ValueError, TypeError) as error:
@@ -250,46 +229,46 @@ def as_folder(folder: str | os.PathLike[str]) -> Path:
 def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
     """Create or resume the data set of ``start``, and lock it against other sweeps.
 
-    Raises
-    ------
-    FileInputError
-        When the folder cannot be created, belongs to another plan or to something else, or is locked.
+    `FileInputError` when the folder cannot be created, belongs to another plan or to something else, or is locked.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with _lock(folder):
+        with exclusive_lock(folder, wait=False):
             if (folder / MANIFEST_FILE).exists():
                 _refuse_other(folder, start)
             else:
                 _refuse_content(folder, start)
                 write_manifest(folder, start, None)
             yield
+    except BlockingIOError as error:
+        raise file_error(folder, "must not be in use; another sweep is writing into it") from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileInputError(f"{printable_path(folder)} must be a folder that can be written; got: {reason}") from error
+        raise file_error(folder, f"must be a folder that can be written; got: {reason}") from error
 
 
 def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
     manifest = read_manifest(folder)
     if manifest["plan_sha256"] != start["plan_sha256"]:
-        raise FileInputError(
-            f"{printable_path(folder)} must hold no other data set; got one of another plan, which differs in "
-            f"{', '.join(_differences(manifest['plan'], start['plan']))} (choose another folder)"
+        raise file_error(
+            folder,
+            f"must hold no other data set; got one of another plan, which differs in "
+            f"{', '.join(_differences(manifest['plan'], start['plan']))} (choose another folder)",
         )
-    versions = {"tsis": manifest["tsis"], **manifest["libraries"]}
-    here = {"tsis": start["tsis"], **start["libraries"]}
+    versions, here = ({"tsis": item["tsis"], **item["libraries"]} for item in (manifest, start))
     other = [
-        f"{name} {versions.get(name)} and not {here[name]}"
-        for name in ("tsis", *LIBRARIES)
-        if versions.get(name) != here[name]
+        f"{name} {versions.get(name)} and not {version}"
+        for name, version in here.items()
+        if versions.get(name) != version
     ]
     if other:
-        raise FileInputError(
-            f"{printable_path(folder)} was begun with {', '.join(other)}; install those versions or choose another "
-            "folder, so that all of its files are computed with the same versions"
+        raise file_error(
+            folder,
+            f"was begun with {', '.join(other)}; install those versions or choose another "
+            "folder, so that all of its files are computed with the same versions",
         )
     if manifest["data_set"] != data_set_key(start):
-        raise FileInputError(f"{printable_path(folder)} must hold no other data set; got one of another kind")
+        raise file_error(folder, "must hold no other data set; got one of another kind")
 
 
 def _differences(document: Mapping[str, Any], requested: Mapping[str, Any]) -> list[str]:
@@ -303,30 +282,6 @@ def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:
         if path.name.endswith(UNFINISHED):
             continue
         if not NAME.fullmatch(path.name) or data_set_of(path) != data_set_key(start):
-            raise FileInputError(
-                f"{printable_path(folder)} must be new, empty, or a folder that this plan began; got "
-                f"{path.name!r:.80} in it"
+            raise file_error(
+                folder, f"must be new, empty, or a folder that this plan began; got {path.name!r:.80} in it"
             )
-
-
-@contextmanager
-def _lock(folder: Path) -> Iterator[None]:
-    if sys.platform == "win32":
-        yield
-        return
-    import fcntl
-
-    # The system releases this lock with the process, however it ends; a lock file would outlive a kill.
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise FileInputError(
-                f"{printable_path(folder)} must not be in use; another sweep is writing into it"
-            ) from error
-        except OSError:
-            pass  # some network file systems have no such locks; two sweeps there only do the work twice
-        yield
-    finally:
-        os.close(handle)

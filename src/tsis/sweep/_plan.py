@@ -196,12 +196,8 @@ class Plan:
         """The phantom of one sample."""
         inclusion = None
         if self.has_inclusion:
-            inclusion = Inclusion(
-                diameter_mm=values["diameter_mm"],
-                depth_mm=values["depth_mm"],
-                young_kpa=values["young_kpa"],
-                poisson=values["inclusion_poisson"],
-            )
+            lump: dict[str, Any] = {name: values[name] for name in INCLUSION}
+            inclusion = Inclusion(**lump, poisson=values["inclusion_poisson"])
         return Phantom(
             young_kpa=values["tissue_young_kpa"],
             thickness_mm=values["thickness_mm"],

@@ -83,10 +83,7 @@ def parse_plan_text(text: str) -> Plan:
 def plan_from_document(document: Mapping[str, Any]) -> Plan:
     """The plan in a document: the tables of a TOML file, or the result of `plan_document`.
 
-    Raises
-    ------
-    InputError
-        When it has an unknown key or an invalid value.
+    `InputError` when it has an unknown key or an invalid value.
     """
     for key in document:
         require_one_of("key of a plan", key, KEYS)

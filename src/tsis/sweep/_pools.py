@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Protocol
 from tsis.sweep._work import Lost
 
 if TYPE_CHECKING:
-    from types import TracebackType
     from typing import Self
 
     from tsis.sweep._samples import SweepBatch
@@ -40,9 +39,7 @@ class WorkerPool(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, *_: object) -> None: ...
 
 
 QUEUED_BATCHES = 2  # batches of one worker, so that it need not wait for the next
@@ -54,15 +51,7 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THRE
 
 
 class LocalPool:
-    """Worker processes on this machine.
-
-    Parameters
-    ----------
-    job
-        Common data of all batches.
-    count
-        Number of processes.
-    """
+    """``count`` worker processes on this machine, for the batches of a job."""
 
     def __init__(self, job: SweepJob, count: int) -> None:
         self.window = AHEAD * count
@@ -90,9 +79,7 @@ class LocalPool:
             thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         with self._lock:
             self._stopping = True
             for process in self._processes:

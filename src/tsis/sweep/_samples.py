@@ -11,7 +11,7 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from tsis.errors import TsisError
-from tsis.sweep._plan import PROFILES, SCALARS, Range
+from tsis.sweep._plan import PROFILES, Range
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -24,17 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SweepBatch:
-    """The phantoms of one file.
-
-    Attributes
-    ----------
-    shard
-        Number of the file, from 0.
-    first
-        Number of its first phantom in the sweep.
-    values
-        By quantity, one value per phantom.
-    """
+    """The phantoms of a file, numbered from 0: the number of the first, and by quantity one value per phantom."""
 
     shard: int
     first: int
@@ -169,16 +159,12 @@ def _output_values(
 ) -> dict[str, float | NDArray[np.float64]]:
     phantom, force = plan.phantom(values), values["force_n"]
     field = press(plan.probe, phantom, force_n=force, strain=plan.strain)
-    document: dict[str, float | NDArray[np.float64]] = {
-        name: getattr(field, name) for name in plan.columns if name in SCALARS
-    }
+    document: dict[str, float | NDArray[np.float64]] = {}
     for name in plan.columns:
         if name == "change_by_inclusion_mm":
             reference = press(plan.probe, phantom.without_inclusion(), force_n=force, strain=plan.strain)
-            profile = field.face_displacement_mm - reference.face_displacement_mm
-        elif name in PROFILES:
-            profile = getattr(field, name)
+            value = field.face_displacement_mm - reference.face_displacement_mm
         else:
-            continue
-        document[name] = np.interp(plan.radii_mm, field.radius_mm, profile)
+            value = getattr(field, name)
+        document[name] = np.interp(plan.radii_mm, field.radius_mm, value) if name in PROFILES else value
     return document

@@ -32,17 +32,7 @@ FEATURE = "a sweep's Parquet files"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """Identity of one file of the data set.
-
-    Attributes
-    ----------
-    shard
-        Number of the file, from 0.
-    sha256
-        Of its bytes.
-    rows, refused
-        Presses in it, and those that the model refused.
-    """
+    """Number of a file of the data set, from 0, its SHA-256, and its presses and refused presses."""
 
     shard: int
     sha256: str
@@ -129,10 +119,7 @@ def is_whole(content: bytes) -> bool:
 def decode_shard(content: bytes) -> Any:
     """The Arrow table of a verified file.
 
-    Raises
-    ------
-    FileInputError
-        When it is no Parquet file, or unpacks to more than a sweep writes.
+    `FileInputError` when it is no Parquet file, or unpacks to more than a sweep writes.
     """
     pa, parquet = _arrow()
     try:

@@ -25,19 +25,7 @@ _LOCK = threading.Lock()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepJob:
-    """Common data of all batches of a sweep.
-
-    Attributes
-    ----------
-    folder
-        Absolute path of the data set.
-    plan
-        The plan.
-    data_set
-        Key of the data set, in every file.
-    press
-        Function for a press.
-    """
+    """Common data of all batches of a sweep: absolute path and key of the data set, plan, and press function."""
 
     folder: str
     plan: Plan

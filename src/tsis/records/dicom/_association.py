@@ -54,10 +54,8 @@ def c_store(
     InputError
         When a title, the port or the timeout is invalid.
     """
-    port, timeout_s = (
-        require_integer("port", port, 1, 65_535),
-        require_number("timeout_s", timeout_s, 0.1, 600.0),
-    )
+    port = require_integer("port", port, 1, 65_535)
+    timeout_s = require_number("timeout_s", timeout_s, 0.1, 600.0)
     entity = _entity(files, calling_ae, timeout_s)
     where = f"{called_ae} at {host}:{port}"
     with _associated(entity, host, port, _title("called_ae", called_ae), timeout_s, tls) as association:
@@ -140,17 +138,11 @@ def _refusal(association: Any, where: str, timeout_s: float) -> str:
             f"{where} refused the association: {response.reason_str.lower()}; check both names of applications, "
             "and that the archive knows this one"
         )
-    if (
-        association.acceptor.primitive is not None
-        and not association.accepted_contexts
-        and association.rejected_contexts
-    ):
-        return f"{where} takes none of the kinds of instances: {_kinds(association.rejected_contexts)}"
+    rejected = association.rejected_contexts
+    if association.acceptor.primitive is not None and not association.accepted_contexts and rejected:
+        kinds = ", ".join(str(context.abstract_syntax.name) for context in rejected)
+        return f"{where} takes none of the kinds of instances: {kinds}"
     return f"{where} must answer the request for an association within {timeout_s:g} s; {SILENT}"
-
-
-def _kinds(contexts: Any) -> str:
-    return ", ".join(str(context.abstract_syntax.name) for context in contexts)
 
 
 def _store(association: Any, file: DicomFile) -> str:

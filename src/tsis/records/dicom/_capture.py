@@ -35,33 +35,15 @@ OTHER_PROBE = 10  # between the numbers of series of one role and different prob
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stack:
-    """Presses of one role, probe, size, depth and scale, in the order of their times.
-
-    Parameters
-    ----------
-    role
-        Role of the presses.
-    probe
-        Name of the probe; empty where unknown.
-    series
-        Number of the series of this role and probe.
-    started
-        Time of the first press of the series.
-    number
-        Number of the instance in its series, from 1.
-    presses
-        A press for each frame.
-    levels
-        Grey levels, shape (frames, rows, columns), uint8 or uint16.
-    """
+    """Presses of one role, probe, size, depth and scale, in the order of their times."""
 
     role: str
-    probe: str
-    series: int
-    started: datetime
-    number: int
-    presses: tuple[StoredPress, ...]
-    levels: NDArray[Any]
+    probe: str  # empty where unknown
+    series: int  # number of the series of this role and probe
+    started: datetime  # time of the first press of the series
+    number: int  # of the instance in its series, from 1
+    presses: tuple[StoredPress, ...]  # one for each frame
+    levels: NDArray[Any]  # shape (frames, rows, columns), uint8 or uint16
 
     def contains(self, presses: Collection[str]) -> bool:
         """Whether it has a frame of these presses, by identity."""

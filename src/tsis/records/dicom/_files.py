@@ -86,10 +86,7 @@ def _bytes(dataset: Dataset) -> bytes:
 def write_files(files: Iterable[DicomFile], folder: Path) -> tuple[Path, ...]:
     """Write all files or none, except those that exist with the same content.
 
-    Raises
-    ------
-    RecordsError
-        When a file cannot be written, or exists with other content.
+    `RecordsError` when a file cannot be written, or exists with other content.
     """
     folder = Path(folder)
     planned = {file.name: file.content for file in files}

@@ -86,27 +86,13 @@ METHOD_TEXT = ("Pseudonym for name and ID", "Dates and times removed", "New UIDs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """The common attributes of a series.
+    """The common attributes of a series."""
 
-    Parameters
-    ----------
-    number
-        Number in the study, from 1.
-    what
-        Source of its UID, e.g. role and probe of the presses.
-    description
-        Text for people.
-    modality
-        ``"OT"`` for images, ``"SR"`` for reports.
-    started
-        Time of its first instance.
-    """
-
-    number: int
-    what: str
+    number: int  # in the study, from 1
+    what: str  # source of its UID, e.g. role and probe of the presses
     description: str
-    modality: str
-    started: datetime
+    modality: str  # "OT" for images, "SR" for reports
+    started: datetime  # time of its first instance
 
 
 def code(value: str, scheme: str, meaning: str) -> Dataset:

@@ -151,8 +151,7 @@ def _refusal(response: Any, file: DicomFile, url: str) -> str:
     cure = {
         401: "; give a token that the archive knows",
         403: "; the archive does not let this token store",
-        404: "; check the address, a DICOMweb service often starts at /dicom-web or /dicomweb",
-        405: "; check the address, a DICOMweb service often starts at /dicom-web or /dicomweb",
+        **dict.fromkeys((404, 405), "; check the address, a DICOMweb service often starts at /dicom-web or /dicomweb"),
         413: "; the archive takes no requests of this size",
         415: "; the archive does not take this kind of instance",
     }.get(response.status_code, "")

@@ -73,15 +73,8 @@ ESTIMATE_HEADINGS = (
 
 def target_rows(target: Target) -> list[list[Any]]:
     """Headings and the row of the target."""
-    row: dict[str, Any] = {
-        "target": target.number,
-        "kind": target.kind,
-        "name": target.name,
-        "note": target.note,
-        "made": target.made.isoformat(),
-        "id": target.id,
-        "version": target.version,
-    }
+    row: dict[str, Any] = {"target": target.number, "kind": target.kind, "name": target.name, "note": target.note}
+    row |= {"made": target.made.isoformat(), "id": target.id, "version": target.version}
     for name, value in target.truth.items():
         unit = unit_of(name)
         row[f"true {label_of(name)}" + ("" if unit == NO_UNIT else f" ({unit})")] = value
@@ -202,14 +195,8 @@ def _parts(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
     for name, content in _content(record):
         entries[name] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
         yield name, content
-    manifest = {
-        "format": FORMAT,
-        "version": VERSION,
-        "notice": RESEARCH_USE_ONLY,
-        "tsis": __version__,
-        "files": entries,
-    }
-    yield "manifest.json", json_bytes(manifest)
+    head = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "tsis": __version__}
+    yield "manifest.json", json_bytes(head | {"files": entries})
 
 
 def _content(record: TargetRecord) -> Iterator[tuple[str, bytes]]:

@@ -143,13 +143,10 @@ def _value(stored: StoredEstimate, name: str) -> Resource:
         return {"dataAbsentReason": absent("error", UNTRUSTED)}
     low, high = result.interval(INTERVAL_LEVEL)[name]
     tail = (1 - INTERVAL_LEVEL) / 2
+    interval = f"{INTERVAL_LEVEL:.0%} credible interval"
     parts = [
-        component(
-            "interval-low", f"{INTERVAL_LEVEL:.0%} credible interval, lower end ({tail:.0%} quantile)", name, low
-        ),
-        component(
-            "interval-high", f"{INTERVAL_LEVEL:.0%} credible interval, upper end ({1 - tail:.0%} quantile)", name, high
-        ),
+        component("interval-low", f"{interval}, lower end ({tail:.0%} quantile)", name, low),
+        component("interval-high", f"{interval}, upper end ({1 - tail:.0%} quantile)", name, high),
         component("sd", "Standard deviation of the posterior", name, result.sd[name]),
         component("prior-sd", "Standard deviation of the prior", name, result.prior_sd[name]),
     ]

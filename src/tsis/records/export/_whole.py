@@ -5,8 +5,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from tsis.errors import FileInputError
-from tsis.files import QUICK_PNG, as_path, atomic_file, atomic_folder, encode_picture, printable_path
+from tsis.files import QUICK_PNG, as_path, atomic_file, atomic_folder, encode_picture, file_error
 
 if TYPE_CHECKING:
     import os
@@ -38,14 +37,10 @@ def _refusing(requested: Path) -> Iterator[None]:
     try:
         yield
     except FileExistsError as error:
-        raise FileInputError(
-            f"{printable_path(requested)} must be a new name; there is such a file or folder (choose another)"
-        ) from error
+        raise file_error(requested, "must be a new name; there is such a file or folder (choose another)") from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileInputError(
-            f"{printable_path(requested)} must be a place that can be written; got: {reason}"
-        ) from error
+        raise file_error(requested, f"must be a place that can be written; got: {reason}") from error
 
 
 def frame_png(record: TargetRecord, press: StoredPress) -> bytes:

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import FileInputError, InputError
-from tsis.files import free_to_json, printable_path
+from tsis.files import file_error, free_to_json, printable_path
 from tsis.instrument import read_image
+from tsis.model import freeze_mappings
 from tsis.records._values import StoredPress
 from tsis.records.store import calibration_table, frame_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from tsis.calibration.file import ProbeCalibration
@@ -38,24 +39,10 @@ def no_calibration(_cited: str) -> ProbeCalibration | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImportOptions:
-    """Metadata from the user, for frames whose files lack it.
+    """Metadata from the user, for frames whose files lack it; other fields as in `StoredPress`.
 
-    Parameters
-    ----------
-    role
-        As in `StoredPress`.
-    force_n
-        A force for all image files, or one for each.
-    mm_per_pixel
-        Size (x, y) of a pixel on the face in mm.
-    probe
-        Name of the probe.
-    calibration
-        The active calibration.
-    taken
-        Time of image files; by default their modification time.
-    calibration_of
-        Finds a calibration by the SHA-256 that a file cites.
+    ``force_n`` has a force for all image files, or one for each. ``taken`` is the time of image files, by default their
+    modification time. ``calibration_of`` finds a calibration by the SHA-256 that a file cites.
     """
 
     role: str = "target"
@@ -69,29 +56,15 @@ class ImportOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IncomingPress:
-    """A frame from a checked file, ready to be stored.
-
-    Parameters
-    ----------
-    path
-        The file.
-    sha256
-        Hash of the checked file.
-    frame
-        Hash of the frame in a store.
-    full_scale
-        Grey level at which the camera clips; None for that of the file.
-    role, taken, name, force_n, mm_per_pixel, probe, calibration, flags, settings
-        As in `StoredPress`.
-    """
+    """A frame from a checked file, ready to be stored; other fields as in `StoredPress`."""
 
     path: Path
-    sha256: str
-    frame: str
+    sha256: str  # of the checked file
+    frame: str  # SHA-256 of the frame in a store
     role: str
     taken: datetime
     name: str
-    full_scale: float | None = None
+    full_scale: float | None = None  # grey level at which the camera clips; None for that of the file
     force_n: float | None = None
     mm_per_pixel: tuple[float, float] | None = None
     probe: str = ""
@@ -100,27 +73,18 @@ class IncomingPress:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+        freeze_mappings(self, "settings")
         free_to_json(self.settings, "settings")
-        StoredPress(  # checks the values before anything is stored
-            frame=self.frame,
-            rows=1,
-            columns=1,
-            full_scale=255.0 if self.full_scale is None else self.full_scale,
-            axis_px=(0.0, 0.0),
-            **{
-                name: getattr(self, name)
-                for name in ("role", "taken", "name", "force_n", "mm_per_pixel", "probe", "flags")
-            },
-        )
+        full_scale = 255.0 if self.full_scale is None else self.full_scale
+        names = ("frame", "role", "taken", "name", "force_n", "mm_per_pixel", "probe", "flags")
+        values = {name: getattr(self, name) for name in names}
+        StoredPress(rows=1, columns=1, full_scale=full_scale, axis_px=(0.0, 0.0), **values)  # checks the values
 
     def image(self) -> TactileImage:
         """The frame, read again; `FileInputError` when its file has changed since the check."""
         image = read_frame(self.path, full_scale=self.full_scale)
         if image.settings["sha256"] != self.sha256:
-            raise FileInputError(
-                f"{printable_path(self.path)} must be as it was looked through; it was changed meanwhile"
-            )
+            raise file_error(self.path, "must be as it was looked through; it was changed meanwhile")
         return replace(
             image,
             force_n=self.force_n,
@@ -187,13 +151,9 @@ def read_frame(path: Path, *, full_scale: float | None = None) -> TactileImage:
         frame_bytes(image)
     except InputError as error:
         colour = image.settings.get("kind") == "colour"
-        raise FileInputError(
-            f"{printable_path(path)} must hold the grey levels that the camera gave; "
-            + (
-                "got colours, of which a store keeps none (save it as a grey PNG file and use that everywhere)"
-                if colour
-                else f"{error}"
-            )
+        fault = "got colours, of which a store keeps none (save it as a grey PNG file and use that everywhere)"
+        raise file_error(
+            path, f"must hold the grey levels that the camera gave; {fault if colour else error}"
         ) from error
     return image
 
@@ -209,13 +169,25 @@ def inspect_file(path: Path, *, full_scale: float | None = None) -> dict[str, An
     }
 
 
+@contextmanager
+def written_by(command: str, path: Path) -> Iterator[None]:
+    """Convert errors of the values in a file that a command writes to `FileInputError`."""
+    try:
+        yield
+    except FileInputError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
+        fault = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
+        raise file_error(path, f"must be as {command} wrote it; {fault}") from error
+
+
 def own_file(folder: Path, name: str) -> Path:
     """The file of this name in a folder; `FileInputError` for names that lead elsewhere, and for links."""
     path = folder / name
     if not _is_safe_name(name) or name in ("", ".", ".."):
-        raise FileInputError(f"{printable_path(folder)} must name files of its own; it names {name!r:.80}")
+        raise file_error(folder, f"must name files of its own; it names {name!r:.80}")
     if path.is_symlink():
-        raise FileInputError(f"{printable_path(path)} must be a file of its own; it is a link that leads elsewhere")
+        raise file_error(path, "must be a file of its own; it is a link that leads elsewhere")
     return path
 
 
@@ -227,7 +199,7 @@ def modification_time(path: Path) -> datetime:
     try:
         return datetime.fromtimestamp(path.stat().st_mtime, UTC)
     except (OSError, ValueError, OverflowError) as error:
-        raise FileInputError(f"{printable_path(path)} must tell when it was written; got: {error}") from error
+        raise file_error(path, f"must tell when it was written; got: {error}") from error
 
 
 def stored_calibration(store: Store, cited: str) -> ProbeCalibration | None:
@@ -242,17 +214,12 @@ def cited_calibration(
 ) -> tuple[ProbeCalibration | None, tuple[str, ...]]:
     """The calibration that a file cites, or None, and notes.
 
-    Raises
-    ------
-    FileInputError
-        When the citation is invalid.
-    InputError
-        When the user gave another calibration.
+    `FileInputError` when the citation is invalid, `InputError` when the user gave another calibration.
     """
     if citation is None:
         return given.calibration, ()
     if not isinstance(citation, dict) or not isinstance(citation.get("sha256"), str):
-        raise FileInputError(f"{printable_path(source)} must cite its calibration by its SHA-256; got {citation!r:.80}")
+        raise file_error(source, f"must cite its calibration by its SHA-256; got {citation!r:.80}")
     requested = citation["sha256"]
     if given.calibration is not None:
         if calibration_sha256(given.calibration) != requested:

@@ -6,7 +6,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import printable_name, printable_path
+from tsis.files import file_error, printable_name
 from tsis.instrument.recording import RECORDING_INDEX, RECORDING_SUMMARY
 from tsis.model import require_one_of
 from tsis.records._values import ROLES
@@ -31,12 +31,7 @@ if TYPE_CHECKING:
 def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
     """Image files of presses on one target.
 
-    Raises
-    ------
-    FileInputError
-        When a file is no grey image.
-    InputError
-        When the number of forces is neither one nor that of the files.
+    `FileInputError` when a file is no grey image, `InputError` when the number of forces does not fit that of files.
     """
     if len(given.force_n) not in (0, 1, len(paths)):
         raise InputError(f"--force-n must be given once, or once for each of {len(paths)}; got {len(given.force_n)}")
@@ -65,16 +60,9 @@ def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[
 def find_import_batches(
     paths: Sequence[Path], given: ImportOptions, *, progress: Callable[[int], None] | None = None
 ) -> tuple[ImportBatch, ...]:
-    """Check all files that paths name.
+    """Check all files that paths name: folders that tsis wrote, sidecars of snapshots, image files.
 
-    Parameters
-    ----------
-    paths
-        Folders that tsis wrote, sidecars of snapshots, image files.
-    given
-        Metadata from the user.
-    progress
-        Called with the number of frames.
+    ``given`` has metadata from the user; ``progress`` is called with the number of frames.
 
     Raises
     ------
@@ -114,7 +102,7 @@ def _is_folder(path: Path) -> bool:
     try:
         return path.is_dir()
     except OSError as error:
-        raise FileInputError(f"{printable_path(path)} must name a file or folder; got: {error.strerror}") from error
+        raise file_error(path, f"must name a file or folder; got: {error.strerror}") from error
 
 
 def _folder(folder: Path, given: ImportOptions, count: Callable[[], None]) -> tuple[ImportBatch, ...]:
@@ -126,10 +114,11 @@ def _folder(folder: Path, given: ImportOptions, count: Callable[[], None]) -> tu
         return (recording(folder, given, count),)
     result = snapshot_folder(folder, given, count)
     if not result:
-        raise FileInputError(
-            f"{printable_path(folder)} must be a folder that tsis wrote (demo, acquire, records export "
-            f"--format bundle); it "
-            "holds nothing of these (name image files one by one, with --role and what is known of them)"
+        raise file_error(
+            folder,
+            "must be a folder that tsis wrote (demo, acquire, records export "
+            "--format bundle); it "
+            "holds nothing of these (name image files one by one, with --role and what is known of them)",
         )
     return result
 

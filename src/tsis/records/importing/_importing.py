@@ -63,22 +63,10 @@ def _differences(item: IncomingPress, press: StoredPress) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImportedBatch:
-    """Result of the import of a batch.
+    """Result of the import of a batch, which may have further notes.
 
-    Attributes
-    ----------
-    batch
-        The batch, with further notes.
-    target
-        The target of its presses.
-    new
-        Whether the target is new.
-    added, present
-        Number of new presses, and of those that were stored before.
-    estimates
-        Number of added estimates.
-    presses
-        The stored presses in the order of the batch; empty for a bundle.
+    ``added`` and ``present`` are the numbers of new presses and of those that were stored before, ``estimates`` that of
+    added estimates. ``presses`` are the stored ones in the order of the batch; empty for a bundle.
     """
 
     batch: ImportBatch
@@ -190,7 +178,9 @@ def _import_batch(
     if batch.record is not None:
         return _import_record(store, batch, batch.record, tally, progress)
     stored = () if tally.separate else stored_frames(store, batch.presses)
-    target = _target(store, batch, number, stored, difference=tally.separate)
+    target = None
+    if not tally.separate:
+        target = target_with(store, batch.presses, stored) if number is None else target_by_number(store, number)
     new = target is None
     if target is None:
         first = [press.image() for press in batch.presses[:1]]
@@ -218,15 +208,6 @@ def _import_batch(
         estimates=_add_estimate(store, target, batch, presses),
         presses=tuple(presses),
     )
-
-
-def _target(
-    store: Store, batch: ImportBatch, number: int | None, stored: Sequence[StoredPress], *, difference: bool
-) -> Target | None:
-    """The target of a batch; None for a new one."""
-    if difference:
-        return None
-    return target_with(store, batch.presses, stored) if number is None else target_by_number(store, number)
 
 
 def _size(batch: ImportBatch) -> int:
@@ -288,16 +269,14 @@ def _add_estimate(store: Store, target: Target, batch: ImportBatch, presses: Seq
     identities = {press.id for press in rests_on}
     if any(set(estimate.presses) == identities and estimate.kind == requested.kind for estimate in record.estimates):
         return 0
-    response = estimate_stored(
-        record,
-        EstimationRequest(
-            kind=requested.kind,
-            probe=requested.probe,
-            presses=rests_on,
-            calibration=calibration_sha256(requested.calibration),
-            options=requested.options,
-        ),
+    request = EstimationRequest(
+        kind=requested.kind,
+        probe=requested.probe,
+        presses=rests_on,
+        calibration=calibration_sha256(requested.calibration),
+        options=requested.options,
     )
+    response = estimate_stored(record, request)
     enter_estimate(
         store,
         target,

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError
-from tsis.files import from_json_value, printable_path, read_bytes, read_object
+from tsis.files import file_error, from_json_value, read_bytes, read_object
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
@@ -44,18 +44,14 @@ def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) 
     A recording has its start time and the delay of each frame. Without the start time, in an interrupted recording or
     one of an old release, the modification time of the index is that of the last frame.
 
-    Raises
-    ------
-    FileInputError
-        When it is no such folder, is a video, or its index does not fit its frames.
+    `FileInputError` when it is no such folder, is a video, or its index does not fit its frames.
     """
     summary = _summary(folder)
     rows = _rows(own_file(folder, RECORDING_INDEX))
     saved = None if summary is None else summary["report"]["kept"]
     if saved is not None and saved != len(rows):
-        raise FileInputError(
-            f"{printable_path(folder / RECORDING_INDEX)} must tell of the {saved!r:.20} frames of the "
-            f"report; it tells of {len(rows)}"
+        raise file_error(
+            folder / RECORDING_INDEX, f"must tell of the {saved!r:.20} frames of the report; it tells of {len(rows)}"
         )
     known, notes = cited_calibration(folder / RECORDING_SUMMARY, (summary or {}).get("calibration"), given)
     scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
@@ -88,13 +84,14 @@ def _summary(folder: Path) -> dict[str, Any] | None:
         return None
     document = read_object(source)
     if document.get("format") != RECORDING_FORMAT or document.get("version") != RECORDING_VERSION:
-        raise FileInputError(
-            f"{printable_path(source)} must be of {RECORDING_FORMAT} {RECORDING_VERSION}; got "
+        raise file_error(
+            source,
+            f"must be of {RECORDING_FORMAT} {RECORDING_VERSION}; got "
             f"{document.get('format')!r:.60} "
-            f"{document.get('version')!r:.20}"
+            f"{document.get('version')!r:.20}",
         )
     if not isinstance(document.get("report"), dict) or "kept" not in document["report"]:
-        raise FileInputError(f"{printable_path(source)} must hold a report with the number of frames; it does not")
+        raise file_error(source, "must hold a report with the number of frames; it does not")
     return document
 
 
@@ -102,43 +99,36 @@ def _rows(path: Path) -> list[dict[str, str]]:
     try:
         lines = read_bytes(path, most=LARGEST_INDEX_BYTES).decode().splitlines()
         if len(lines) > MOST_FRAMES + 1:
-            raise FileInputError(
-                f"{printable_path(path)} must tell of at most {MOST_FRAMES} frames; it has {len(lines)} lines"
-            )
+            raise file_error(path, f"must tell of at most {MOST_FRAMES} frames; it has {len(lines)} lines")
         reader = csv.DictReader(lines, strict=True)
         rows = list(reader)
     except (UnicodeDecodeError, csv.Error) as error:
-        raise FileInputError(
-            f"{printable_path(path)} must be a table of comma-separated values; got: {error}"
-        ) from error
+        raise file_error(path, f"must be a table of comma-separated values; got: {error}") from error
     if not rows or not set(RECORDING_COLUMNS) <= set(reader.fieldnames or ()):
-        raise FileInputError(
-            f"{printable_path(path)} must have the columns {', '.join(RECORDING_COLUMNS)} and a frame; it has not"
-        )
+        raise file_error(path, f"must have the columns {', '.join(RECORDING_COLUMNS)} and a frame; it has not")
     for at, row in enumerate(rows, start=2):
         _require_sound(path, at, row)
     if len({row["kept_in"] for row in rows}) < len(rows):
-        raise FileInputError(f"{printable_path(path)} must name every frame once; it names one twice")
+        raise file_error(path, "must name every frame once; it names one twice")
     return rows
 
 
 def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
     if None in row or None in row.values():
-        raise FileInputError(f"{printable_path(path)} must have one value a column; line {at} has more or fewer")
+        raise file_error(path, f"must have one value a column; line {at} has more or fewer")
     if row["kept_in"].startswith(f"{VIDEO_NAME}#"):
-        raise FileInputError(
-            f"{printable_path(path.parent)} must be a recording of single frames; it is a video, of which a "
-            f"store keeps none "
-            "(record without --video, or save the frames that you want as PNG files)"
+        raise file_error(
+            path.parent,
+            "must be a recording of single frames; it is a video, of which a "
+            "store keeps none "
+            "(record without --video, or save the frames that you want as PNG files)",
         )
     for name in ("arrived_s", FORCE):
         if name == "arrived_s" or row.get(name):
             try:
                 from_json_value(float, float(row[name]), name)
             except ValueError as error:
-                raise FileInputError(
-                    f"{printable_path(path)} must hold a finite {name}; line {at} has {row[name]!r:.40}"
-                ) from error
+                raise file_error(path, f"must hold a finite {name}; line {at} has {row[name]!r:.40}") from error
 
 
 def _full_scale(summary: dict[str, Any] | None) -> float | None:
@@ -157,9 +147,7 @@ def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tu
         require_moment("begun", begun)
         return begun, from_json_value(float, summary["begun_s"], f"{RECORDING_SUMMARY}.begun_s")
     except (ValueError, KeyError) as error:
-        raise FileInputError(
-            f"{printable_path(folder / RECORDING_SUMMARY)} must tell when it began; {error}"
-        ) from error
+        raise file_error(folder / RECORDING_SUMMARY, f"must tell when it began; {error}") from error
 
 
 def _moment(then: datetime, after_s: float) -> datetime:

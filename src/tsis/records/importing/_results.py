@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from tsis.__about__ import CALIBRATION_FILE
 from tsis.calibration.file import read_calibration
 from tsis.catalog import load_probe
-from tsis.errors import FileInputError, InputError
-from tsis.files import from_json_value, printable_path, read_object
+from tsis.errors import InputError
+from tsis.files import file_error, from_json_value, read_object
 from tsis.model import grey_sha256
 from tsis.records._provenance import environment
 from tsis.records.importing._batch import (
@@ -20,6 +20,7 @@ from tsis.records.importing._batch import (
     modification_time,
     own_file,
     read_frame,
+    written_by,
 )
 from tsis.records.store import frame_bytes
 
@@ -87,31 +88,22 @@ TRUTH = ("diameter_mm", "depth_mm", "young_kpa")
 def result_folder(folder: Path, progress: Callable[[], None]) -> ImportBatch:
     """The presses in a folder of ``tsis demo``, each checked by the hash in the result.
 
-    Raises
-    ------
-    FileInputError
-        When it is no such folder, or a frame differs from that of the result.
-    CalibrationError
-        When the calibration in it was changed.
+    `FileInputError` when it is no such folder, or a frame differs; `CalibrationError` when the calibration was changed.
     """
     source = own_file(folder, RESULT)
     document = read_object(source)
-    try:
+    with written_by("tsis demo", source):
         return _batch(folder, document, progress)
-    except FileInputError:
-        raise
-    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
-        message = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
-        raise FileInputError(f"{printable_path(source)} must be as tsis demo wrote it; {message}") from error
 
 
 def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None]) -> ImportBatch:
     command = document.get("command")
     if command != "demo":
-        raise FileInputError(
-            f"{printable_path(folder / RESULT)} must be of tsis demo, whose folder holds its frames; got "
+        raise file_error(
+            folder / RESULT,
+            f"must be of tsis demo, whose folder holds its frames; got "
             f"one of {command!r:.40} "
-            "(name the frames, or repeat the command with --save)"
+            "(name the frames, or repeat the command with --save)",
         )
     reported = document["estimate"]["provenance"]
     calibration = read_calibration(own_file(folder, CALIBRATION_FILE))
@@ -159,9 +151,7 @@ def _presses(
         scale = _optional(tuple[float, float], entry["mm_per_pixel"], f"{role}.mm_per_pixel")
         grey = read_frame(path).grey
         if grey_sha256(grey) != entry["sha256"]:
-            raise FileInputError(
-                f"{printable_path(path)} must be the frame that was estimated; its grey levels are others"
-            )
+            raise file_error(path, "must be the frame that was estimated; its grey levels are others")
         yield IncomingPress(
             **inspect_file(path),
             role=role,

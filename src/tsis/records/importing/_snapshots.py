@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import FileInputError, InputError
-from tsis.files import from_json_value, printable_name, printable_path, read_object
+from tsis.files import file_error, from_json_value, printable_name, printable_path, read_object
 from tsis.instrument import SIDECAR_FORMAT, SIDECAR_VERSION
 from tsis.model import require_integer, require_one_of
 from tsis.records._values import ROLES
@@ -20,11 +20,12 @@ from tsis.records.importing._batch import (
     cited_calibration,
     inspect_file,
     own_file,
+    written_by,
 )
 from tsis.records.importing._importing import import_batches
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable
     from pathlib import Path
 
     from tsis.calibration import UsableCalibration
@@ -51,13 +52,9 @@ def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], N
         inside = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
         sidecars = [path for position in (folder, *inside) for path in sorted(position.glob("*.json"))]
     except OSError as error:
-        raise FileInputError(
-            f"{printable_path(folder)} must be a folder that can be read; got: {error.strerror}"
-        ) from error
+        raise file_error(folder, f"must be a folder that can be read; got: {error.strerror}") from error
     if len(sidecars) > MOST_FRAMES:
-        raise FileInputError(
-            f"{printable_path(folder)} must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}"
-        )
+        raise file_error(folder, f"must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}")
     unfinished = [path for path in sidecars if not path.is_symlink() and path.stat().st_size == 0]
     result = snapshots([path for path in sidecars if path not in unfinished], given, progress, single=False)
     if not result or not unfinished:
@@ -65,29 +62,15 @@ def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], N
     note = (
         f"{len(unfinished)} snapshots in {printable_path(folder)} were cut short while they were saved and are left out"
     )
-    return (*result[:-1], _noted(result[-1], note))
+    return (*result[:-1], replace(result[-1], notes=(*result[-1].notes, note)))
 
 
 def snapshots(
     sidecars: Iterable[Path], given: ImportOptions, progress: Callable[[], None], *, single: bool = True
 ) -> tuple[ImportBatch, ...]:
-    """A batch for each target that these sidecars name.
+    """A batch for each target that these sidecars name; with ``single`` other JSON files are an error.
 
-    Parameters
-    ----------
-    sidecars
-        JSON files.
-    given
-        Role, scale and calibration where the sidecars lack them.
-    progress
-        Called after each frame.
-    single
-        Whether other JSON files are an error, because the user named each file.
-
-    Raises
-    ------
-    FileInputError
-        When a sidecar is damaged, or its frame differs from its hash.
+    `FileInputError` when a sidecar is damaged, or its frame differs from its hash.
     """
     targets: dict[int, list[IncomingPress]] = {}
     notes: dict[int, dict[str, None]] = {}
@@ -97,17 +80,11 @@ def snapshots(
         if document.get("format") != SIDECAR_FORMAT:
             if not single:
                 continue
-            raise FileInputError(
-                f"{printable_path(sidecar)} must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got "
-                f"{document.get('format')!r:.60}"
+            raise file_error(
+                sidecar, f"must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got {document.get('format')!r:.60}"
             )
-        try:
+        with written_by("tsis acquire", sidecar):
             target, press, message = _snapshot(sidecar, document, given)
-        except FileInputError:
-            raise
-        except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
-            what = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
-            raise FileInputError(f"{printable_path(sidecar)} must be as tsis acquire wrote it; {what}") from error
         targets.setdefault(target, []).append(press)
         notes.setdefault(target, {}).update(dict.fromkeys(message))
         first.setdefault(target, sidecar.parent)
@@ -133,7 +110,7 @@ def _snapshot(
     raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
     read = inspect_file(raw, full_scale=from_json_value(float, document["full_scale"], "snapshot.full_scale"))
     if read["sha256"] != hashes[ending]:
-        raise FileInputError(f"{printable_path(raw)} must be as it was saved; its content does not match its sidecar")
+        raise file_error(raw, "must be as it was saved; its content does not match its sidecar")
     known, notes = cited_calibration(sidecar, document.get("calibration"), given)
     scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
     settings: dict[str, Any] = {
@@ -148,7 +125,7 @@ def _snapshot(
         mm_per_pixel=scale,
         probe=given.probe or ("" if known is None else known.probe) or _probe(document),
         calibration=known,
-        flags=tuple(_flags(document.get("flags") or ())),
+        flags=tuple(from_json_value(str, flag["name"], "flag.name") for flag in document.get("flags") or ()),
         settings=dict(document["settings"]) | settings,
     )
     return target, press, notes
@@ -163,32 +140,13 @@ def _force_n(force: Any) -> float | None:
     return None if force is None else max(0.0, from_json_value(float, force["force_n"], "force.force_n"))
 
 
-def _flags(flags: Iterable[Any]) -> Iterator[str]:
-    for flag in flags:
-        yield from_json_value(str, flag["name"], "flag.name")
-
-
-def _noted(batch: ImportBatch, note: str) -> ImportBatch:
-    return replace(batch, notes=(*batch.notes, note))
-
-
 def save_snapshot_to_store(
     store: Store, sidecar: Path, *, role: str, probe: str, calibration: UsableCalibration | None
 ) -> dict[str, Any]:
     """Store the snapshot of a sidecar; return store, target, press and notes for the result document.
 
-    Parameters
-    ----------
-    store
-        An open store.
-    sidecar
-        The sidecar, beside its raw frame.
-    role
-        One of `tsis.records.ROLES`.
-    probe
-        Name of the probe where the calibration has none.
-    calibration
-        The calibration of the snapshot, or None.
+    The raw frame lies beside the sidecar. ``role`` is one of `tsis.records.ROLES`; ``probe`` is used where the
+    calibration names none.
 
     Raises
     ------

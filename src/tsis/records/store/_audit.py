@@ -89,14 +89,8 @@ def append_audit(connection: Connection, head: AuditHead, changes: Iterable[Audi
     moment = datetime.now(UTC).isoformat()
     entries = []
     for change in changes:
-        entry: dict[str, Any] = {
-            "moment": moment,
-            "actor": actor,
-            "action": change.action,
-            "kind": change.kind,
-            "row": change.row,
-            "content": digest(change.values),
-        }
+        entry: dict[str, Any] = {"moment": moment, "actor": actor, "action": change.action, "kind": change.kind}
+        entry |= {"row": change.row, "content": digest(change.values)}
         entries.append(linked_entry(entry, head.number + 1, head.hash))
         head = AuditHead(number=head.number + 1, hash=entries[-1]["hash"])
     if entries:
@@ -136,15 +130,8 @@ def read_anchor(folder: Path) -> tuple[str, AuditHead]:
 def require_anchored(connection: Connection, folder: Path) -> bool:
     """Refuse to extend an audit that contradicts its anchor, since the next anchor would hide that.
 
-    Returns
-    -------
-    bool
-        Whether there is an anchor; a user may have removed it to continue without.
-
-    Raises
-    ------
-    RecordsError
-        When the audit lacks the anchored entry, or the anchor is damaged.
+    Returns whether there is an anchor; a user may have removed it to continue without. `RecordsError` when the audit
+    lacks the anchored entry, or the anchor is damaged.
     """
     if not (folder / ANCHOR_FILE).exists():
         return False

@@ -37,14 +37,9 @@ def insert_row_once(connection: Connection, table: Table, row: Row | None, *, ac
 
 
 def update_row(connection: Connection, table: Table, before: Any, changed: Row) -> AuditChange:
-    """Update columns of the row of ``before``.
+    """Update columns of the row of ``before``; `StaleRecordError` when another user has changed it since.
 
-    Raises
-    ------
-    StaleRecordError
-        When another user has changed it since it was read.
-    RecordsError
-        When the row contradicts its last audit entry; a new entry would hide that.
+    `RecordsError` when the row contradicts its last audit entry, which a new entry would hide.
     """
     what = "target" if table is tables.target_table else "press"
     unchanged = (table.c.id == before.id) & (table.c.version == before.version)

@@ -93,12 +93,7 @@ def use_write_ahead_log(connection: sqlite3.Connection) -> None:
 def postgresql_engine(url: URL) -> Engine:
     """Engine for a PostgreSQL server with bounded waits.
 
-    Raises
-    ------
-    MissingExtraError
-        When the driver is not installed.
-    RecordsError
-        When the driver does not understand the URL.
+    `MissingExtraError` when the driver is not installed, `RecordsError` when it does not understand the URL.
     """
     import_extra("psycopg", feature="a store of records in PostgreSQL", extra="postgres")
     settings = {"connect_timeout": CONNECT_S, "client_encoding": "utf8", **_PING}

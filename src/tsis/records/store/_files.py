@@ -38,14 +38,8 @@ ENDINGS = ("png", "json", "samples")
 class Blobs:
     """A folder of files named by the SHA-256 of their content.
 
-    Parameters
-    ----------
-    folder
-        An existing folder. It is never created here: the store may have been moved.
-    disk
-        Write operations, which tests replace.
-    allowed
-        Called before each write; raises where writing is not allowed.
+    The folder is never created here: the store may have been moved. ``allowed`` is called before each write, and raises
+    where writing is not allowed.
     """
 
     def __init__(self, folder: Path, *, disk: Disk = DISK, allowed: Callable[[], None] = lambda: None) -> None:
@@ -59,10 +53,7 @@ class Blobs:
         A whole file is not replaced, because that could lose it; it is synced again, because its writer may have been
         killed before the sync.
 
-        Raises
-        ------
-        RecordsError
-            When it cannot be written durably; no partial file remains.
+        `RecordsError` when it cannot be written durably; no partial file remains.
         """
         name = hashlib.sha256(content).hexdigest()
         path = self.path(name, ending)
@@ -143,10 +134,7 @@ def frame_bytes(image: TactileImage) -> bytes:
 def frame_levels(content: bytes, name: str) -> NDArray[Any]:
     """Grey levels of a verified file, shape (rows, columns), uint8 or uint16, read-only.
 
-    Raises
-    ------
-    RecordsError
-        When the content is no grey image file.
+    `RecordsError` when the content is no grey image file.
     """
     levels = decode_grey_png(content) if image_fault(content) is None else None
     if levels is None:

@@ -21,6 +21,7 @@ from tsis.files import (
     PRIVATE_FOLDER,
     Disk,
     as_path,
+    file_error,
     make_folder_durably,
     one_line,
     printable_path,
@@ -100,8 +101,8 @@ def open_store(
     require_label("actor", actor)
     position = default_folder(kind) if folder is None else as_path(folder)
     if not create and (not position.is_dir() if database else not (position / DATABASE_FILE).is_file()):
-        raise RecordsError(
-            f"{printable_path(position)} must be a store of records; there is none (tsis records import makes one)"
+        raise file_error(
+            position, "must be a store of records; there is none (tsis records import makes one)", RecordsError
         )
     read_only = only_readable(position) and (database is not None or (position / DATABASE_FILE).is_file())
     if not read_only:
@@ -137,8 +138,8 @@ def _make_folders(path: Path, disk: Disk, *, own_database: bool) -> None:
         if own_database:  # SQLite would create a file that all may read; its log copies the mode
             os.close(os.open(path / DATABASE_FILE, os.O_RDWR | os.O_CREAT, PRIVATE_FILE))
     except (OSError, ValueError) as error:  # ValueError: a NUL character in its name
-        raise RecordsError(
-            f"{printable_path(path)} must be a folder that can be made; got: {one_line(error)} (choose another)"
+        raise file_error(
+            path, f"must be a folder that can be made; got: {one_line(error)} (choose another)", RecordsError
         ) from error
     for folder in (path, path / FILES):
         remove_unfinished(folder, age_s=ABANDONED_S)
@@ -250,6 +251,4 @@ def _anchor(path: Path, identity: str, head: AuditHead, disk: Disk) -> None:
     try:
         write_anchor(path, identity, head, disk=disk)
     except OSError as error:
-        raise RecordsError(
-            f"{printable_path(path)} must be a folder that can be written; got: {one_line(error)}"
-        ) from error
+        raise file_error(path, f"must be a folder that can be written; got: {one_line(error)}", RecordsError) from error

@@ -35,15 +35,7 @@ Value = TypeVar("Value")
 
 
 class StoreReader:
-    """Reads targets with their presses, calibrations and estimates.
-
-    Parameters
-    ----------
-    folder, database, blobs
-        Folder of the store, its rows and its files.
-    identity, kind
-        Identity of the store, and ``"phantom"`` or ``"subject"``.
-    """
+    """Reads targets with their presses, calibrations and estimates; parameters as in `Store`."""
 
     def __init__(self, folder: Path, database: Database, blobs: Blobs, *, identity: str, kind: str) -> None:
         self.folder, self.database, self.blobs, self.identity, self.kind = folder, database, blobs, identity, kind

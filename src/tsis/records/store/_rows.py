@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError
 from tsis.files import canonical, from_json_value, parse_canonical, to_json_value
-from tsis.records._estimate_json import (
-    estimate_from_json,
-    estimate_to_json,
-)
+from tsis.records._estimate_json import estimate_from_json, estimate_to_json
 from tsis.records._values import StoredPress, Target
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Iterator, Mapping
 
     import numpy as np
     from numpy.typing import NDArray
@@ -25,7 +23,6 @@ if TYPE_CHECKING:
 
 
 Row = dict[str, Any]
-Value = TypeVar("Value")
 
 
 def moment(when: datetime) -> str:
@@ -41,12 +38,9 @@ def target_row(target: Target) -> Row:
 
 def target_of_row(row: Mapping[str, Any]) -> Target:
     """The target of a row; `RecordsError` when the row is invalid."""
-
-    def target() -> Target:
+    with _as_stored("target", row):
         document = dict(row) | {"truth": parse_canonical(row["truth"], "truth")}
         return from_json_value(Target, document, "target", complete=True)
-
-    return _validated(target, "target", row)
 
 
 def press_row(press: StoredPress) -> Row:
@@ -71,8 +65,7 @@ def press_row(press: StoredPress) -> Row:
 
 def press_of_row(row: Mapping[str, Any]) -> StoredPress:
     """The press of a row joined with the size of its frame; `RecordsError` when the row is invalid."""
-
-    def press() -> StoredPress:
+    with _as_stored("press", row):
         document = dict(row)
         scale = [document.pop("mm_per_pixel_x"), document.pop("mm_per_pixel_y")]
         document["mm_per_pixel"] = None if None in scale else scale
@@ -81,8 +74,6 @@ def press_of_row(row: Mapping[str, Any]) -> StoredPress:
         document["flags"] = parse_canonical(row["flags"] or "[]", "flags")
         document["note"] = row["note"] or ""
         return from_json_value(StoredPress, document, "press", complete=True)
-
-    return _validated(press, "press", row)
 
 
 def estimate_row(stored: StoredEstimate, samples: str) -> Row:
@@ -95,31 +86,23 @@ def estimate_row(stored: StoredEstimate, samples: str) -> Row:
 
 def estimate_of_row(row: Mapping[str, Any], samples: Mapping[str, NDArray[np.float64]]) -> StoredEstimate:
     """The estimate of a row with its samples, name -> shape (n,); `RecordsError` when the row is invalid."""
-
-    def estimate() -> StoredEstimate:
+    with _as_stored("estimate", row):
         document = {name: value for name, value in row.items() if name not in ("document", "samples")}
         nested = {name: parse_canonical(row[name], name) for name in ("presses", "options", "environment")}
         nested["estimate"] = parse_canonical(row["document"], "document")
         return estimate_from_json(document | nested, samples)
 
-    return _validated(estimate, "estimate", row)
-
 
 def calibration_row(calibration: ProbeCalibration, file: str) -> Row:
     """Row of a calibration; ``file`` names its stored file."""
-    created = "" if calibration.made is None else moment(calibration.made)
-    return {
-        "id": calibration_sha256(calibration),
-        "file": file,
-        "name": calibration.name,
-        "probe": calibration.probe,
-        "made": created,
-    }
+    row = {"id": calibration_sha256(calibration), "file": file, "name": calibration.name, "probe": calibration.probe}
+    return row | {"made": "" if calibration.made is None else moment(calibration.made)}
 
 
-def _validated(build: Callable[[], Value], what: str, row: Mapping[str, Any]) -> Value:
+@contextmanager
+def _as_stored(what: str, row: Mapping[str, Any]) -> Iterator[None]:
     try:
-        return build()
+        yield
     except InputError as error:
         raise RecordsError(
             f"{what} {str(row.get('id', ''))!r:.40} must be as it was stored; {error} (tsis records verify)"

@@ -60,16 +60,8 @@ Value = TypeVar("Value")
 class Store(StoreReader):
     """Targets with their presses, calibrations and estimates; see `tsis.records.store.open_store`.
 
-    Parameters
-    ----------
-    folder, database
-        The files and the rows.
-    identity, kind
-        Identity of the store, and ``"phantom"`` or ``"subject"``.
-    actor
-        The user, for the audit.
-    disk
-        Write operations, which tests replace.
+    ``folder`` has the files and ``database`` the rows; ``identity`` and ``kind``, ``"phantom"`` or ``"subject"``, are
+    those of the store; ``actor`` is the user, for the audit.
     """
 
     def __init__(
@@ -146,16 +138,8 @@ class Store(StoreReader):
     ) -> StoredPress:
         """Save a frame with its metadata; when this returns, it survives a loss of power.
 
-        Parameters
-        ----------
-        target
-            The target.
-        image
-            The camera frame: whole grey levels.
-        role, taken, probe, flags, note
-            As in `StoredPress`.
-        calibration
-            The active calibration, which is saved too.
+        The grey levels of the image must be whole. The active calibration is saved too; other parameters as in
+        `StoredPress`.
 
         Raises
         ------
@@ -257,12 +241,7 @@ class Store(StoreReader):
     ) -> ImportedTarget:
         """Import a target of another store with its presses, estimates and calibrations: all or nothing.
 
-        Parameters
-        ----------
-        record
-            The record, e.g. of `tsis.records.export.bundle.read_bundle`.
-        progress
-            Called with (done, all) frames.
+        ``progress`` is called with (done, all) frames.
 
         Raises
         ------

@@ -55,17 +55,15 @@ def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
     presses = {row.target: (row.number, row.last) for row in connection.execute(count.group_by(pressed.target))}
     query = select(created.target, func.count().label("number")).group_by(created.target)
     estimates = {row.target: row.number for row in connection.execute(query)}
-    results = [
-        row._asdict() for row in connection.execute(select(tables.target_table).order_by(tables.target_table.c.number))
-    ]
+    targets = connection.execute(select(tables.target_table).order_by(tables.target_table.c.number))
     return tuple(
         TargetSummary(
-            target=target_of_row(row),
-            presses=presses.get(row["id"], (0, None))[0],
-            estimates=estimates.get(row["id"], 0),
-            last=_moment(presses[row["id"]][1]) if row["id"] in presses else None,
+            target=target_of_row(row._asdict()),
+            presses=presses.get(row.id, (0, None))[0],
+            estimates=estimates.get(row.id, 0),
+            last=_moment(presses[row.id][1]) if row.id in presses else None,
         )
-        for row in results
+        for row in targets
     )
 
 

@@ -5,9 +5,20 @@ Times are ISO 8601 in UTC, nested values canonical JSON, both as text: the same 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from sqlalchemy import Column, Float, ForeignKey, Index, Integer, MetaData, Table, Text
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 metadata = MetaData()
+
+
+def _columns(kind: Any, *names: str) -> Iterator[Column[Any]]:
+    """Columns of one type that hold a value in every row."""
+    return (Column(name, kind, nullable=False) for name in names)
+
 
 store_table = Table("store", metadata, Column("name", Text, primary_key=True), Column("value", Text, nullable=False))
 
@@ -16,11 +27,7 @@ target_table = Table(
     metadata,
     Column("id", Text, primary_key=True),
     Column("number", Integer, nullable=False, unique=True),
-    Column("kind", Text, nullable=False),
-    Column("name", Text, nullable=False),
-    Column("note", Text, nullable=False),
-    Column("truth", Text, nullable=False),
-    Column("made", Text, nullable=False),
+    *_columns(Text, "kind", "name", "note", "truth", "made"),
     Column("version", Integer, nullable=False),
 )
 
@@ -28,19 +35,14 @@ calibration_table = Table(
     "calibrations",
     metadata,
     Column("id", Text, primary_key=True),  # SHA-256 of its content, by which results cite it
-    Column("file", Text, nullable=False),  # SHA-256 of its file
-    Column("name", Text, nullable=False),
-    Column("probe", Text, nullable=False),
-    Column("made", Text, nullable=False),
+    *_columns(Text, "file", "name", "probe", "made"),  # the SHA-256 of its file, and its fields
 )
 
 frame_table = Table(
     "frames",
     metadata,
     Column("id", Text, primary_key=True),  # SHA-256 of its file
-    Column("rows", Integer, nullable=False),
-    Column("columns", Integer, nullable=False),
-    Column("bytes", Integer, nullable=False),
+    *_columns(Integer, "rows", "columns", "bytes"),
 )
 
 press_table = Table(
@@ -48,22 +50,16 @@ press_table = Table(
     metadata,
     Column("id", Text, primary_key=True),
     Column("target", Text, ForeignKey("targets.id"), nullable=False),
-    Column("role", Text, nullable=False),
-    Column("taken", Text, nullable=False),
+    *_columns(Text, "role", "taken"),
     Column("frame", Text, ForeignKey("frames.id"), nullable=False),
     Column("full_scale", Float(53), nullable=False),
-    Column("force_n", Float(53)),
-    Column("mm_per_pixel_x", Float(53)),
-    Column("mm_per_pixel_y", Float(53)),
-    Column("axis_px_x", Float(53), nullable=False),
-    Column("axis_px_y", Float(53), nullable=False),
+    *(Column(name, Float(53)) for name in ("force_n", "mm_per_pixel_x", "mm_per_pixel_y")),
+    *_columns(Float(53), "axis_px_x", "axis_px_y"),
     Column("probe", Text, nullable=False),
     Column("calibration", Text, ForeignKey("calibrations.id")),
-    Column("settings", Text, nullable=False),
-    Column("name", Text, nullable=False),
+    *_columns(Text, "settings", "name"),
     Column("version", Integer, nullable=False),
-    Column("flags", Text),  # since schema 2
-    Column("note", Text),  # since schema 2
+    *(Column(name, Text) for name in ("flags", "note")),  # since schema 2
     Index("presses_of_a_target", "target", "taken", "id"),  # since schema 2
 )
 
@@ -72,16 +68,11 @@ estimate_table = Table(
     metadata,
     Column("id", Text, primary_key=True),
     Column("target", Text, ForeignKey("targets.id"), nullable=False),
-    Column("kind", Text, nullable=False),
-    Column("made", Text, nullable=False),
-    Column("probe", Text, nullable=False),
-    Column("presses", Text, nullable=False),
+    *_columns(Text, "kind", "made", "probe", "presses"),
     Column("calibration", Text, ForeignKey("calibrations.id"), nullable=False),
-    Column("options", Text, nullable=False),
-    Column("environment", Text, nullable=False),
+    *_columns(Text, "options", "environment"),
     Column("supersedes", Text, ForeignKey("estimates.id")),
-    Column("document", Text, nullable=False),  # the estimate without its samples
-    Column("samples", Text, nullable=False),  # SHA-256 of their file
+    *_columns(Text, "document", "samples"),  # the estimate without its samples, and the SHA-256 of their file
     Index("estimates_of_a_target", "target", "made", "id"),  # since schema 2
 )
 
@@ -89,14 +80,8 @@ audit_table = Table(
     "audit",
     metadata,
     Column("number", Integer, primary_key=True, autoincrement=False),
-    Column("moment", Text, nullable=False),
-    Column("actor", Text, nullable=False),
-    Column("action", Text, nullable=False),
-    Column("kind", Text, nullable=False),  # the table of the row
-    Column("row", Text, nullable=False),  # its key
-    Column("content", Text, nullable=False),  # digest of the new row
-    Column("previous", Text, nullable=False),
-    Column("hash", Text, nullable=False),
+    # Table and key of a row, the digest of its new content, and the hashes of the previous entry and of this one.
+    *_columns(Text, "moment", "actor", "action", "kind", "row", "content", "previous", "hash"),
     Index("audit_of_a_row", "kind", "row", "number"),  # since schema 2
 )
 

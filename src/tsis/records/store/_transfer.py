@@ -101,21 +101,8 @@ class ImportedTarget:
 class TargetImport:
     """A target record whose files are stored; `enter` then adds its rows.
 
-    Parameters
-    ----------
-    record
-        The record to import.
-    blobs
-        The files of the store.
-    present
-        Stored frame by press, as `stored_frames` returns it.
-    progress
-        Called with (done, all) frames.
-
-    Raises
-    ------
-    RecordsError
-        When the record lacks something that it cites, or a file cannot be stored.
+    ``present`` is the result of `stored_frames`; ``progress`` is called with (done, all) frames. `RecordsError` when
+    the record lacks something that it cites, or a file cannot be stored.
     """
 
     def __init__(

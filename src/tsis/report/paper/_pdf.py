@@ -62,17 +62,7 @@ def pdf(page: Page) -> bytes:
     """The page as a PDF file; equal pages give equal bytes.
 
     What the embedded fonts (DejaVu) cannot show is written as its code point, such as ``[U+4E2D]``. A word that is read
-    from the right is turned as a browser would, which holds for what fits on one line.
-
-    Parameters
-    ----------
-    page
-        What `tsis.report.html` takes: cards, notes, pictures, tables, provenance, of any length.
-
-    Returns
-    -------
-    bytes
-        The file.
+    from the right is reversed as in a browser, if it fits on one line.
     """
     buffer = io.BytesIO()
     with _LAYOUT_LOCK:

@@ -37,16 +37,9 @@ Rows = tuple[tuple[str, ...], ...]
 
 
 def table(headings: Sequence[str], rows: Sequence[Sequence[str]], *, cell: ParagraphStyle = CELL) -> list[Any]:
-    """What stands on the paper for a table; one with very many columns is cut, its first column before each part.
+    """A table on paper; one with very many columns is cut, its first column before each part.
 
-    Parameters
-    ----------
-    headings
-        Of the columns; none leaves the heading row out.
-    rows
-        Texts; short rows are filled up.
-    cell
-        Style of the texts.
+    There is no heading row without ``headings``; short rows are filled up.
     """
     if not rows:
         return paragraphs("None.", SMALL)

@@ -10,7 +10,7 @@ from tsis.errors import InputError
 from tsis.report._document import envelope
 
 if TYPE_CHECKING:
-    from tsis.detection import BlandAltman, Counts, OperatingPoint, Recalibration, ReliabilityCurve
+    from tsis.detection import BlandAltman, Counts, OperatingPoint, Recalibration, ReliabilityCurve, Roc
     from tsis.study import StudyVerification
     from tsis.study.analysis import (
         Agreement,
@@ -63,7 +63,7 @@ def study_verification_document(study_verification: StudyVerification) -> dict[s
 
 
 def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
-    results = device_analysis.results
+    results, curve = device_analysis.results, device_analysis.curve
     return {
         "device": results.device,
         "threshold": results.threshold,
@@ -74,25 +74,15 @@ def _device(device_analysis: DeviceAnalysis) -> dict[str, Any]:
         "counts": _counts(device_analysis.counts),
         "counts_if_undecided_are_wrong": _counts(device_analysis.counts_if_wrong),
         "ranked_by": "log_bayes_factor" if results.is_ranked else "score",
-        "auc": None if device_analysis.curve is None else device_analysis.curve.auc,
+        "auc": None if curve is None else curve.auc,
         **_fields(device_analysis, "auc_interval"),
         "auc_if_undecided_are_wrong": device_analysis.auc_if_wrong,
-        "roc": None
-        if device_analysis.curve is None
-        else {
-            "thresholds": [
-                None if math.isinf(threshold) else float(threshold) for threshold in device_analysis.curve.thresholds
-            ],
-            "true_positive_rate": device_analysis.curve.true_positive_rate.tolist(),
-            "false_positive_rate": device_analysis.curve.false_positive_rate.tolist(),
-        },
+        "roc": None if curve is None else _roc(curve),
         "operating_points_optimistic": [_point(point) for point in device_analysis.points],
         "held_out_counts": _counts(device_analysis.held_out),
         "reliability": None if device_analysis.reliability is None else _reliability(device_analysis.reliability),
         **_fields(device_analysis, "brier_interval"),
-        "recalibration": None
-        if device_analysis.recalibration is None
-        else _recalibration(device_analysis.recalibration),
+        "recalibration": _recalibration(device_analysis.recalibration),
         "errors": [_errors(error) for error in device_analysis.errors],
         "found_by": [
             _fields(item, "quantity", "low", "high", "undecided") | {"found": _json_value(item.detected)}
@@ -148,6 +138,14 @@ def _counts(counts: Counts | None) -> dict[str, Any] | None:
     }
 
 
+def _roc(curve: Roc) -> dict[str, Any]:
+    return {
+        "thresholds": [None if math.isinf(threshold) else float(threshold) for threshold in curve.thresholds],
+        "true_positive_rate": curve.true_positive_rate.tolist(),
+        "false_positive_rate": curve.false_positive_rate.tolist(),
+    }
+
+
 def _point(point: OperatingPoint) -> dict[str, Any]:
     return {**_fields(point, "rule", "threshold"), "counts": _counts(point.counts)}
 
@@ -161,15 +159,12 @@ def _reliability(curve: ReliabilityCurve) -> dict[str, Any]:
     }
 
 
-def _recalibration(recalibration: Recalibration) -> dict[str, Any]:
-    named = {
-        "slope": recalibration.slope,
-        "intercept": recalibration.intercept,
-        "in_the_large": recalibration.in_the_large,
-    }
+def _recalibration(recalibration: Recalibration | None) -> dict[str, Any] | None:
+    if recalibration is None:
+        return None
+    fitted = {name: getattr(recalibration, name) for name in ("slope", "intercept", "in_the_large")}
     return {
-        name: {"value": fitted.value, "interval": interval_document(fitted.interval())}
-        for name, fitted in named.items()
+        name: {"value": item.value, "interval": interval_document(item.interval())} for name, item in fitted.items()
     }
 
 

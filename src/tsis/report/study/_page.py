@@ -109,7 +109,7 @@ def _record_card(analysis: StudyAnalysis) -> Card:
 
 def _cards(device_analysis: DeviceAnalysis, *, several: bool) -> tuple[Card, ...]:
     of = f", {device_analysis.results.device}" if several else ""
-    counts, cards = device_analysis.counts, []
+    counts, few, cards = device_analysis.counts, device_analysis.few, []
     rates = {}
     if counts is not None and counts.present:
         rates["Sensitivity"] = counts.sensitivity
@@ -117,25 +117,16 @@ def _cards(device_analysis: DeviceAnalysis, *, several: bool) -> tuple[Card, ...
         rates["Specificity"] = counts.specificity
     for name, rate in rates.items():
         reported = f"{rate.successes} of {rate.trials}; {interval_text(rate)}, Wilson"
-        cards.append(
-            Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=reported, doubtful=device_analysis.few)
-        )
+        cards.append(Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=reported, doubtful=few))
     if device_analysis.curve is not None:
         reported = f"{ends(device_analysis.auc_interval)}, {method_of(device_analysis.auc_interval)}"
-        cards.append(
-            Card(
-                title=f"Area under the curve{of}",
-                value=f"{device_analysis.curve.auc:.3f}",
-                detail=reported,
-                doubtful=device_analysis.few,
-            )
-        )
+        area = f"{device_analysis.curve.auc:.3f}"
+        cards.append(Card(title=f"Area under the curve{of}", value=area, detail=reported, doubtful=few))
     if device_analysis.reliability is not None:
         interval = device_analysis.brier_interval
         reported = "no interval" if interval is None else f"{ends(interval)}, {method_of(interval)}"
-        cards.append(
-            Card(title=f"Brier score{of}", value=small(device_analysis.reliability.brier.score), detail=reported)
-        )
+        score = small(device_analysis.reliability.brier.score)
+        cards.append(Card(title=f"Brier score{of}", value=score, detail=reported))
     return tuple(cards)
 
 
@@ -168,18 +159,8 @@ def _reading_rows(analysis: StudyAnalysis) -> list[list[Any]]:
             *(reading.sd.get(name) for name in QUANTITIES),
         ]
         by = [reading.device, reading.operator, reading.repeat]
-        rows.append(
-            [
-                reading.code,
-                truth.label,
-                truth.has_inclusion,
-                *existing,
-                *by,
-                *messages,
-                " ".join(reading.flags),
-                reading.reason,
-            ]
-        )
+        of = [reading.code, truth.label, truth.has_inclusion]
+        rows.append([*of, *existing, *by, *messages, " ".join(reading.flags), reading.reason])
     return rows
 
 
@@ -188,17 +169,7 @@ FOLDER = "analysis"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PublishedStudy:
-    """A written report.
-
-    Attributes
-    ----------
-    analysis
-        What it says.
-    study
-        As it is with the entry of this analysis.
-    folder
-        Where the files lie.
-    """
+    """A written report: the analysis, the study with the entry of this analysis, and the folder of the files."""
 
     analysis: StudyAnalysis
     study: Study
@@ -208,18 +179,10 @@ class PublishedStudy:
 def publish_study(
     study: Study, *, by: str, out: Path | None = None, progress: Callable[[int, int], None] | None = None
 ) -> PublishedStudy:
-    """Unblind a study that is still blind, analyse it and write the report.
+    """Unblind a study with readings that is still blind, analyse it and write the report.
 
-    Parameters
-    ----------
-    study
-        With one reading at least.
-    by
-        Who unblinds and analyses it.
-    out
-        Folder to write, a number is added when it exists; ``analysis`` in the study by default.
-    progress
-        Called with (done, total) devices.
+    The folder, by default ``analysis`` in the study, gets a number where it exists. ``progress`` is called with (done,
+    total) devices.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from tsis.plots import (
     roc_curve,
     scores_by_truth,
 )
-from tsis.report._page import Picture
+from tsis.report._page import Picture, on_axes
 from tsis.report.study._text import counted, ends, labelled, method_of, small
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def _of_device(device_analysis: DeviceAnalysis) -> Iterator[Picture]:
     if len(scores):
         yield Picture(
             title=f"{device}: scores",
-            draw=lambda figure: _draw_scores(figure, device_analysis),
+            draw=on_axes(scores_by_truth, scores, present, threshold=results.threshold),
             size=SQUARE,
             alt=f"Scores of {int(present.sum())} targets with an inclusion and {int((~present).sum())} blanks",
             caption="Each dot is a target, by its first reading.",
@@ -82,7 +82,7 @@ def _of_device(device_analysis: DeviceAnalysis) -> Iterator[Picture]:
     if device_analysis.reliability is not None:
         yield Picture(
             title=f"{device}: are its probabilities right?",
-            draw=partial(_draw_reliability, device_analysis),
+            draw=on_axes(reliability_diagram, device_analysis.reliability),
             size=SQUARE,
             alt="Fractions that came true over probabilities; Brier score "
             f"{small(device_analysis.reliability.brier.score)}, 95 % interval {ends(device_analysis.brier_interval)}",
@@ -108,15 +108,6 @@ def _of_device(device_analysis: DeviceAnalysis) -> Iterator[Picture]:
             + ("; bars are 90 % intervals." if any(error.covered for error in device_analysis.errors) else "."),
             wide=True,
         )
-
-
-def _draw_scores(figure: Figure, device_analysis: DeviceAnalysis) -> None:
-    scores_by_truth(*device_analysis.results.scores(), figure.subplots(), threshold=device_analysis.results.threshold)
-
-
-def _draw_reliability(device_analysis: DeviceAnalysis, figure: Figure) -> None:
-    assert device_analysis.reliability is not None
-    reliability_diagram(device_analysis.reliability, figure.subplots())
 
 
 def _draw_detected(device_analysis: DeviceAnalysis, figure: Figure) -> None:

@@ -18,6 +18,7 @@ from tsis.report.study._text import (
     score_text,
     small,
 )
+from tsis.study import QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,16 +43,11 @@ def device_tables(device_analysis: DeviceAnalysis) -> Iterator[Table]:
     title = f"{device}: at the threshold {device_analysis.results.threshold:g}, which was fixed beforehand"
     yield Table(title=title, headings=NUMBERS, rows=tuple(_at_threshold(device_analysis)))
     if device_analysis.points:
+        ranked = device_analysis.results.is_ranked
+        threshold = "threshold of the logarithm of the Bayes factor" if ranked else "threshold"
         yield Table(
             title=f"{device}: other thresholds, chosen on these very targets and so optimistic",
-            headings=(
-                "rule",
-                _unit_of_threshold(device_analysis),
-                "sensitivity",
-                "95 % interval",
-                "specificity",
-                "95 % interval",
-            ),
+            headings=("rule", threshold, "sensitivity", "95 % interval", "specificity", "95 % interval"),
             rows=tuple(_points(device_analysis)),
         )
     if device_analysis.reliability is not None:
@@ -87,12 +83,8 @@ def _at_threshold(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
             youden = counts.youden
             yield ("Youden's index", f"{youden.value:.3f}", ends(youden.interval()), method_of(youden.interval()))
     if device_analysis.curve is not None:
-        yield (
-            "area under the curve",
-            f"{device_analysis.curve.auc:.3f}",
-            ends(device_analysis.auc_interval),
-            method_of(device_analysis.auc_interval),
-        )
+        area = device_analysis.auc_interval
+        yield ("area under the curve", f"{device_analysis.curve.auc:.3f}", ends(area), method_of(area))
     else:
         yield ("area under the curve", "none", device_analysis.missing.get("curve", ""), "")
     yield ("readings", f"{device_analysis.readings}", f"{device_analysis.undecided_readings} of them undecided", "")
@@ -112,22 +104,12 @@ def _fractions(counts: Counts) -> Iterator[tuple[str, str, str, str]]:
 def _points(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
     for point in device_analysis.points:
         inside, outside = point.counts.sensitivity, point.counts.specificity
-        at = (
-            "none"
-            if point.threshold == math.inf
-            else "all"
-            if point.threshold == -math.inf
-            else f"{point.threshold:.4g}"
-        )
+        at = {math.inf: "none", -math.inf: "all"}.get(point.threshold, f"{point.threshold:.4g}")
         yield (point.rule, at, _of(inside), interval_text(inside), _of(outside), interval_text(outside))
     if device_analysis.held_out is not None:
         inside, outside = device_analysis.held_out.sensitivity, device_analysis.held_out.specificity
         rule = "the first, each chosen without the target that it decides on"
         yield (rule, "varies", _of(inside), interval_text(inside), _of(outside), interval_text(outside))
-
-
-def _unit_of_threshold(device_analysis: DeviceAnalysis) -> str:
-    return "threshold of the logarithm of the Bayes factor" if device_analysis.results.is_ranked else "threshold"
 
 
 def _of(rate: Proportion) -> str:
@@ -154,11 +136,8 @@ def _probable(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
 
 def _errors(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
     for error in device_analysis.errors:
-        stored = (
-            "no intervals given"
-            if error.covered is None
-            else f"{fraction_text(error.covered)}, {interval_text(error.covered)}"
-        )
+        covered = f"{fraction_text(error.covered)}, {interval_text(error.covered)}"
+        stored = "no intervals given" if error.covered is None else covered
         numbers = (f"{error.bias:+.2f}", ends(error.bias_interval, 2), f"{error.rmse:.2f}", f"{error.largest:.2f}")
         yield (labelled(error.quantity), str(len(error.codes)), *numbers, stored, str(error.not_identified))
 
@@ -224,14 +203,8 @@ def comparison_table(device_comparison: DeviceComparison) -> Table:
 
 def _limits(name: str, bland_altman: BlandAltman) -> list[tuple[str, str, str, str]]:
     bias, limits = limit_intervals(bland_altman)
-    rows = [
-        (
-            f"{labelled(name)}: bias, {bland_altman.targets} inclusions",
-            f"{bland_altman.bias:+.2f}",
-            ends(bias, 2),
-            method_of(bias),
-        )
-    ]
+    what = f"{labelled(name)}: bias, {bland_altman.targets} inclusions"
+    rows = [(what, f"{bland_altman.bias:+.2f}", ends(bias, 2), method_of(bias))]
     for side, limit, interval in zip(("lower", "upper"), bland_altman.limits(), limits, strict=True):
         rows.append((f"{labelled(name)}: {side} limit", f"{limit:+.2f}", ends(interval, 2), method_of(interval)))
     return rows
@@ -243,11 +216,7 @@ def targets_table(analysis: StudyAnalysis) -> Table:
     rows = []
     for index, (code, truth) in enumerate(analysis.truths.items()):
         lump = truth.phantom.inclusion
-        sizes = (
-            ("", "", "")
-            if lump is None
-            else (f"{lump.diameter_mm:.3g}", f"{lump.depth_mm:.3g}", f"{lump.young_kpa:.3g}")
-        )
+        sizes = [f"{truth.values[name]:.3g}" if lump else "" for name in QUANTITIES]
         messages = [_decision_text(device, device.targets[index]) for device in devices]
         rows.append((code, truth.label, "inclusion" if lump else "blank", *sizes, *messages))
     headings = ("code", "label", "truth", "d / mm", "h / mm", "E / kPa", *(device.device for device in devices))

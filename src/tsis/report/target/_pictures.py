@@ -79,10 +79,7 @@ def _frames(record: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
 
 
 def _posteriors(record: TargetRecord) -> Gallery:
-    gallery = Gallery()
-    for stored in newest_first(record):
-        gallery += _posterior(record, stored)
-    return gallery
+    return sum((_posterior(record, stored) for stored in newest_first(record)), Gallery())
 
 
 def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
@@ -94,9 +91,7 @@ def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
     joint = (trade_off_picture(estimate, truth),) if len(estimate.samples) > 1 else ()
     prior = _prior(stored)
     if prior is None:
-        return Gallery(
-            pictures=joint, notes=("The prior is not told in a way that lets one draw the posteriors in it.",)
-        )
+        return Gallery(pictures=joint, notes=("The stored prior has no form in which the posteriors can be drawn.",))
     return Gallery(pictures=(marginals_picture(estimate, prior, truth), *joint))
 
 
@@ -126,11 +121,10 @@ def _strongest(frames: list[FrameWithRole]) -> Gallery:
 
 
 def _change(target: TactileImage, references: list[FrameWithRole]) -> Gallery:
-    near = min(
-        references,
-        key=lambda frame: (REFERENCES.index(frame.role), abs(force_of(frame.image) - force_of(target))),
-        default=None,
-    )
+    def distance(frame: FrameWithRole) -> tuple[int, float]:
+        return REFERENCES.index(frame.role), abs(force_of(frame.image) - force_of(target))
+
+    near = min(references, key=distance, default=None)
     signal, pictures, notes = target, [], []
     if near is not None:
         title, what = CHANGES[near.role]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from tsis.report._page import Table
 from tsis.report.target._text import SHORT, heading, newest_first, time_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from tsis.model import Estimate
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
@@ -54,22 +54,21 @@ def measure(value: float, unit: str) -> str:
 def _result(record: TargetRecord) -> tuple[Table, ...]:
     truth = record.target.truth
     if not record.estimates:
-        given = tuple(
-            (parameter_label(name)[0], measure(value, parameter_label(name)[1])) for name, value in truth.items()
-        )
-        return (
-            (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=given),) if given else ()
-        )
+        rows = tuple(_truth_rows(truth))
+        return (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=rows),) if rows else ()
     return tuple(_active_estimate(record, stored) for stored in newest_first(record))
+
+
+def _truth_rows(truth: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    for name, value in truth.items():
+        label, unit = parameter_label(name)
+        yield label, measure(value, unit)
 
 
 def _active_estimate(record: TargetRecord, stored: StoredEstimate) -> Table:
     title, truth = heading(record, stored, "Estimate in force"), record.target.truth
     if stored.kind == "hardness":
-        true = [
-            (f"truth of {parameter_label(name)[0]}", measure(value, parameter_label(name)[1]))
-            for name, value in truth.items()
-        ]
+        true = [(f"truth of {name}", value) for name, value in _truth_rows(truth)]
         values = (*hardness_rows(stored.estimate), *true)
         return Table(title=title, headings=("quantity", "value"), rows=values)
     headings = ("quantity", "mean", "90 % interval", "sd", "prior sd", "least sd (Cramér-Rao)")
@@ -105,7 +104,7 @@ def _presses(record: TargetRecord) -> tuple[Table, ...]:
     noted = any(press.name or press.note for press in record.presses)
     headings = ("no.", "taken (UTC)", "role", "force", "mm per pixel", "flags", "frame, SHA-256")
     rows = tuple(
-        _press_row(number, press) + ((_force_text(press),) if noted else ())
+        _press_row(number, press) + ((": ".join(filter(None, (press.name, press.note))),) if noted else ())
         for number, press in enumerate(record.presses, 1)
     )
     return (Table(title="Presses", headings=(*headings, "name and note") if noted else headings, rows=rows),)
@@ -121,10 +120,6 @@ def _press_row(number: int, press: StoredPress) -> tuple[str, ...]:
         ", ".join(press.flags) or "none",
         press.frame[:SHORT],
     )
-
-
-def _force_text(press: StoredPress) -> str:
-    return ": ".join(part for part in (press.name, press.note) if part)
 
 
 def history_tables(record: TargetRecord) -> tuple[Table, ...]:
@@ -143,15 +138,11 @@ def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
         time_text(stored.made),
         stored.id[:SHORT],
         stored.kind,
-        _version(stored.environment),
+        str(stored.environment.get("tsis", "not known")),
         reported if estimate.trusted else "not to be trusted",
         str(len(stored.presses)),
         stored.supersedes[:SHORT] if stored.supersedes else "none",
     )
-
-
-def _version(environment: Mapping[str, Any]) -> str:
-    return str(environment.get("tsis", "not known"))
 
 
 def _value_text(estimate: Estimate, name: str) -> str:

@@ -139,15 +139,12 @@ def _flag_notes(record: TargetRecord) -> tuple[str, ...]:
 
 def _gap_notes(record: TargetRecord) -> tuple[str, ...]:
     """Messages on missing measurements."""
-    pressed = [(number, press) for number, press in enumerate(record.presses, 1) if press.role != "untouched"]
+    numbered = list(enumerate(record.presses, 1))
+    pressed = [(number, press) for number, press in numbered if press.role != "untouched"]
     gaps = {
         "without a measured force": [number for number, press in pressed if press.force_n is None],
-        "without a scale, so that lengths are in pixels": [
-            number for number, press in enumerate(record.presses, 1) if press.mm_per_pixel is None
-        ],
-        "without a calibration": [
-            number for number, press in enumerate(record.presses, 1) if press.calibration is None
-        ],
+        "without a scale, so that lengths are in pixels": [n for n, press in numbered if press.mm_per_pixel is None],
+        "without a calibration": [number for number, press in numbered if press.calibration is None],
     }
     return tuple(f"{_numbered(numbers)} {what}." for what, numbers in gaps.items() if numbers)
 

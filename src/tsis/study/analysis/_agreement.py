@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 from tsis.detection import intraclass_correlation, repeatability, reproducibility
 from tsis.errors import InputError
@@ -33,22 +33,12 @@ class AgreementValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Agreement:
-    """Agreement of repeated readings of one quantity.
+    """Agreement of repeated readings of one quantity, ``"score"`` or one of an inclusion.
 
-    Attributes
-    ----------
-    quantity
-        ``"score"`` or one of the quantities of an inclusion.
-    between
-        `WITHIN` an operator or `BETWEEN` operators.
-    targets, operators, repeats
-        Size of the data: targets that all operators read ``repeats`` times with a result.
-    correlation
-        Intraclass correlation, and its form.
-    form
-        ``"ICC(1,1)"`` of repeats, ``"ICC(2,1)"`` of operators.
-    coefficient
-        Difference that two readings of a target stay below with a probability of 95 %, in the quantity's unit.
+    ``between`` is `WITHIN` an operator or `BETWEEN` operators. ``targets`` counts those that all operators read
+    ``repeats`` times with a result. ``form`` of the intraclass correlation is ``"ICC(1,1)"`` of repeats, ``"ICC(2,1)"``
+    of operators. ``coefficient`` is the difference that two readings of a target stay below with a probability of 95 %,
+    in the quantity's unit.
     """
 
     quantity: str
@@ -94,16 +84,8 @@ def _within(quantity: str, table: Table) -> Agreement | None:
         return None
     repeats = min(map(len, rows))
     whole = [row[:repeats] for row in rows]
-    return Agreement(
-        quantity=quantity,
-        between=WITHIN,
-        targets=len(rows),
-        operators=1,
-        repeats=repeats,
-        form="ICC(1,1)",
-        correlation=_number(lambda: _value_and_interval(intraclass_correlation(whole, "ICC(1,1)"))),
-        coefficient=_number(lambda: _coefficient_and_interval(repeatability(rows))),
-    )
+    size = {"targets": len(rows), "operators": 1, "repeats": repeats}
+    return _agreement(quantity, WITHIN, size, "ICC(1,1)", whole, lambda: repeatability(rows))
 
 
 def _between(quantity: str, table: Table) -> Agreement | None:
@@ -115,32 +97,34 @@ def _between(quantity: str, table: Table) -> Agreement | None:
     repeats = min(len(rows[code]) for rows in table.values() for code in common)
     cube = [[rows[code][:repeats] for rows in table.values()] for code in common]
     first = [[repeats_of[0] for repeats_of in target] for target in cube]
+    size = {"targets": len(common), "operators": len(table), "repeats": repeats}
+    return _agreement(quantity, BETWEEN, size, "ICC(2,1)", first, lambda: reproducibility(cube))
+
+
+def _agreement(
+    quantity: str,
+    between: str,
+    size: dict[str, int],
+    form: Literal["ICC(1,1)", "ICC(2,1)"],
+    rows: list[list[float]],
+    coefficient: Callable[[], Any],
+) -> Agreement:
     return Agreement(
         quantity=quantity,
-        between=BETWEEN,
-        targets=len(common),
-        operators=len(table),
-        repeats=repeats,
-        form="ICC(2,1)",
-        correlation=_number(lambda: _value_and_interval(intraclass_correlation(first, "ICC(2,1)"))),
-        coefficient=_number(lambda: _coefficient_and_interval(reproducibility(cube))),
+        between=between,
+        form=form,
+        correlation=_number(lambda: intraclass_correlation(rows, form), "value"),
+        coefficient=_number(coefficient, "coefficient"),
+        **size,
     )
 
 
-def _value_and_interval(result: object) -> tuple[float, Callable[[], Interval]]:
-    return result.value, result.interval  # type: ignore[attr-defined]
-
-
-def _coefficient_and_interval(result: object) -> tuple[float, Callable[[], Interval]]:
-    return result.coefficient, result.interval  # type: ignore[attr-defined]
-
-
-def _number(of: Callable[[], tuple[float, Callable[[], Interval]]]) -> AgreementValue:
+def _number(of: Callable[[], Any], name: str) -> AgreementValue:
+    value, interval, remark = None, None, ""
     try:
-        value, interval = of()
+        result = of()
+        value = getattr(result, name)
+        interval = result.interval()
     except InputError as error:
-        return AgreementValue(value=None, interval=None, remark=str(error))
-    try:
-        return AgreementValue(value=value, interval=interval())
-    except InputError as error:
-        return AgreementValue(value=value, interval=None, remark=str(error))
+        remark = str(error)
+    return AgreementValue(value=value, interval=interval, remark=remark)

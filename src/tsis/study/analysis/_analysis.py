@@ -33,18 +33,8 @@ ENOUGH = 30  # targets of each kind for DeLong's test
 class DeviceComparison:
     """Two devices on the targets that both decided.
 
-    Attributes
-    ----------
-    first, second
-        Their names.
-    targets
-        Number of those targets.
-    areas
-        Their areas under the curve, paired; None with a ``remark``.
-    remark
-        Why the areas are not compared.
-    limits
-        Bland and Altman's comparison, first minus second, of each quantity on inclusions that both measured.
+    ``areas`` compares their areas under the curve, paired; None with a ``remark``. ``limits`` has Bland and Altman's
+    comparison, first minus second, of each quantity on inclusions that both measured.
     """
 
     first: str
@@ -105,20 +95,9 @@ BOOTSTRAP = 20_110  # seed, so that an analysis is reproducible to the digit
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StudyAnalysis:
-    """The analysis of a study.
+    """The analysis of an unblinded study: truths by code, faults of its files and log, and devices.
 
-    Attributes
-    ----------
-    study
-        The study, unblinded.
-    truths
-        By code.
-    verification
-        Faults of its files and log.
-    devices
-        Analysis of each device, in the order of their first reading.
-    comparisons
-        Of every further device with the first.
+    Devices are in the order of their first reading; ``comparisons`` are of every further device with the first.
     """
 
     study: Study
@@ -132,19 +111,9 @@ def analyse(study: Study, *, progress: Callable[[int, int], None] | None = None)
     """Analyse an unblinded study; faults of a changed study are in ``verification``.
 
     The first reading of each target by a device counts; repeats serve for the agreement. Random numbers are the same
-    each time, so the same study gives the same result.
+    each time, so the same study gives the same result. ``progress`` is called with (done, total) devices.
 
-    Parameters
-    ----------
-    study
-        Unblinded.
-    progress
-        Called with (done, total) devices.
-
-    Raises
-    ------
-    RecordsError
-        When the study is blind, or its truth cannot be read.
+    `RecordsError` when the study is blind, or its truth cannot be read.
     """
     if study.unblinded is None:
         raise RecordsError("a study must be unblinded before it is analysed; this one is blind")

@@ -179,31 +179,27 @@ class DeviceAnalysis:
 def device_analysis(
     device_results: DeviceResults, readings: Sequence[DeviceReading], rng: np.random.Generator
 ) -> DeviceAnalysis:
-    """Analyse one device.
-
-    Parameters
-    ----------
-    device_results
-        Its targets.
-    readings
-        Of all devices.
-    rng
-        Generator for the bootstrap.
-    """
+    """Analyse one device; ``readings`` are those of all devices, ``rng`` serves the bootstrap."""
     missing: dict[str, str] = {}
     scores, present = device_results.scores()
     ranks, _ = device_results.ranks()
     inside, outside = int(present.sum()), int((~present).sum())
-    curve = None
+    curve, reliability, brier, recalibrated = None, None, None, None
+    points: tuple[OperatingPoint, ...] = ()
     if inside and outside:
         curve = _or_missing("curve", missing, lambda: roc(ranks, present))
     else:
         missing["curve"] = (
             f"it needs targets of both kinds; {inside} with an inclusion and {outside} without were decided"
         )
-    probable = device_results.are_probabilities
-    bins = BINS * (2 if len(scores) >= MANY else 1)
-    if not probable:
+    if curve is not None:
+        points = (youden_point(curve), at_sensitivity(curve, TARGET_RATE), at_specificity(curve, TARGET_RATE))
+    if device_results.are_probabilities:
+        bins = BINS * (2 if len(scores) >= MANY else 1)
+        reliability = _or_missing("reliability", missing, lambda: reliability_curve(scores, present, bins=bins))
+        brier = _or_missing("brier_interval", missing, lambda: brier_interval(scores, present, rng=rng))
+        recalibrated = _or_missing("recalibration", missing, lambda: recalibration(scores, present))
+    else:
         missing["reliability"] = (
             "scores must lie in [0, 1] to be taken for probabilities" if len(scores) else "no target was decided"
         )
@@ -217,19 +213,11 @@ def device_analysis(
         curve=curve,
         auc_interval=None if curve is None else _or_missing("auc_interval", missing, curve.auc_interval),
         auc_if_wrong=_or_missing("auc_if_wrong", missing, lambda: roc(*device_results.ranks_if_wrong()).auc),
-        points=()
-        if curve is None
-        else (youden_point(curve), at_sensitivity(curve, TARGET_RATE), at_specificity(curve, TARGET_RATE)),
+        points=points,
         held_out=_or_missing("held_out", missing, lambda: held_out_counts(ranks, present, youden_point)),
-        reliability=_or_missing("reliability", missing, lambda: reliability_curve(scores, present, bins=bins))
-        if probable
-        else None,
-        brier_interval=_or_missing("brier_interval", missing, lambda: brier_interval(scores, present, rng=rng))
-        if probable
-        else None,
-        recalibration=_or_missing("recalibration", missing, lambda: recalibration(scores, present))
-        if probable
-        else None,
+        reliability=reliability,
+        brier_interval=brier,
+        recalibration=recalibrated,
         errors=size_errors(device_results),
         strata=strata(device_results),
         agreements=agreements(device_results, readings),

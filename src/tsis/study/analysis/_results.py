@@ -20,17 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetResult:
-    """A target and the first reading of it by one device.
-
-    Attributes
-    ----------
-    code
-        Of the target.
-    truth
-        True values.
-    reading
-        The device's first reading, if any.
-    """
+    """A target with its true values and the first reading of it by one device, if any."""
 
     code: str
     truth: TargetTruth
@@ -44,16 +34,9 @@ class TargetResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceResults:
-    """All targets of a study with the results of one device.
+    """All targets of a study, in its order, with the results of one device.
 
-    Attributes
-    ----------
-    device
-        Its name.
-    threshold
-        Least score of a target that is called one with an inclusion.
-    targets
-        In the order of the study.
+    ``threshold`` is the least score of a target that is called one with an inclusion.
     """
 
     device: str
@@ -131,19 +114,7 @@ def device_results(
     truths: Mapping[str, TargetTruth],
     codes: Sequence[str],
 ) -> DeviceResults:
-    """Pair the first reading of every target by a device with the truth.
-
-    Parameters
-    ----------
-    device, threshold
-        As of `DeviceResults`.
-    readings
-        Of all devices, in the order of entry.
-    truths
-        By code.
-    codes
-        In the order of the study.
-    """
+    """Pair the first of the ``readings`` of every target by a device with the truth of its code."""
     first: dict[str, DeviceReading] = {}
     for reading in readings:
         if reading.device == device:
@@ -157,24 +128,12 @@ EDGES_MM = {"diameter_mm": (5.0, 8.0), "depth_mm": (6.0, 8.0)}  # a value at an 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stratum:
-    """Inclusions in one range of size or depth.
+    """Inclusions in one range of size or depth, mm."""
 
-    Attributes
-    ----------
-    quantity
-        ``"diameter_mm"`` or ``"depth_mm"``.
-    low, high
-        Ends, mm; infinite without an end.
-    detected
-        Detected among the decided ones; None without any.
-    undecided
-        Number of undecided ones.
-    """
-
-    quantity: str
+    quantity: str  # "diameter_mm" or "depth_mm"
     low: float
-    high: float
-    detected: Proportion | None
+    high: float  # infinite without an end
+    detected: Proportion | None  # of the decided ones; None without any
     undecided: int
 
 

@@ -62,13 +62,7 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 def write_layout(record: TargetRecord, tree: Tree) -> None:
     """Write a target record frame by frame; `RecordsError` when a frame does not match its press."""
-    head: dict[str, Attribute] = {
-        "format": FORMAT,
-        "version": VERSION,
-        "notice": RESEARCH_USE_ONLY,
-        "tsis": __version__,
-    }
-    tree.group("", head)
+    tree.group("", {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "tsis": __version__})
     document = to_json_value(record.target)
     shown = ("number", "kind", "name", "note", "made", "id", "version")
     tree.group("target", {name: document[name] for name in shown})

@@ -94,10 +94,8 @@ def sealed_bytes(content: dict[str, Any]) -> bytes:
 def parse(content: bytes, name: str) -> Any:
     """The JSON values of the file ``name``.
 
-    Raises
-    ------
-    FileInputError
-        When it is no JSON, has a duplicate name or an invalid number, is nested too deeply or has too many values.
+    `FileInputError` when it is no JSON, has a duplicate name or an invalid number, is nested too deeply or has too many
+    values.
     """
     values = sum(content.count(sign) for sign in (b",", b"[", b"{"))
     if values > MOST_VALUES:

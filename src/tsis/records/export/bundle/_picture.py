@@ -20,21 +20,10 @@ PIECE = 2**20  # bytes that are unpacked at once
 
 
 def read_picture(content: bytes, name: str, rows: int, columns: int) -> NDArray[Any]:
-    """Grey levels of a PNG file, shape (rows, columns), uint8 or uint16, read-only.
+    """Grey levels of a PNG file, shape (rows, columns), uint8 or uint16, read-only; errors call it ``name``.
 
-    Parameters
-    ----------
-    content
-        The whole file.
-    name
-        Its name, for errors.
-    rows, columns
-        Expected size.
-
-    Raises
-    ------
-    FileInputError
-        When it is no whole grey PNG file of 8 or 16 bits, has another size, is too large, or has other content.
+    `FileInputError` when it is no whole grey PNG file of 8 or 16 bits, has another size, is too large, or has other
+    content.
     """
     if rows * columns > LARGEST_PIXELS:
         raise FileInputError(f"{name} must hold at most {LARGEST_PIXELS} pixels; its press says {rows} x {columns}")

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
 from tsis.errors import FileInputError
-from tsis.files import as_path, file_size, printable_path
+from tsis.files import as_path, file_error, file_size, printable_path
 from tsis.records.export.bundle._layout import FOLDERS, MIB, MOST_FILES
 
 if TYPE_CHECKING:
@@ -65,9 +65,7 @@ class FolderSource:
                 else:
                     raise FileInputError(f"{name!r:.120} must be a file of a bundle; got a link, folder or device")
                 if len(sizes) > MOST_FILES:
-                    raise FileInputError(
-                        f"{printable_path(self.folder)} must hold at most {MOST_FILES} files; got more"
-                    )
+                    raise file_error(self.folder, f"must hold at most {MOST_FILES} files; got more")
 
     def read(self, name: str, most: int) -> bytes:
         """Content of a file; links are not followed."""
@@ -92,11 +90,9 @@ class ZipSource:
                 entries = [item for item in file.infolist() if item.filename not in {f"{name}/" for name in FOLDERS}]
         results = {entry.filename: entry.file_size for entry in entries}
         if len(results) != len(entries):
-            raise FileInputError(f"{printable_path(self.path)} must hold every name once; got one twice")
+            raise file_error(self.path, "must hold every name once; got one twice")
         if sum(results.values()) > FREE_BYTES + MOST_UNPACKED * self.size:
-            raise FileInputError(
-                f"{printable_path(self.path)} must unpack to at most {MOST_UNPACKED} times its size; it declares more"
-            )
+            raise file_error(self.path, f"must unpack to at most {MOST_UNPACKED} times its size; it declares more")
         for entry in entries:
             if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or entry.flag_bits & 1:
                 raise FileInputError(f"{entry.filename!r:.120} must be stored or deflated, not encrypted; it is not")
@@ -108,13 +104,9 @@ class ZipSource:
             file.seek(max(0, self.size - 42))
             tail = file.read(42)
         if tail[-22:-18] != END or tail[-2:] != b"\0\0" or tail[:4] == END_64:
-            raise FileInputError(
-                f"{printable_path(self.path)} must be a zip file of at most 4 GiB without comment; it is not"
-            )
+            raise file_error(self.path, "must be a zip file of at most 4 GiB without comment; it is not")
         if int.from_bytes(tail[-10:-6], "little") > MOST_FILES * DIRECTORY_BYTES:
-            raise FileInputError(
-                f"{printable_path(self.path)} must hold at most {MOST_FILES} files; its directory is longer"
-            )
+            raise file_error(self.path, f"must hold at most {MOST_FILES} files; its directory is longer")
 
     def read(self, name: str, most: int) -> bytes:
         """Content of a file; unpacking stops after ``most`` bytes."""

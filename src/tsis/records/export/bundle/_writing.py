@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
 from tsis.errors import InputError, RecordsError
-from tsis.files import SHA256, as_path, printable_path, to_json_value
+from tsis.files import SHA256, as_path, file_error, to_json_value
 from tsis.records._estimate_json import estimate_to_json
 from tsis.records.export._whole import export_file, export_folder, frame_png
 from tsis.records.export.bundle._layout import (
@@ -69,9 +69,7 @@ def write_bundle(record: TargetRecord, path: str | os.PathLike[str]) -> str:
             with zipfile.ZipFile(draft, "x", allowZip64=False) as file:
                 seal = _write(record, lambda name, content: file.writestr(zipfile.ZipInfo(name, EARLIEST), content))
         except zipfile.LargeZipFile as error:
-            raise InputError(
-                f"{printable_path(requested)} must hold at most 4 GiB; got more (write a folder)"
-            ) from error
+            raise file_error(requested, "must hold at most 4 GiB; got more (write a folder)", InputError) from error
         _require_readable(draft)
     return seal
 
@@ -81,15 +79,8 @@ def _write(record: TargetRecord, put: Put) -> str:
     for name, content in _files(record):
         put(name, content)
         entries[name] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
-    manifest = sealed_bytes(
-        {
-            "format": FORMAT,
-            "version": VERSION,
-            "notice": RESEARCH_USE_ONLY,
-            "tsis": __version__,
-            "files": dict(sorted(entries.items())),
-        }
-    )
+    head = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "tsis": __version__}
+    manifest = sealed_bytes(head | {"files": dict(sorted(entries.items()))})
     put(MANIFEST, manifest)
     return hashlib.sha256(manifest).hexdigest()
 
