@@ -27,10 +27,13 @@ def raised(kind: str) -> set[str]:
     """First parts of all pairs of a flag and a sentence."""
     found = set()
     for name in RAISING[kind]:
-        for node in ast.walk(ast.parse((SOURCE / kind / f"{name}.py").read_text(encoding="utf-8"))):
+        tree = ast.parse((SOURCE / kind / f"{name}.py").read_text(encoding="utf-8"))
+        yielded = {node.value for node in ast.walk(tree) if isinstance(node, ast.Yield)}
+        for node in ast.walk(tree):
             if isinstance(node, ast.Tuple) and len(node.elts) == 2:
                 flag, sentence = (ast.unparse(each) for each in node.elts)
-                if re.fullmatch(r"f?'[a-z_{}]+'", flag) and sentence.rstrip("'\"").endswith((".", ").", "sentence")):
+                ends = sentence.rstrip("'\"").endswith((".", ").", "sentence"))
+                if re.fullmatch(r"f?'[a-z_{}]+'", flag) and (ends or node in yielded):
                     found |= {flag.removeprefix("f").strip("'").replace("{name}", each) for each in NAMES}
     return found
 
