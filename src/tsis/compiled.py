@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Callable
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numba
+from numba.core import event
 from threadpoolctl import ThreadpoolController
 
 if TYPE_CHECKING:
@@ -16,6 +18,21 @@ if TYPE_CHECKING:
 
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+logger = logging.getLogger("tsis")
+
+
+class _Announcement(event.Listener):
+    """Logs once that functions are compiled, which takes seconds; code from the cache is not compiled."""
+
+    def on_start(self, _event: event.Event) -> None:
+        event.unregister("numba:compile", self)  # type: ignore[no-untyped-call]
+        logger.info("compiling the numerical loops, once on this machine")
+
+    def on_end(self, _event: event.Event) -> None:
+        """End of a compilation, of which nothing is said."""
+
+
+event.register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]
 
 _EXACT: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
 # Multiplications and additions may be fused and reciprocals reused; infinities and NaN remain exact.

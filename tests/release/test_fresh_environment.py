@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
-import venv
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+from release.extras import FIRST, PLAIN, built_wheel, cost, extras, installed
 
 import tsis
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 pytestmark = pytest.mark.release
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built_wheel(tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def programs(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The programs of a new environment with the wheel in it."""
-    folder = tmp_path_factory.mktemp("fresh")
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
-    subprocess.run(build, check=True)
-    (wheel,) = folder.glob("tsis-*.whl")
-    venv.create(folder / "environment", with_pip=True)
-    programs = folder / "environment" / "bin"
-    pinned = ["--constraint", str(ROOT / "constraints.txt")]
-    subprocess.run([programs / "python", "-m", "pip", "install", "--quiet", *pinned, str(wheel)], check=True)
-    return programs
+    return installed(wheel, PLAIN, tmp_path_factory.mktemp("fresh") / "environment")
 
 
 def run(programs: Path, folder: Path, *arguments: str) -> str:
@@ -51,3 +49,47 @@ def test_points_are_matched(programs: Path, tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text("".join(f"{x + 3},{y - 1}\n" for x, y in points))
     run(programs, tmp_path, "match", "a.csv", "b.csv", "--out", "moved.csv")
     assert (tmp_path / "moved.csv").read_text().count("\n") >= len(points)
+
+
+@pytest.mark.parametrize("extra", [PLAIN, *extras()])
+def test_each_extra_alone_is_enough_for_what_it_brings(wheel: Path, tmp_path: Path, extra: str) -> None:
+    assert set(FIRST) == {PLAIN, *extras()}
+    measured = cost(wheel, extra, tmp_path)
+    if extra == PLAIN:
+        assert measured.packages <= 40
+        assert measured.megabytes <= 680
+
+
+WITHOUT = {
+    "records list": ("the store of records", "SQLAlchemy", "records"),
+    "demo --save": ("the store of records", "SQLAlchemy", "records"),
+    "console": ("the console", "NiceGUI", "console"),
+    "login list": ("the console", "NiceGUI", "console"),
+    "acquire --camera opencv:0": ("the camera source opencv", "OpenCV", "camera"),
+    "acquire --camera pylon:": ("the camera source pylon", "pypylon", "camera-pylon"),
+    "detect train c.json --young-kpa 60 --none 1": ("tsis detect", "scikit-learn", "classify"),
+    "sweep run plan.toml --out data": ("sweep", "pyarrow", "cluster"),
+}
+
+
+@pytest.mark.parametrize("line", WITHOUT)
+def test_without_an_extra_one_sentence_names_it_and_the_command_that_brings_it(
+    programs: Path, tmp_path: Path, line: str
+) -> None:
+    feature, product, extra = WITHOUT[line]
+    (tmp_path / "plan.toml").write_text(run(programs, tmp_path, "sweep", "example"))
+    command = [str(programs / "tsis"), *line.split()]
+    finished = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
+    assert finished.returncode == 2
+    assert finished.stderr.count("\n") == 1
+    assert feature in finished.stderr
+    assert f"{product}, which is not installed" in finished.stderr
+    assert finished.stderr.endswith(f'install it with: python -m pip install "tsis[{extra}]"\n')
+
+
+def test_the_doctor_names_what_is_missing(programs: Path, tmp_path: Path) -> None:
+    findings = json.loads(run(programs, tmp_path, "doctor", "--no-cameras", "--json"))["findings"]
+    states = {item["what"]: item["state"] for item in findings}
+    assert states["numpy"] == "ok"
+    for extra in set(extras()) - {"camera-aravis"}:  # which names a system library
+        assert states[f"extra {extra}"] == "absent"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
 import sys
 import traceback
@@ -190,6 +191,8 @@ def run() -> None:
         if isinstance(stream, io.TextIOWrapper):  # characters outside the terminal's encoding are escaped
             stream.reconfigure(errors="backslashreplace")
     warnings.showwarning = _show_warning
+    logging.getLogger("tsis").addHandler(_TERMINAL)
+    logging.getLogger("tsis").setLevel(logging.INFO)
     try:
         code = _program()(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except TsisError as error:
@@ -217,6 +220,17 @@ def run() -> None:
     if code == INTERRUPTED:  # typer turns Ctrl-C into this code
         raise KeyboardInterrupt
     sys.exit(code if isinstance(code, int) else 0)
+
+
+class _Terminal(logging.Handler):
+    """Shows what the library logs to people on a terminal."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if sys.stderr.isatty() and not verbosity.quiet:
+            typer.echo(f"{record.getMessage()} ...", err=True)
+
+
+_TERMINAL = _Terminal()
 
 
 @cache
