@@ -10,8 +10,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
+
+from tsis.imaging._gaussian import gaussian_blur
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -73,7 +75,7 @@ def pixel_shape(image: TactileImage) -> tuple[float, float]:
 
 def blurred(grey: NDArray[np.float64], blur: float, pixel: tuple[float, float]) -> NDArray[np.float64]:
     """The signal after a Gaussian blur that is round on the face."""
-    return np.asarray(gaussian_filter(grey, (blur / pixel[1], blur / pixel[0]), mode="nearest"), dtype=np.float64)
+    return gaussian_blur(grey, (blur / pixel[1], blur / pixel[0]), mode="nearest")
 
 
 def _slope(smooth: NDArray[np.float64], axis: int, step: float) -> NDArray[np.float32]:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from tsis.imaging._corrections import signal
-from tsis.imaging._patch import Patch, segment, smoothed
+from tsis.imaging._patch import Patch, segment
 from tsis.imaging._profile import RadialProfile, radial_profile
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def features(
         contact=True,
         centroid_px=centroid,
         centroid_mm=None if scale is None else (beside[0] * scale[0], beside[1] * scale[1]),
-        peak=float(smoothed(change.grey)[patch.mask].max()),
+        peak=patch.peak_grey,
         total=float(grey.sum()),
         area_px=area_px,
         area_mm2=area_mm2,

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
-from scipy.ndimage import gaussian_filter
 from skimage.filters import threshold_otsu
 from skimage.measure import find_contours
 
 from tsis.imaging._corrections import require_image
+from tsis.imaging._gaussian import gaussian_blur
 from tsis.model import freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:
@@ -42,12 +42,15 @@ class Patch:
         Level above which a pixel counts as lit.
     contour_px
         Outer boundary, (n, 2) points (x, y) in pixels, closed; shape (0, 2) when there is no contact.
+    peak_grey
+        Highest level of the blurred signal inside the patch; 0 when there is no contact.
     """
 
     mask: NDArray[np.bool]
     background_grey: float
     threshold_grey: float
     contour_px: NDArray[np.float64]
+    peak_grey: float = 0.0
 
     def __post_init__(self) -> None:
         freeze_arrays(self, "mask", "contour_px")
@@ -112,12 +115,18 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
     elif method == "noise":
         cut = background + NOISE_FACTOR * max(noise, spread)
     mask = _strongest_part(smooth, cut) if contrast > least else np.zeros(smooth.shape, dtype=bool)
-    return Patch(mask=mask, background_grey=background, threshold_grey=cut, contour_px=outline(smooth, mask, cut))
+    return Patch(
+        mask=mask,
+        background_grey=background,
+        threshold_grey=cut,
+        contour_px=outline(smooth, mask, cut),
+        peak_grey=float(smooth[mask].max(initial=0.0)),
+    )
 
 
 def smoothed(grey: NDArray[np.float64]) -> NDArray[np.float64]:
     """The frame after a Gaussian blur of one pixel."""
-    return np.asarray(gaussian_filter(grey, SMOOTH_PX), dtype=np.float64)
+    return np.asarray(gaussian_blur(grey, (SMOOTH_PX, SMOOTH_PX)), dtype=np.float64)
 
 
 def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool], cut: float) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import binary_erosion, gaussian_filter
 
 from tsis.imaging._contact_models import SmoothContact, as_contact_model
+from tsis.imaging._gaussian import gaussian_blur
 from tsis.imaging._pixel_loops import paint
 from tsis.model import LightMap, PressMap, interpolation_matrix, require_number, require_type
 
@@ -165,7 +166,7 @@ def _blurred(picture: NDArray[np.float64], sensor: Sensor, blur_mm: float) -> ND
     if blur_mm == 0:
         return picture
     sigma_x, sigma_y = (blur_mm / size for size in sensor.mm_per_pixel)
-    return np.asarray(gaussian_filter(picture, (sigma_y, sigma_x)), dtype=float)
+    return gaussian_blur(picture, (sigma_y, sigma_x))
 
 
 def render_reference(
