@@ -29,7 +29,8 @@ def gaussian_blur(
     """
     down, across = (_matrix(size, sigma, mode) for size, sigma in zip(grey.shape, sigma_px, strict=True))
     origin = grey[0, 0]  # so that a flat frame stays exactly flat
-    return np.ascontiguousarray((across @ (down @ (grey - origin)).T).T) + origin
+    blurred: NDArray[np.float64] = (across @ (down @ (grey - origin)).T).T + origin
+    return np.ascontiguousarray(blurred)
 
 
 @lru_cache(maxsize=16)
