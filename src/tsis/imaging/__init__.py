@@ -1,6 +1,5 @@
 """From frames of the camera to numbers: corrections, the contact's patch and circle, features, profiles, colour."""
 
-from tsis.imaging._blocks import block_means
 from tsis.imaging._colour import COLOUR_MAPS, change_magnitude, colour_map
 from tsis.imaging._contact import Contact, find_colour_contact, find_contact
 from tsis.imaging._contact_models import (
@@ -21,6 +20,7 @@ from tsis.imaging._corrections import (
     subtract_dark,
 )
 from tsis.imaging._features import Features, features
+from tsis.imaging._filters import block_means
 from tsis.imaging._height_surface import HeightSurface, height_surface
 from tsis.imaging._lost_light import LostLight, find_lost_light
 from tsis.imaging._patch import (

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.imaging._blocks import block_means
 from tsis.imaging._corrections import require_image
+from tsis.imaging._filters import block_means
 from tsis.model import require_array, require_number
 
 if TYPE_CHECKING:

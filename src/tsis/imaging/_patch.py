@@ -11,7 +11,7 @@ from skimage.filters import threshold_otsu
 from skimage.measure import find_contours
 
 from tsis.imaging._corrections import require_image
-from tsis.imaging._gaussian import gaussian_blur
+from tsis.imaging._filters import gaussian_blur
 from tsis.model import freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:

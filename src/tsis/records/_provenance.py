@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from tsis.records._values import StoredEstimate
 
 
-LIBRARIES = ("numpy", "scipy", "numba", "scikit-image", "opencv-python-headless")
+LIBRARIES = ("numpy", "scipy", "numba", "scikit-image", "pillow")
+EARLIER_LIBRARY = "opencv-python-headless"  # in the environment of earlier estimates
 
 
 def environment() -> dict[str, Any]:
