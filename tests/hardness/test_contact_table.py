@@ -120,3 +120,15 @@ def test_seen_pressure_carries_the_force() -> None:
     )
     carried = np.trapezoid(2e-3 * np.pi * field.radius_mm * field.pressure_kpa, field.radius_mm)
     assert carried == pytest.approx(0.5, rel=5e-3)
+
+
+@pytest.mark.parametrize("name", ["tsis-2011", "tsis-direct"])
+def test_the_tables_of_flat_probes_come_with_the_package(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    def solved(*_: object) -> None:
+        pytest.fail("the table is solved, which takes minutes, though it is shipped")
+
+    monkeypatch.setattr("tsis.hardness._table.cached_arrays", solved)
+    monkeypatch.setattr("tsis.hardness._table._solve", solved)
+    table = build_contact_table(tsis.load_probe(name))
+    again = float(np.exp(table.log_radius(103.0, 0.49, 3.0, 0.7)))
+    assert again == pytest.approx(2.77, abs=0.005)
