@@ -38,7 +38,7 @@ def sweep(context: typer.Context) -> None:
         typer.echo(context.get_help())
 
 
-@app.command(epilog="Example: tsis sweep run plan.toml --out data --workers 4")
+@app.command(epilog="Example: tsis sweep run plan.toml --out data --workers 2")
 def run(
     *,
     plan: PlanFile,
