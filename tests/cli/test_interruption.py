@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = examples()
 COMMANDS = {" ".join(words): words for words in parsers()}
-LINE = re.compile(r"Interrupted; [^\n]+\.\n|Interrupted; [^\n]+Resume with: [^\n]+\n")
+LINE = re.compile(r"Interrupted[;.] [^\n]+\n")
 
 # The program, which gets Ctrl-C at the first event of a kind: starts (the line), numpy (imported), file (a file or
 # folder of the working folder is about to be opened for writing), name (a finished draft there is about to be named).
@@ -151,11 +151,17 @@ LEFT = {  # what an interrupted command may leave, each file complete: the same 
     "login add": r"user",  # the empty folder of the user's logins
     "records import": r"records(/.*)?",
 }
+ENTERED = {  # what may get whole entries before the end, and the command that verifies them
+    "records edit": ("records/phantoms/records.sqlite3", ["records", "verify"]),
+    "records import": ("records/phantoms/records.sqlite3", ["records", "verify"]),
+    "study run": ("trial/log.jsonl", ["study", "verify", "trial"]),
+    "study analyse": ("trial/log.jsonl", ["study", "verify", "trial"]),
+}
 RECORDING = "acquire"  # Ctrl-C ends a recording, which is complete as it is
 NEEDED = {  # by the commands after it
     *("demo", "acquire", "calibrate make", "detect train", "network train", "login add", "sweep example"),
     *("study new", "study run", "study export", "study import"),
-    *("calibrate guide", "match bench", "sweep run", "records import"),  # they continue
+    *("calibrate guide", "match bench", "sweep run", "records import", "study analyse"),  # they continue
 }
 
 
@@ -185,8 +191,12 @@ def test_ctrl_c_leaves_nothing_half_written_and_the_command_can_be_repeated(
                 break
             changed = changes(before, after)
             allowed = {name for name in changed if re.fullmatch(LEFT.get(step.command, ""), name)}
-            left |= {name: (folder / name).read_bytes() for name in allowed if (folder / name).is_file()}
+            entered, verifying = ENTERED.get(step.command, ("", []))
+            if changed.get(entered) == "changed":
+                assert run_until("never", verifying, folder).code == 0, f"{step.command}, {event}"
+                allowed.add(entered)
             wrong += [(name, changed[name]) for name in changed.keys() - allowed]
+            left |= {name: (folder / name).read_bytes() for name in allowed if (folder / name).is_file()}
             wrong += [name for name in after if name.rpartition("/")[2].startswith(".") or "unfinished" in name]
             if wrong:
                 faults[f"{step.command}, {event}"] = wrong

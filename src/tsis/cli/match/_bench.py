@@ -255,8 +255,8 @@ def _whole_numbers(text: str) -> list[int]:
 
 def _stop_interrupted(out: Path | None, *, resume: bool) -> None:
     again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:]), *([] if resume else ["--resume"])])
-    message = "nothing was written" if out is None else f"finished trials are saved. Resume with: {again}"
-    stop_interrupted(f"; {message}.")
+    message = "nothing was written." if out is None else f"finished trials are saved. Resume with: {again}"
+    stop_interrupted(f"; {message}")
 
 
 def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_json: bool) -> None:
