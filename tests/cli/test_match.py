@@ -155,7 +155,7 @@ def test_an_interrupted_bench_says_how_to_go_on(
     finished = run_tsis(*BENCH, "--out", "bench")
     assert finished.code == 130
     assert "Resume with: tsis match bench" in finished.err
-    assert finished.err.endswith("--out bench --resume.\n")
+    assert finished.err.endswith("--out bench --resume\n")  # as one types it
 
 
 def test_absent_libraries_are_named(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,19 +39,19 @@ COMMANDS = {
         "tsis.cli.acquire",
         "acquire",
         "Save a snapshot of a target, or record a sequence, from a camera or the virtual probe.",
-        "tsis acquire --camera aravis: --target 3 --set exposure_ms=10",
+        "tsis acquire --camera virtual --probe tsis-domed --phantom size-8 --frames 12 --out press-1",
     ),
     "examine": CommandEntry(
         "tsis.cli._examine",
         "examine",
         "Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated.",
-        "tsis examine press.png --reference untouched.png --scale-mm 0.051 --invert",
+        "tsis examine first-press/target-1N.png --reference first-press/untouched.png --scale-mm 0.0336,0.0392",
     ),
     "track": CommandEntry(
         "tsis.cli._track",
         "track",
         "Follow the light of a press through a sequence of frames, and report whether the press has settled.",
-        "tsis track frame-*.png --reference untouched.png --scale-mm 0.051 --interval-s 0.1",
+        "tsis track press-1 --reference first-press/untouched.png --scale-mm 0.0336,0.0392",
     ),
     "simulate": CommandEntry(
         "tsis.cli._simulate",
@@ -63,7 +63,7 @@ COMMANDS = {
         "tsis.cli._design",
         "design",
         "Predict how well a probe and its presses estimate inclusions, and compare other designs.",
-        "tsis design --probe tsis-domed --compare dome --compare forces --out design",
+        "tsis design --probe tsis-domed --compare forces --compare frames --out design",
     ),
     "hardness": CommandEntry(
         "tsis.cli._hardness",

@@ -34,7 +34,7 @@ app = typer.Typer(
 MOST_LISTED = 5000  # targets per call
 
 
-@app.command(epilog="Example: tsis detect train classifier.json --young-kpa 60 --none 4,9-20 --store records")
+@app.command(epilog="Example: tsis detect train classifier.json --young-kpa 60 --none 1-8 --store lab-records")
 def train(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="File of the classifier to write; it must not exist yet.")
@@ -103,7 +103,7 @@ def train(
     show_result(CommandResult(document=document, tables=tuple(tables), notes=tuple(left_out)), None, as_json=as_json)
 
 
-@app.command(epilog="Example: tsis detect apply classifier.json 3 7 --store records")
+@app.command(epilog="Example: tsis detect apply classifier.json 25 26 --store lab-records")
 def apply(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File that tsis detect train wrote.")],
     numbers: Annotated[

@@ -44,7 +44,7 @@ SPREAD = (
 )
 
 
-@app.command(epilog="Example: tsis network train networks.json --probe tsis-2011 --force-n 1")
+@app.command(epilog="Example: tsis network train networks.json --probe tsis-domed --samples 40 --networks 5")
 def train(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File of the networks to write; it must not exist yet.")],
     *,
@@ -102,8 +102,8 @@ def train(
 
 @app.command(
     epilog=(
-        "Example: tsis network apply networks.json press.png --reference-press plain.png --calibration probe.json "
-        "--scale-mm 0.0336,0.0392 --force-n 1"
+        "Example: tsis network apply networks.json first-press/target-1N.png --reference-press "
+        "first-press/reference-1N.png --calibration first-press/calibration.json --scale-mm 0.0336,0.0392 --force-n 1"
     )
 )
 def apply(

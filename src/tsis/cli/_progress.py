@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
+
+from tsis.cli._exit_codes import INTERRUPTED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -19,6 +22,12 @@ class Verbosity:
 
 
 verbosity = Verbosity()
+
+
+def stop_interrupted(message: str) -> NoReturn:
+    """End the program after Ctrl-C with this one line on standard error, instead of the general one."""
+    sys.stderr.write(f"Interrupted{message}\n")
+    sys.exit(INTERRUPTED)
 
 
 @contextmanager

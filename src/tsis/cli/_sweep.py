@@ -12,10 +12,9 @@ import typer
 from rich.table import Table
 
 import tsis
-from tsis.cli._exit_codes import INTERRUPTED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
-from tsis.cli._progress import progress_bar
+from tsis.cli._progress import progress_bar, stop_interrupted
 
 if TYPE_CHECKING:
     from tsis.sweep import Plan
@@ -38,7 +37,7 @@ def sweep(context: typer.Context) -> None:
         typer.echo(context.get_help())
 
 
-@app.command(epilog="Example: tsis sweep run plan.toml --out data --workers 4")
+@app.command(epilog="Example: tsis sweep run plan.toml --out data --workers 2")
 def run(
     *,
     plan: PlanFile,
@@ -69,8 +68,7 @@ def run(
             done = tsis.sweep.run_sweep(chosen, out, workers=workers, scheduler=scheduler, progress=advance)
     except KeyboardInterrupt:
         again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:])])
-        typer.echo(f"Interrupted; finished files stay. Resume with: {again}", err=True)
-        sys.exit(INTERRUPTED)
+        stop_interrupted(f"; finished files stay. Resume with: {again}")
     if as_json:
         print_json(tsis.report.envelope("sweep run", **asdict(done)))
         return

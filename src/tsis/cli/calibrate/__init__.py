@@ -19,7 +19,9 @@ app = typer.Typer(
     ),
     epilog="Example: tsis calibrate --camera aravis: --gauge /dev/ttyUSB0 --probe tsis-2011 --name bench-2",
 )
-app.command("guide", epilog="Example: tsis calibrate guide --seed 3 --out first-calibration")(guide)
+app.command("guide", epilog="Example: tsis calibrate guide --seed 3 --tip-mm 2 --tip-mm 10 --out first-calibration")(
+    guide
+)
 app.command("make", epilog="Example: tsis calibrate make tsis-calibration-frames --days 90")(make)
 app.command("show", epilog="Example: tsis calibrate show tsis-calibration/calibration.json")(show)
 app.command("seal", epilog="Example: tsis calibrate seal values.json --out calibration.json")(seal)

@@ -19,6 +19,7 @@ from tsis.__about__ import LARGEST_SEED, VALID_DAYS
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson
 from tsis.cli._output import publish
+from tsis.cli._progress import stop_interrupted
 from tsis.cli.acquire import VIRTUAL, live_connector, requested_settings
 from tsis.cli.calibrate._make import OUT, Days, Out, make_outcome
 from tsis.errors import CalibrationError, InputError
@@ -280,9 +281,9 @@ def _take_steps(
         try:
             saved = folder.save(step, shots)
         except KeyboardInterrupt:
-            reported = f"The steps before are saved in {folder.path}; the same command resumes with {step.name}."
-            console.print(reported, markup=False, soft_wrap=True)
-            raise
+            stop_interrupted(
+                f". The steps before are saved in {folder.path}; the same command resumes with {step.name}."
+            )
         console.print(f"   {saved} frames")
 
 

@@ -20,8 +20,8 @@ app = typer.Typer(
     ),
     epilog="Example: tsis match before.csv after.csv --figure match.png",
 )
-app.command(DEFAULT, epilog="Example: tsis match before.csv after.ply --out moved.csv --figure match.png")(points)
+app.command(DEFAULT, epilog="Example: tsis match before.csv after.ply --out moved.csv --figure moved.png")(points)
 app.command(
     "bench",
-    epilog="Example: tsis match bench --families noise,outliers --methods tprl,cpd --trials 5 --out matching",
+    epilog="Example: tsis match bench --families noise --methods tprl,cpd --trials 1 --out matching",
 )(benchmark)

@@ -15,10 +15,9 @@ from rich import box
 from rich.table import Table
 
 import tsis
-from tsis.cli._exit_codes import INTERRUPTED
 from tsis.cli._options import AsJson
 from tsis.cli._output import RESULT, people, print_json, print_notice, result_bytes
-from tsis.cli._progress import progress_bar
+from tsis.cli._progress import progress_bar, stop_interrupted
 from tsis.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
@@ -256,9 +255,8 @@ def _whole_numbers(text: str) -> list[int]:
 
 def _stop_interrupted(out: Path | None, *, resume: bool) -> None:
     again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:]), *([] if resume else ["--resume"])])
-    message = "nothing was written" if out is None else f"finished trials are saved. Resume with: {again}"
-    typer.echo(f"Interrupted; {message}.", err=True)
-    sys.exit(INTERRUPTED)
+    message = "nothing was written." if out is None else f"finished trials are saved. Resume with: {again}"
+    stop_interrupted(f"; {message}")
 
 
 def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_json: bool) -> None:

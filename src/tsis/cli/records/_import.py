@@ -13,7 +13,7 @@ import typer
 import tsis
 from tsis.cli._options import AsJson, scale_of
 from tsis.cli._output import people, print_json, print_notice
-from tsis.cli._progress import progress_bar, waiting
+from tsis.cli._progress import progress_bar, stop_interrupted, waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, is_there, opened, target_number
 
 if TYPE_CHECKING:
@@ -83,8 +83,7 @@ def import_(
                     records, batches, target=number, difference=target == NEW, tally=tally, progress=advance
                 )
         except KeyboardInterrupt:
-            typer.echo(f"Import: {tally.message}.", err=True)
-            raise
+            stop_interrupted(f"; {tally.message}.")
         position = str(records.folder.resolve())
     if as_json:
         print_json(

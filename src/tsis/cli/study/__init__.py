@@ -20,11 +20,11 @@ app = typer.Typer(
     epilog="Start with: tsis study new trial, tsis study run trial, tsis study analyse trial --by NAME",
     no_args_is_help=True,
 )
-app.command(epilog="Example: tsis study new trial --present 8 --blank 8 --seed 1 --like printed")(new)
+app.command(epilog="Example: tsis study new trial --present 2 --blank 2 --seed 1 --like random")(new)
 app.command(epilog="Example: tsis study show trial")(show)
 app.command(epilog="Example: tsis study run trial --operator Ada")(run)
 app.command("import", epilog="Example: tsis study import trial readings.csv --device palpation")(import_)
 app.command(epilog="Example: tsis study export trial readings.csv")(export)
-app.command(epilog="Example: tsis study analyse trial --by Ada")(analyse)
-app.command(epilog="Example: tsis study verify trial --head 5f1c09ab77e2")(verify)
+app.command(epilog="Example: tsis study analyse trial --by Ada --yes")(analyse)
+app.command(epilog="Example: tsis study verify trial")(verify)
 app.command(epilog="Example: tsis study plan --width-mm 90 --height-mm 60 --overlap 0.5 --out plan")(plan)

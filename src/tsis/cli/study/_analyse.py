@@ -14,7 +14,7 @@ from rich.table import Table
 from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
-from tsis.cli._progress import progress_bar
+from tsis.cli._progress import progress_bar, stop_interrupted
 from tsis.cli.study._new import StudyFolder
 from tsis.errors import InputError
 
@@ -51,8 +51,13 @@ def analyse(
         _require_whole(study, incomplete=incomplete)
         if not yes:
             _confirm(study, as_json=as_json)
-    with progress_bar("analysing devices") as advance:
-        done = publish_study(study, by=by, out=out, progress=advance)
+    try:
+        with progress_bar("analysing devices") as advance:
+            done = publish_study(study, by=by, out=out, progress=advance)
+    except KeyboardInterrupt:
+        if open_study(folder).unblinded is None:
+            raise
+        stop_interrupted("; the study is unblinded. Repeat the command to write its analysis.")
     result = done.analysis
     if as_json:
         print_json({**study_document(result), "folder": str(done.folder), "head": done.study.chain.head})

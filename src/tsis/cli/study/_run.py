@@ -12,11 +12,10 @@ import typer
 
 import tsis
 from tsis.__about__ import LARGEST_SEED
-from tsis.cli._exit_codes import INTERRUPTED
 from tsis.cli._groups import ended_by
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
-from tsis.cli._progress import progress_bar
+from tsis.cli._progress import progress_bar, stop_interrupted
 from tsis.cli._store import DATABASE, PHANTOM, opened
 from tsis.cli.study._new import ByName, StudyFolder
 
@@ -75,8 +74,7 @@ def run(
             console.print(f"Next: tsis study analyse {folder} --by NAME", markup=False, soft_wrap=True)
         print_notice(console)
     if done.left:
-        typer.echo("Interrupted; finished readings stay. Repeat the command to continue.", err=True)
-        raise typer.Exit(INTERRUPTED)
+        stop_interrupted("; finished readings stay. Repeat the command to continue.")
 
 
 TableFile = Annotated[Path, typer.Argument(metavar="READINGS.csv", help="Comma-separated values in UTF-8.")]
