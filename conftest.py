@@ -7,6 +7,7 @@ import hashlib
 import os
 import platform
 import shutil
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,6 +41,8 @@ def pytest_configure(config: pytest.Config) -> None:
             shutil.rmtree(other, ignore_errors=True)
         os.environ["TSIS_CACHE_DIR"] = str(folder)
     platform.processor()  # asks a program once and keeps the answer
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background, where shells ignore Ctrl-C
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.addaudithook(_refuse_starts)
 
 
