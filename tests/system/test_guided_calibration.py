@@ -144,7 +144,7 @@ def test_a_new_user_is_guided_killed_and_goes_on(guide: Callable[..., Guided], t
         if force == "soft":
             second.hears("that is no number")
     second.hears("3 frames")
-    assert second.ends() == 2
+    assert second.ends() == 3
     assert "Error: step 'board': " in second.said.splitlines()[-1]  # the fake camera shows no dots
     assert "Traceback" not in second.said
     after = files(session.path)
@@ -172,7 +172,7 @@ def test_a_loading_by_gauge_is_whole_or_absent(guide: Callable[..., Guided], tmp
     first.hears("Enter when it is back at 0: ")
     happened(lambda: taken() >= 2)
     gauge.unplug()
-    assert first.ends() == 2
+    assert first.ends() == 3
     assert "Error: " in first.said.splitlines()[-1]
     assert "Traceback" not in first.said
     assert "Fatal" not in first.said
@@ -189,7 +189,7 @@ def test_a_loading_by_gauge_is_whole_or_absent(guide: Callable[..., Guided], tmp
     second.hears("Enter when it is back at 0: ")
     happened(lambda: taken() >= 3)
     second.answer()
-    assert second.ends() == 2
+    assert second.ends() == 3
     gauge.unplug()
     assert "Error: step 'board': " in second.said
     *_, loading = session.plan()
