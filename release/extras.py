@@ -36,6 +36,7 @@ FIRST = {  # code or command that uses the extra
     "report": "from tsis.report.paper import pdf",
 }
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExtraCost:
     """Cost of an extra, with the plain install: the number of packages, MB on disk, and seconds."""

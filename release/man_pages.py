@@ -1,7 +1,4 @@
-"""Man pages of the program and of each command, made from their help.
-
-    python -m release.man_pages build/man
-"""
+"""Man pages of the program and of each command, made from their help: ``python -m release.man_pages build/man``."""
 
 from __future__ import annotations
 
