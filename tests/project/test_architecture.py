@@ -7,6 +7,7 @@ from collections import defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING
 
 import grimp
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[2]
 SOURCE = Path(tsis.__file__).parent
-MOST_FILES, MOST_LINES = 600, 400
+MOST_FILES, MOST_LINES, MEDIAN_LINES = 600, 400, 150
 TWICE = {"estimate"}  # of an inclusion, and of a hardness
 
 
@@ -129,3 +130,4 @@ def test_files_are_few_and_short() -> None:
     lines = {module_of(path): path.read_text(encoding="utf-8").count("\n") for path in SOURCE.rglob("*.py")}
     assert len(lines) <= MOST_FILES
     assert {name: count for name, count in lines.items() if count > MOST_LINES} == {}
+    assert median(lines.values()) <= MEDIAN_LINES
