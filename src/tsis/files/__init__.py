@@ -20,6 +20,7 @@ from tsis.files._cache import (
     cached_sha256,
     content_key,
     read_cached_arrays,
+    shipped_tables,
     write_cached,
     write_cached_arrays,
 )
@@ -124,6 +125,7 @@ __all__ = [
     "remove_unfinished",
     "require_bounded_arrays",
     "rows_missing",
+    "shipped_tables",
     "size_fault",
     "snapshot_stems",
     "table_bytes",
