@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.calibration.file import ProbeCalibration, calibration_sha256, parse_calibration, read_calibration
 from tsis.calibration.force import ForceLine, total_grey
 from tsis.calibration.reference import CameraReference
+from tsis.model import ContentValue
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,7 +64,7 @@ def _force(calibration: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class UsableCalibration:
+class UsableCalibration(ContentValue):
     """A calibration with the identity by which results cite it."""
 
     calibration: ProbeCalibration

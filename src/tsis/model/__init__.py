@@ -1,6 +1,7 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
 from tsis.model._calibration import Calibration, LightMap
+from tsis.model._content import ContentValue
 from tsis.model._estimate import (
     IMPROBABLE,
     INTERVAL_LEVEL,
@@ -48,6 +49,7 @@ __all__ = [
     "SMALLEST_PIXEL_MM",
     "UNITS",
     "Calibration",
+    "ContentValue",
     "Estimate",
     "Glass",
     "Inclusion",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from tsis.errors import InputError
+from tsis.model._content import ContentValue
 from tsis.model._press import interpolation_matrix, require_on_grid
 from tsis.model._require import require_number, require_type
 
@@ -23,7 +24,7 @@ FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LightMap:
+class LightMap(ContentValue):
     """Light on the face from inside, over a coarse grid, and its change with displacement and tilt of the face.
 
     Attributes

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import InputError
+from tsis.model._content import ContentValue
 from tsis.model._require import freeze_mappings, require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def probability_bound(chance: float) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Estimate:
+class Estimate(ContentValue):
     """Posterior samples by parameter name, with the standard deviations of the prior.
 
     Parameters

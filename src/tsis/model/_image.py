@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import InputError
+from tsis.model._content import ContentValue
 from tsis.model._require import freeze_mappings, require_array, require_number, require_pair
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def require_image_numbers(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TactileImage:
+class TactileImage(ContentValue):
     """A grey frame of the pressed probe.
 
     Parameters

@@ -12,7 +12,7 @@ from tsis.calibration.reference import CameraReference
 from tsis.calibration.scale import PixelScale
 from tsis.calibration.specification import Specification
 from tsis.errors import CalibrationError, InputError
-from tsis.model import Calibration, require_number, require_type
+from tsis.model import Calibration, ContentValue, require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -95,7 +95,7 @@ SETTING_TOLERANCE = 1e-3  # relative rounding of settings by the camera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ProbeCalibration:
+class ProbeCalibration(ContentValue):
     """The calibration of a probe and its camera; a part that was not measured is None.
 
     Parameters
