@@ -10,7 +10,7 @@ from tsis.plots._detection import (
     roc_curve,
     scores_by_truth,
 )
-from tsis.plots._estimate import LABELS, design_errors, marginal, trade_off
+from tsis.plots._estimate import LABELS, design_errors, marginal, posterior, trade_off
 from tsis.plots._hardness import contact_growth, contact_rows, modulus, modulus_readings
 from tsis.plots._image import relief, ring_profile, tactile_image
 from tsis.plots._matching import TRIAL_COLOURS, curves_over_levels, point_sets, trial_errors
@@ -51,6 +51,7 @@ __all__ = [
     "modulus",
     "modulus_readings",
     "point_sets",
+    "posterior",
     "probe_section",
     "ray_picture",
     "read_over_true",
