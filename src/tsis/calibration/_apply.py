@@ -75,6 +75,10 @@ class UsableCalibration(ContentValue):
         """The response for estimates; `CalibrationError` when it was not measured."""
         return self.calibration.cited_response(self.identity)
 
+    def _repr_html_(self) -> str:
+        """The summary of the calibration."""
+        return self.calibration._repr_html_()
+
     def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
         """Corrected frames and the matching response; errors as `apply_calibration`."""
         return apply_calibration(self.calibration, frames, identity=self.identity)

@@ -14,6 +14,7 @@ from tsis.model._estimate import (
     probability_bound,
     unit_of,
 )
+from tsis.model._html import summary_html
 from tsis.model._image import (
     LARGEST_PIXEL_MM,
     SMALLEST_PIXEL_MM,
@@ -81,5 +82,6 @@ __all__ = [
     "require_pixel_scale",
     "require_same_probe",
     "require_type",
+    "summary_html",
     "unit_of",
 ]

@@ -10,6 +10,7 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.model._content import ContentValue
+from tsis.model._html import summary_html
 from tsis.model._require import freeze_mappings, require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -137,6 +138,21 @@ class Estimate(ContentValue):
         tails = (0.5 - level / 2, 0.5 + level / 2)
         bounds = {name: np.quantile(values, tails) for name, values in self.samples.items()}
         return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}
+
+    def _repr_html_(self) -> str:
+        """The means and intervals that are not withheld, and the flags."""
+        rows = [(f"{label_of(name)} / {unit_of(name)}", *self._cells(name)) for name in self.prior_sd]
+        if self.trusted and self.presence is not None:
+            rows.append(("probability of an inclusion", f"{self.presence:.3g}"))
+        rows.append(("flags", ", ".join(self.flags) or "none"))
+        return summary_html("Estimate", rows, headings=("", "mean", "90 % interval"), result=True)
+
+    def _cells(self, name: str) -> tuple[str, ...]:
+        """Mean and interval of a parameter, or the reason for which they are withheld."""
+        if not self.trusted:
+            return ("not to be trusted",)
+        low, high = self.interval()[name]
+        return f"{self.mean[name]:.3g}" if self.identified(name) else "not identified", f"{low:.3g} to {high:.3g}"
 
 
 UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_deg": "deg"}  # as UCUM writes them

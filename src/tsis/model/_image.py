@@ -10,6 +10,7 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.model._content import ContentValue
+from tsis.model._html import summary_html, thumbnail
 from tsis.model._require import freeze_mappings, require_array, require_number, require_pair
 
 if TYPE_CHECKING:
@@ -109,3 +110,15 @@ class TactileImage(ContentValue):
         if self.mm_per_pixel is None:
             raise InputError("mm_per_pixel is not known for this image; give the size of a pixel in millimetres")
         return self.mm_per_pixel
+
+    def _repr_html_(self) -> str:
+        """A small picture with size, scale and force."""
+        rows, columns = self.grey.shape
+        scale = "unknown" if self.mm_per_pixel is None else " x ".join(f"{size:.4g}" for size in self.mm_per_pixel)
+        entries = [
+            ("pixels", f"{columns} x {rows}"),
+            ("mm per pixel", scale),
+            ("force", "unknown" if self.force_n is None else f"{self.force_n:.4g} N"),
+            ("grey levels", f"{self.grey.min():.4g} to {self.grey.max():.4g} of {self.full_scale:g}"),
+        ]
+        return summary_html(self.name or "TactileImage", entries, picture=thumbnail(self.grey, self.full_scale))
