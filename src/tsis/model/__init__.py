@@ -22,7 +22,14 @@ from tsis.model._image import (
     require_image_numbers,
     require_pixel_scale,
 )
-from tsis.model._image_series import as_images, grey_sha256, require_image_series, require_same_probe
+from tsis.model._image_series import (
+    as_images,
+    grey_sha256,
+    image_from_xarray,
+    image_stack,
+    require_image_series,
+    require_same_probe,
+)
 from tsis.model._phantom import INCLUSION_RANGES, Inclusion, Phantom, Relaxation, SoftSphere
 from tsis.model._press import MN_PER_N, PressField, PressMap, interpolation_matrix, require_ascending
 from tsis.model._probe import FOUR_LEDS, Glass, Layer, Led, Probe
@@ -68,6 +75,8 @@ __all__ = [
     "freeze_arrays",
     "freeze_mappings",
     "grey_sha256",
+    "image_from_xarray",
+    "image_stack",
     "interpolation_matrix",
     "label_of",
     "probability_bound",

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import InputError
 from tsis.model._content import ContentValue
+from tsis.model._exchange import posterior_for_arviz
 from tsis.model._html import summary_html
 from tsis.model._require import freeze_mappings, require_array, require_number, require_one_of, require_type
 
@@ -138,6 +140,29 @@ class Estimate(ContentValue):
         tails = (0.5 - level / 2, 0.5 + level / 2)
         bounds = {name: np.quantile(values, tails) for name, values in self.samples.items()}
         return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}
+
+    def to_arviz(self) -> Any:
+        """The posterior for ArviZ: an ``InferenceData`` before its release 1, else a ``DataTree``.
+
+        The samples are one chain of the group ``posterior``, each parameter with its unit, the standard deviation of
+        its prior, and whether the data identify it. Raises `MissingExtraError` without the extra ``analysis``.
+        """
+        presence = {"presence": self.presence} if self.trusted and self.presence is not None else {}
+        return posterior_for_arviz(
+            self.samples,
+            variables={
+                name: {"units": unit_of(name), "prior_sd": sd, "identified": int(self.identified(name))}
+                for name, sd in self.prior_sd.items()
+            },
+            attributes={
+                "notice": RESEARCH_USE_ONLY,
+                "inference_library": "tsis",
+                "inference_library_version": __version__,
+                "prior": self.prior,
+                "flags": ", ".join(self.flags),
+                **presence,
+            },
+        )
 
     def _repr_html_(self) -> str:
         """The means and intervals that are not withheld, and the flags."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.model._content import ContentValue
+from tsis.model._exchange import grey_for_xarray
 from tsis.model._html import summary_html, thumbnail
 from tsis.model._require import freeze_mappings, require_array, require_number, require_pair
 
@@ -110,6 +112,25 @@ class TactileImage(ContentValue):
         if self.mm_per_pixel is None:
             raise InputError("mm_per_pixel is not known for this image; give the size of a pixel in millimetres")
         return self.mm_per_pixel
+
+    def to_xarray(self) -> Any:
+        """The grey levels as an ``xarray.DataArray`` with the dimensions ``y`` and ``x``.
+
+        Coordinates are in mm from the probe's axis, or in pixels where the scale is unknown. `image_from_xarray` gives
+        the image back. Raises `MissingExtraError` without the extra ``analysis``.
+        """
+        force = {} if self.force_n is None else {"force_n": self.force_n}
+        return grey_for_xarray(
+            self.grey,
+            axis_px=self.axis(),
+            mm_per_pixel=self.mm_per_pixel,
+            attributes={
+                **force,
+                "full_scale": self.full_scale,
+                "frame": self.name,
+                "settings": json.dumps(dict(self.settings), default=str),
+            },
+        )
 
     def _repr_html_(self) -> str:
         """A small picture with size, scale and force."""
