@@ -8,7 +8,7 @@ PINNED := --constraint constraints.txt --build-constraint constraints.txt
 PYTHON ?=
 PYTEST_FLAGS ?= -n 2 --dist loadfile
 # extras that tests use; fem3d, which has no wheels on some machines, is in the group dev
-EXTRAS := camera,classify,cluster,console,dicom,exchange,postgres
+EXTRAS := analysis,camera,classify,cluster,console,dicom,exchange,postgres
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
@@ -109,7 +109,7 @@ constraints: $(VENV)/.pip  ## resolve every dependency afresh and write constrai
 	build/fresh/bin/python -m pip install --quiet --upgrade pip
 	build/fresh/bin/python -m pip install --quiet --editable ".[$(EXTRAS)]" --group dev --group peers --group docs --group release hatchling
 	{ sed '/^[^#]/,$$d' constraints.txt; \
-	  build/fresh/bin/python -m pip freeze --all --exclude-editable --exclude setuptools; } > build/constraints.txt
+	  build/fresh/bin/python -m pip freeze --all --exclude-editable; } > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 	rm -rf build/fresh
 

@@ -201,6 +201,7 @@ def error_text(estimate: Estimate) -> str:
 
 OUTPUTS: dict[str, Callable[[Estimate, Path], str]] = {
     "repr": lambda estimate, _: repr(estimate),
+    "notebook": lambda estimate, _: estimate._repr_html_(),
     "error": lambda estimate, _: error_text(estimate),
     "json": lambda estimate, _: json.dumps(estimate_document(estimate)),
     "http": lambda estimate, _: estimate_item(stored(estimate).estimates[0]).model_dump_json(),

@@ -50,6 +50,7 @@ from tsis.files._reading import (
     file_error,
     file_size,
     one_line,
+    own_file,
     parse_object,
     parse_toml,
     printable_name,
@@ -59,6 +60,7 @@ from tsis.files._reading import (
     read_object,
     read_parsed,
     text_lines,
+    written_by,
 )
 
 __all__ = [
@@ -106,6 +108,7 @@ __all__ = [
     "make_folder_durably",
     "npy_layout",
     "one_line",
+    "own_file",
     "parse_canonical",
     "parse_csv_rows",
     "parse_object",
@@ -137,4 +140,5 @@ __all__ = [
     "write_cached",
     "write_cached_arrays",
     "write_durably",
+    "written_by",
 ]

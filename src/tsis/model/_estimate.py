@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import InputError, UntrustedError
+from tsis.model._content import ContentValue
+from tsis.model._exchange import posterior_for_arviz
+from tsis.model._html import summary_html
 from tsis.model._posterior import INTERVAL_LEVEL, ParameterValues, PosteriorSamples
 from tsis.model._require import freeze_mappings, require_number, require_one_of, require_type
 
@@ -35,7 +39,7 @@ def probability_bound(chance: float) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, init=False, repr=False)
-class Estimate:
+class Estimate(ContentValue):
     """A posterior whose numbers are withheld where they must not be used.
 
     Parameters
@@ -244,6 +248,45 @@ class Estimate:
                 )
             )
         )
+
+    def to_arviz(self) -> Any:
+        """The posterior for ArviZ: an ``InferenceData`` before its release 1, else a ``DataTree``.
+
+        The samples are one chain of the group ``posterior``, each parameter with its unit, the standard deviation of
+        its prior, and whether the data identify it. Raises `MissingExtraError` without the extra ``analysis``.
+        """
+        presence = {} if self.printed_presence is None else {"presence": self.printed_presence}
+        return posterior_for_arviz(
+            self.samples,
+            variables={
+                name: {"units": unit_of(name), "prior_sd": sd, "identified": int(self.identified(name))}
+                for name, sd in self.prior_sd.items()
+            },
+            attributes={
+                "notice": RESEARCH_USE_ONLY,
+                "inference_library": "tsis",
+                "inference_library_version": __version__,
+                "prior": self.prior,
+                "flags": ", ".join(self.flags),
+                **presence,
+            },
+        )
+
+    def _repr_html_(self) -> str:
+        """The means and intervals that are not withheld, and the flags."""
+        rows = [(f"{label_of(name)} / {unit_of(name)}", *self._cells(name)) for name in self.prior_sd]
+        if self.printed_presence is not None:
+            rows.append(("probability of an inclusion", f"{self.printed_presence:.3g}"))
+        rows.append(("flags", ", ".join(self.flags) or "none"))
+        return summary_html("Estimate", rows, headings=("", "mean", "90 % interval"), result=True)
+
+    def _cells(self, name: str) -> tuple[str, ...]:
+        """Mean and interval of a parameter, or the reason for which they are withheld."""
+        withheld = self.withheld_reason(name)
+        if not self.trusted:
+            return (withheld,)
+        low, high = self.interval()[name]
+        return withheld or f"{self.mean[name]:.3g}", f"{low:.3g} to {high:.3g}"
 
 
 UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_deg": "deg"}  # as UCUM writes them

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from tsis.errors import InputError, NotIdentifiedError
+from tsis.model._content import ContentValue
 from tsis.model._require import freeze_mappings, require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PosteriorSamples:
+class PosteriorSamples(ContentValue):
     """Equally weighted samples of a posterior, by the name of the parameter, which carries its unit.
 
     Its numbers are never withheld: those of an `Estimate` are, where they must not be used.

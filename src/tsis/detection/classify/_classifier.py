@@ -12,7 +12,7 @@ from tsis.detection._presence import presence
 from tsis.detection.classify._classes import CLASSES, ClassSplit
 from tsis.errors import InputError, import_extra
 from tsis.inclusion import PARAMETERS
-from tsis.model import LARGEST_EVIDENCE, require_array, require_integer, require_number, require_type
+from tsis.model import LARGEST_EVIDENCE, ContentValue, require_array, require_integer, require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ LARGEST = 1e6  # mm or kPa
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TargetEvidence:
+class TargetEvidence(ContentValue):
     """Estimate of one target as input of a classifier.
 
     Raises `InputError` when the samples are empty, not positive or of another shape, or the ratio is no number.
@@ -97,7 +97,7 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrainingSet:
+class TrainingSet(ContentValue):
     """Targets of known class.
 
     Raises `InputError` when shapes do not belong together, there are more than 5,000 targets, or a value is out of its
