@@ -62,6 +62,7 @@ from tsis.files._reading import (
     text_lines,
     written_by,
 )
+from tsis.files._result_schemas import RESULT_SCHEMAS, require_known_schema
 
 __all__ = [
     "DIGEST_BYTES",
@@ -74,6 +75,7 @@ __all__ = [
     "PRIVATE_FILE",
     "PRIVATE_FOLDER",
     "QUICK_PNG",
+    "RESULT_SCHEMAS",
     "SHA256",
     "UNFINISHED",
     "CsvRow",
@@ -127,6 +129,7 @@ __all__ = [
     "read_parsed",
     "remove_unfinished",
     "require_bounded_arrays",
+    "require_known_schema",
     "rows_missing",
     "shipped_tables",
     "size_fault",

@@ -27,8 +27,8 @@ def estimate_to_json(stored: StoredEstimate) -> dict[str, Any]:
         When its options, environment or provenance have no JSON form.
     """
     estimate = stored.estimate
-    result = to_json_value(estimate, without=("untrusted", *LATER))
-    result["prior_sd"] = {name: float(sd) for name, sd in estimate.prior_sd.items()}
+    prior_sd = {name: float(sd) for name, sd in estimate.prior_sd.items()}
+    result = {"prior_sd": prior_sd} | to_json_value(estimate, without=("untrusted", *LATER))
     # Earlier estimates lack these; their hash must not change.
     if estimate.log_bayes_factor is not None:
         result["log_bayes_factor"] = float(estimate.log_bayes_factor)

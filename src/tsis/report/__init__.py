@@ -32,7 +32,6 @@ from tsis.report._design import (
     searched_design,
 )
 from tsis.report._document import (
-    RESULT_SCHEMAS,
     envelope,
     estimate_document,
     estimate_messages,
@@ -87,7 +86,6 @@ __all__ = [
     "MASKED",
     "PAGE_FORMS",
     "QUICK_DEGREES",
-    "RESULT_SCHEMAS",
     "Card",
     "DesignAnalysis",
     "DesignQuestion",

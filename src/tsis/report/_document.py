@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, fields
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.files import RESULT_SCHEMAS
 from tsis.model import INTERVAL_LEVEL
 
 if TYPE_CHECKING:
@@ -20,33 +20,6 @@ if TYPE_CHECKING:
 
 NEARLY = 1e-3  # probabilities closer than this to 0 or 1 are shown as a bound
 NOT_SCALAR = ("profile", "patch")
-
-
-# Results of each command; "" is that without a part.
-_RESULTS = {
-    "acquire": ("describe", "list", "record", "snapshot", "watch"),
-    "calibrate": ("", "seal", "show"),
-    "console": ("",),
-    "demo": ("",),
-    "design": ("",),
-    "detect": ("apply", "train"),
-    "doctor": ("",),
-    "examine": ("", "contacts"),
-    "hardness": ("",),
-    "logins": ("",),
-    "match": ("", "bench"),
-    "network": ("apply", "train"),
-    "optics": ("angles", "modes", "propagate", "trace"),
-    "records": ("edit", "export", "import", "list", "recompute", "send", "show", "verify"),
-    "simulate": ("", "list"),
-    "study": ("analyse", "export", "import", "new", "plan", "run", "show", "verify"),
-    "sweep": ("run", "run-plan", "verify"),
-    "track": ("",),
-}
-# Version by name; it increases when a name in the document is removed or changes its meaning.
-RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
-    {f"tsis-{command}-{part}".rstrip("-"): 1 for command, parts in _RESULTS.items() for part in parts}
-)
 
 
 def envelope(command: str, part: str = "", /, **content: Any) -> dict[str, Any]:
