@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from PIL import Image
+from release.notebooks import five_lines
 from tests.cli.kept_demo import KNOWN
 
 import tsis
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from tests.cli.conftest import RunTsis
 
-ROOT = Path(__file__).parents[2]
 WHEN = datetime(2026, 11, 20, 9, 30, 15, tzinfo=UTC)
 
 
@@ -69,8 +68,7 @@ def snapshot(
 def test_the_five_lines_of_the_readme_give_the_answer_of_the_demo(
     demo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    page = (ROOT / "README.md").read_text()
-    (code,) = re.findall(r"```python\n(import tsis\n.*?)```", page, re.DOTALL)
+    code = five_lines()
     assert len(code.strip().splitlines()) == 5
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
