@@ -168,7 +168,8 @@ class Estimate(ContentValue):
         """The means and intervals that are not withheld, and the flags."""
         rows = [(f"{label_of(name)} / {unit_of(name)}", *self._cells(name)) for name in self.prior_sd]
         if self.trusted and self.presence is not None:
-            rows.append(("probability of an inclusion", f"{self.presence:.3g}"))
+            bound = "above 0.999" if self.presence > 0.999 else "below 0.001" if self.presence < 0.001 else ""
+            rows.append(("probability of an inclusion", bound or f"{self.presence:.3g}"))
         rows.append(("flags", ", ".join(self.flags) or "none"))
         return summary_html("Estimate", rows, headings=("", "mean", "90 % interval"), result=True)
 
