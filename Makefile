@@ -12,7 +12,7 @@ EXTRAS := analysis,camera,classify,cluster,console,dicom,exchange,postgres
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test peers test-system test-slow test-release benchmark studies lint docs sbom man extras constraints clean
+.PHONY: help demo test peers test-system test-slow test-release benchmark studies lint docs sbom man tables extras constraints clean
 
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -99,6 +99,9 @@ man: $(VENV)/.dev  ## man pages of all commands, into build/man
 
 extras: $(VENV)/.release  ## what the plain install and each extra cost: packages, MB, seconds (a quarter of an hour)
 	$(BIN)/python -m release.extras
+
+tables: $(VENV)/.dev  ## compute the tables that ship with the package anew (four minutes)
+	$(BIN)/python -m release.tables
 
 constraints: $(VENV)/.pip  ## resolve every dependency afresh and write constraints.txt
 	rm -rf build/fresh

@@ -76,7 +76,8 @@ def test_the_five_lines_of_the_readme_give_the_answer_of_the_demo(
     (result,) = (value for value in names.values() if isinstance(value, Estimate))
     saved = json.loads((demo / "result.json").read_text())["estimate"]
     for name, value in saved["parameters"].items():
-        assert result.mean[name] == pytest.approx(value["mean"], rel=1e-9)
+        if result.identified(name):
+            assert result.mean[name] == pytest.approx(value["mean"], rel=1e-9)
         assert list(result.interval(0.9)[name]) == pytest.approx(value["interval_90"], rel=1e-9)
     assert list(result.flags) == saved["flags"]
     with Image.open(tmp_path / "posterior.png") as picture:

@@ -10,6 +10,7 @@ from tsis.files._atomic import (
     add_files,
     atomic_file,
     atomic_folder,
+    exclusive_lock,
     make_folder_durably,
     remove_unfinished,
     write_durably,
@@ -20,6 +21,7 @@ from tsis.files._cache import (
     cached_sha256,
     content_key,
     read_cached_arrays,
+    shipped_tables,
     write_cached,
     write_cached_arrays,
 )
@@ -40,7 +42,6 @@ from tsis.files._hash_chain import (
 )
 from tsis.files._image_checks import LARGEST_PIXELS, image_fault, png_fault, rows_missing, size_fault, without_metadata
 from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_or_none, json_bytes, parse_canonical
-from tsis.files._lock import exclusive_lock
 from tsis.files._names import snapshot_stems, target_folder
 from tsis.files._packed import require_bounded_arrays, without_packed_arrays
 from tsis.files._pictures import QUICK_PNG, decode_grey_png, encode_picture
@@ -127,6 +128,7 @@ __all__ = [
     "remove_unfinished",
     "require_bounded_arrays",
     "rows_missing",
+    "shipped_tables",
     "size_fault",
     "snapshot_stems",
     "table_bytes",

@@ -4,10 +4,10 @@ from tsis.model._calibration import Calibration, LightMap
 from tsis.model._content import ContentValue
 from tsis.model._estimate import (
     IMPROBABLE,
-    INTERVAL_LEVEL,
     LARGEST_EVIDENCE,
     NO_UNIT,
     NOT_IDENTIFIED,
+    NOT_TRUSTED,
     UNITS,
     Estimate,
     label_of,
@@ -31,6 +31,7 @@ from tsis.model._image_series import (
     require_same_probe,
 )
 from tsis.model._phantom import INCLUSION_RANGES, Inclusion, Phantom, Relaxation, SoftSphere
+from tsis.model._posterior import INTERVAL_LEVEL, PosteriorSamples
 from tsis.model._press import MN_PER_N, PressField, PressMap, interpolation_matrix, require_ascending
 from tsis.model._probe import FOUR_LEDS, Glass, Layer, Led, Probe
 from tsis.model._require import (
@@ -53,6 +54,7 @@ __all__ = [
     "LARGEST_PIXEL_MM",
     "MN_PER_N",
     "NOT_IDENTIFIED",
+    "NOT_TRUSTED",
     "NO_UNIT",
     "SMALLEST_PIXEL_MM",
     "UNITS",
@@ -65,6 +67,7 @@ __all__ = [
     "Led",
     "LightMap",
     "Phantom",
+    "PosteriorSamples",
     "PressField",
     "PressMap",
     "Probe",

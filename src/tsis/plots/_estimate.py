@@ -27,7 +27,8 @@ def marginal(
 ) -> Axes:
     """Draw the posterior density of a parameter with its 90 % interval, the uniform prior and the truth if known.
 
-    ``prior_range`` has the ends of the prior, which set the axis.
+    ``prior_range`` has the ends of the prior, which set the axis. An estimate that is not trusted raises
+    `UntrustedError`.
     """
     low, high = prior_range
     ax.plot([low, low, high, high], [0, 1 / (high - low), 1 / (high - low), 0], color="0.4", label="prior")

@@ -38,7 +38,6 @@ from tsis.report._document import (
     estimate_messages,
     features_document,
     sd_text,
-    withheld_reason,
 )
 from tsis.report._folder import free_folder, write_folder
 from tsis.report._forms import (
@@ -156,7 +155,6 @@ __all__ = [
     "track_rows",
     "verdict",
     "verification_notes",
-    "withheld_reason",
     "write_folder",
     "write_form",
 ]

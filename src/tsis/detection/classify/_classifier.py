@@ -88,10 +88,10 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
     """
     result = presence(estimate, prior=prior)
     draws = require_integer("draws", draws, 1, 10**6)
-    missing = [name for name in PARAMETERS if name not in estimate.samples]
+    missing = [name for name in PARAMETERS if name not in estimate.names]
     if missing:
         raise InputError(f"estimate must hold samples of {', '.join(PARAMETERS)}; it has none of {', '.join(missing)}")
-    every = np.column_stack([estimate.samples[name] for name in PARAMETERS])
+    every = np.column_stack([estimate.untrusted.samples[name] for name in PARAMETERS])
     evenly = np.linspace(0, len(every) - 1, min(draws, len(every))).round().astype(int)
     return TargetEvidence(samples=every[evenly], log_ratio=result.log_likelihood_ratio)
 
