@@ -105,6 +105,11 @@ def test_an_estimate_shows_what_its_report_shows() -> None:
     assert f"{np.mean(result.samples['depth_mm']):.4g}" not in cells
 
 
+@pytest.mark.parametrize(("presence", "says"), [(0.99999, "above 0.999"), (1e-9, "below 0.001"), (0.5, "0.5")])
+def test_a_probability_is_never_0_or_1(presence: float, says: str) -> None:
+    assert says in Strict(replace(estimate(), presence=presence)._repr_html_()).texts
+
+
 def test_an_untrusted_estimate_shows_no_number() -> None:
     draws = np.linspace(7.7710, 7.7711, 50)
     result = Estimate(

@@ -11,9 +11,7 @@ import pytest
 
 import tsis
 
-EXTRAS = (
-    "arviz cv2 dask distributed fastapi h5py nicegui ngsolve pyarrow pydicom reportlab sklearn sqlalchemy xarray zarr"
-)
+EXTRAS = "arviz cv2 distributed fastapi h5py nicegui ngsolve pandas pyarrow pydicom reportlab sklearn sqlalchemy xarray"
 NEEDED = {"records": "records", "console": "console"}  # extras without which a package does not load
 
 RUN = """

@@ -10,6 +10,7 @@ from tsis.files._atomic import (
     add_files,
     atomic_file,
     atomic_folder,
+    exclusive_lock,
     make_folder_durably,
     remove_unfinished,
     write_durably,
@@ -41,7 +42,6 @@ from tsis.files._hash_chain import (
 )
 from tsis.files._image_checks import LARGEST_PIXELS, image_fault, png_fault, rows_missing, size_fault, without_metadata
 from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_or_none, json_bytes, parse_canonical
-from tsis.files._lock import exclusive_lock
 from tsis.files._names import snapshot_stems, target_folder
 from tsis.files._packed import require_bounded_arrays, without_packed_arrays
 from tsis.files._pictures import QUICK_PNG, decode_grey_png, encode_picture

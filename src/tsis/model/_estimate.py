@@ -275,8 +275,9 @@ class Estimate(ContentValue):
     def _repr_html_(self) -> str:
         """The means and intervals that are not withheld, and the flags."""
         rows = [(f"{label_of(name)} / {unit_of(name)}", *self._cells(name)) for name in self.prior_sd]
-        if self.printed_presence is not None:
-            rows.append(("probability of an inclusion", f"{self.printed_presence:.3g}"))
+        if (chance := self.printed_presence) is not None:
+            bound = "above 0.999" if chance > 0.999 else "below 0.001" if chance < 0.001 else ""
+            rows.append(("probability of an inclusion", bound or f"{chance:.3g}"))
         rows.append(("flags", ", ".join(self.flags) or "none"))
         return summary_html("Estimate", rows, headings=("", "mean", "90 % interval"), result=True)
 

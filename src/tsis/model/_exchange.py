@@ -32,7 +32,7 @@ def posterior_for_arviz(
         warnings.simplefilter("ignore", FutureWarning)  # releases before 1 announce release 1
         arviz = import_extra("arviz", feature="a posterior for ArviZ", extra=EXTRA)
     chains = {name: np.asarray(values)[None] for name, values in samples.items()}
-    before_1 = hasattr(arviz, "InferenceData")
+    before_1 = "InferenceData" in vars(arviz)  # release 1 warns where it is asked for
     result = arviz.from_dict(posterior=chains) if before_1 else arviz.from_dict({"posterior": chains})
     group = result.posterior if before_1 else result["posterior"]
     for name, entries in variables.items():

@@ -235,7 +235,7 @@ class Probe:
 
     def _repr_html_(self) -> str:
         """The layers from the tissue up, with face, glass and lamps."""
-        face = "flat" if self.face_curvature_mm is None else f"domed with {self.face_curvature_mm:g} mm"
+        face = "flat" if self.face_curvature_mm is None else f"domed, radius of curvature {self.face_curvature_mm:g} mm"
         layers = [
             (f"layer {number}", f"{layer.thickness_mm:g} mm, {layer.young_kpa:g} kPa, index {layer.refractive_index:g}")
             for number, layer in enumerate(self.layers, start=1)

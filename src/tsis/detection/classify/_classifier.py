@@ -285,6 +285,11 @@ def enough(labels: NDArray[np.int64], split: ClassSplit, least: int) -> None:
 
 
 def _fitted(training: TrainingSet, settings: ClassifierSettings) -> Any:
+    return calibrated_machine(settings).fit(training.features, training.labels)
+
+
+def calibrated_machine(settings: ClassifierSettings) -> Any:
+    """The pipeline of scikit-learn, not fitted; `MissingExtraError` without the extra ``classify``."""
     import_extra("sklearn", feature="a classifier", extra="classify")
     from sklearn.calibration import CalibratedClassifierCV
     from sklearn.model_selection import StratifiedKFold
@@ -294,5 +299,4 @@ def _fitted(training: TrainingSet, settings: ClassifierSettings) -> Any:
 
     machine = SVC(C=settings.penalty, gamma="auto" if settings.width is None else settings.width)
     parts = StratifiedKFold(settings.folds, shuffle=True, random_state=settings.seed)
-    model = CalibratedClassifierCV(make_pipeline(StandardScaler(), machine), method=settings.calibration, cv=parts)
-    return model.fit(training.features, training.labels)
+    return CalibratedClassifierCV(make_pipeline(StandardScaler(), machine), method=settings.calibration, cv=parts)
