@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from tests.console.pages.simulated import at_console
+from tests.instrument.gauge.sending_gauge import sending
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
 
@@ -129,3 +130,21 @@ def test_a_gauge_that_is_not_there_says_why(lit: Instrument) -> None:
         await operator.hears("baud must lie in [50, ")
 
     at_console(lit, script, "/camera")
+
+
+def test_forces_come_from_a_gauge_until_it_is_given_up(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.clicks("Start")
+        await operator.types("Serial port", port, enter=False)
+        await operator.clicks("It sends on its own and is not to be asked")
+        await operator.clicks("Connect")
+        await operator.sees("Forces are read from the ")
+        assert f"Forces are read from the {(await operator.requested('/state'))['gauge']}." in operator.texts
+        while (force := (await operator.requested("/sight"))["sight"]["force"]) is None:
+            await operator.pause()
+        assert (force["value_n"], force["source"]) == (0.5, "gauge")
+        await operator.clicks("Use no gauge")
+        await operator.sees("Forces are typed, or not known.")
+
+    with sending(b"500 mN\r\n") as port:
+        at_console(lit, script, "/camera")
