@@ -65,7 +65,7 @@ def test_a_session_with_a_camera_and_typed_forces(lit: Instrument) -> None:
         await operator.types("Radii of the tips", "10, 14")
         await operator.clicks("Begin")
         await operator.sees("May <i>left</i>", ": dark", "Switch the lamps off", "tips of 10, 14 mm")
-        assert not operator.enabled("Make the calibration")
+        await operator.until(lambda: not operator.enabled("Make the calibration"), "it can be made of nothing")
         await operator.clicks("Take 16 frames")
         await operator.sees(": untouched", "1 of ")
         await operator.clicks("Step dark: 16 frames")

@@ -181,7 +181,7 @@ def test_a_camera_that_goes_away_is_said_in_every_place(lit: Instrument, world: 
         assert "No flags." not in operator.texts
         assert (await operator.requested("/state"))["camera"]["lost"] is True
         world.plugged = True
-        await operator.sees("interrupted once", "No flags.")
+        await operator.sees("interrupted once", "contact around column 32, row 24")
 
     at_console(lit, script)
 
@@ -190,7 +190,7 @@ def test_of_two_operators_one_commands_and_the_other_watches(lit: Instrument) ->
     async def script(operator: Operator) -> None:
         other = await operator.other()
         await other.sees("browser 1 holds the camera; you watch.", "You watch: take the camera")
-        assert operator.enabled("Start")
+        await operator.until(lambda: operator.enabled("Start"), "who holds the camera can not start it")
         assert not other.enabled("Start")
         assert not other.enabled("Snapshot")
         await started(operator)
@@ -243,7 +243,7 @@ def test_jobs_are_listed_and_only_the_owner_ends_them(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         lit.begin_sequence(seconds=600.0, by=BOB)
         await operator.sees("Jobs: ")
-        await operator.clicks("Jobs: 1")
+        await operator.clicks(operator.named("Jobs: ")[0])
         await operator.clicks("End sequence of target 1")
         await operator.hears("only the camera's owner may end jobs; take the camera first")
         lit.control.release(BOB)
