@@ -21,7 +21,6 @@ from tsis.inclusion._frames import (
 )
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._verdict import (
-    ABSENCE_FLAG,
     UNTRUSTED_FLAGS,
     cramer_rao_sd,
     findings,
@@ -42,6 +41,7 @@ from tsis.inclusion.posterior import (
 )
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import (
+    ABSENCE_FLAG,
     IMPROBABLE,
     NOT_TRUSTED,
     Calibration,

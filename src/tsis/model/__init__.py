@@ -3,6 +3,7 @@
 from tsis.model._calibration import Calibration, LightMap
 from tsis.model._content import ContentValue
 from tsis.model._estimate import (
+    ABSENCE_FLAG,
     IMPROBABLE,
     LARGEST_EVIDENCE,
     NO_UNIT,
@@ -46,6 +47,7 @@ from tsis.model._require import (
 )
 
 __all__ = [
+    "ABSENCE_FLAG",
     "FOUR_LEDS",
     "IMPROBABLE",
     "INCLUSION_RANGES",
