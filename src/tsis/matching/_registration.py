@@ -193,6 +193,18 @@ def match_points(
         return _match(method, source, target, rng)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _FramedMove:
+    """A map of normalised points, between points in the units of the sets."""
+
+    start: NormalFrame
+    end: NormalFrame
+    move: Move
+
+    def __call__(self, points: Floats, /) -> Floats:
+        return self.end.outward(self.move(self.start.inward(points)))
+
+
 def _match(method: str, source: Floats, target: Floats, rng: np.random.Generator) -> Registration:
     start, end = NormalFrame.of(source), NormalFrame.of(target)
     here, there = start.inward(source), end.inward(target)
@@ -209,9 +221,6 @@ def _match(method: str, source: Floats, target: Floats, rng: np.random.Generator
             f"{len(source_sample):,} and {len(target_sample):,} drawn from them were matched"
         )
 
-    def move(points: Floats, /) -> Floats:
-        return end.outward(fit.move(start.inward(points)))
-
     registration = Registration(
         method=method,
         moved=source,
@@ -220,7 +229,7 @@ def _match(method: str, source: Floats, target: Floats, rng: np.random.Generator
         confidence=confidence,
         reliable=confidence >= RELIABLE,
         notes=tuple(notes),
-        move=move,
+        move=_FramedMove(start=start, end=end, move=fit.move),
     )
     return replace(registration, moved=registration.transform(source))
 
