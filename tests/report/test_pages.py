@@ -122,7 +122,7 @@ def test_the_page_shows_presence_prior_and_bound(an_estimate: Estimate) -> None:
 def test_a_page_that_is_not_to_be_trusted_shows_no_number(an_estimate: Estimate) -> None:
     doubtful = replace(an_estimate, trusted=False, flags=("model_does_not_fit",))
     page = the_page(doubtful).decode()
-    assert page.count("<b>not to be trusted</b>") == len(TRUTH)
+    assert page.count("<b>not to be trusted</b>") == len(TRUTH) + 1, "the presence too"
     assert "Diameter and depth are told." not in page
     for name, (low, high) in doubtful.untrusted.interval(0.9).items():
         assert f"{low:.3g} to {high:.3g}" not in page
