@@ -14,7 +14,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._output import estimate_table
 from tsis.files import json_bytes
 from tsis.inclusion import InclusionPrior
-from tsis.model import Estimate, TactileImage
+from tsis.model import Estimate, TactileImage, probability_text
 from tsis.plots import ring_profile
 from tsis.report import (
     analyse_image,
@@ -24,7 +24,6 @@ from tsis.report import (
     inclusion_report,
     sd_text,
 )
-from tsis.report._document import probability_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.special import expit, logit
 
 from tsis.errors import InputError
-from tsis.inclusion import UNTRUSTED_FLAGS
-from tsis.model import ABSENCE_FLAG, LARGEST_EVIDENCE, Estimate, require_number, require_type
+from tsis.inclusion import presence_caveats
+from tsis.model import LARGEST_EVIDENCE, Estimate, require_number, require_type
 
 PREVALENCE = (1e-9, 1 - 1e-9)  # range
 NEAREST_TO_ONE = 2.0**-53  # distance from 1 below which a probability rounds to 1
@@ -110,7 +110,7 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
 
     Examples
     --------
-    >>> from tsis.model import ABSENCE_FLAG, Estimate
+    >>> from tsis.model import Estimate
     >>> made = Estimate(
     ...     samples={"depth_mm": [5.0, 6.0]}, prior_sd={"depth_mm": 2.3}, presence=0.8,
     ...     provenance={"prior": {"presence": 0.5}},
@@ -135,7 +135,7 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
     return PresenceProbability(
         probability=estimate.presence,
         prior=stated if prior is None else prior,  # type: ignore[arg-type]
-        caveats=tuple(flag for flag in estimate.flags if flag in UNTRUSTED_FLAGS and flag != ABSENCE_FLAG),
+        caveats=tuple(flag for flag in estimate.flags if flag in presence_caveats(estimate.flags)),
         evidence=estimate.log_bayes_factor,
     )
 

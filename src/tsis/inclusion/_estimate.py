@@ -28,6 +28,7 @@ from tsis.inclusion._verdict import (
     misfit_chance,
     misfit_finding,
     position_findings,
+    presence_caveats,
 )
 from tsis.inclusion.checks import InclusionPosition, image_findings, inclusion_position
 from tsis.inclusion.posterior import (
@@ -41,7 +42,6 @@ from tsis.inclusion.posterior import (
 )
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import (
-    ABSENCE_FLAG,
     IMPROBABLE,
     NOT_TRUSTED,
     Calibration,
@@ -165,7 +165,7 @@ def estimate(
         log_bayes_factor=result.log_bayes_factor,
         identifiability=NOT_TRUSTED if causes else identifiability(result, prior),
         prior=str(prior),
-        presence_trusted=not causes - {ABSENCE_FLAG},
+        presence_trusted=not presence_caveats(causes),
         trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),
         notes=tuple(note for _, note in flagged),

@@ -13,6 +13,8 @@ from tsis.inclusion.posterior import least_sd
 from tsis.model import ABSENCE_FLAG, NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from tsis.inclusion._prior import InclusionPrior
     from tsis.inclusion.checks import InclusionPosition
     from tsis.inclusion.posterior import InclusionPosterior, Profiles
@@ -35,6 +37,11 @@ UNTRUSTED_FLAGS = frozenset(  # the model is not valid, or nothing can be measur
         ABSENCE_FLAG,
     )
 )
+
+
+def presence_caveats(flags: Iterable[str]) -> frozenset[str]:
+    """The flags for which the probability of an inclusion is not to be trusted."""
+    return UNTRUSTED_FLAGS.intersection(flags) - {ABSENCE_FLAG}
 
 
 def findings(posterior: InclusionPosterior, prior: InclusionPrior, data: Profiles) -> list[Finding]:

@@ -13,6 +13,7 @@ from tsis.model._estimate import (
     Estimate,
     label_of,
     probability_bound,
+    probability_text,
     unit_of,
 )
 from tsis.model._html import summary_html
@@ -85,6 +86,7 @@ __all__ = [
     "interpolation_matrix",
     "label_of",
     "probability_bound",
+    "probability_text",
     "require_array",
     "require_ascending",
     "require_image_numbers",

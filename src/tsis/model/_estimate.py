@@ -28,6 +28,7 @@ NOT_IDENTIFIED_FLAG = "_not_identified"  # after the name of the parameter
 IMPROBABLE = 1e-4  # p-value of the model below which results say so
 NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which a parameter is not identified
 LARGEST_EVIDENCE = 1e12
+NEARLY = 1e-3  # probabilities closer than this to 0 or 1 are shown as a bound
 LEAST_CHANCE = 1e-99  # smallest printed probability
 
 
@@ -38,6 +39,13 @@ def probability_bound(chance: float) -> str:
     ('1e-14', '1e-99')
     """
     return f"1e{np.ceil(np.log10(max(chance, LEAST_CHANCE))):+03.0f}"
+
+
+def probability_text(value: float) -> str:
+    """The text of a probability, never 0 or 1."""
+    if value > 1 - NEARLY:
+        return f"above {1 - NEARLY:g}"
+    return f"below {NEARLY:g}" if value < NEARLY else f"{value:.3g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, init=False, repr=False)
@@ -220,9 +228,8 @@ class Estimate(ContentValue):
             return self.notes
         if len(self.notes) != len(self.flags):
             return ()
-        withheld = (
-            () if self.presence_trusted else PRESENCE_FLAGS
-        )  # earlier versions wrote the presence into their notes
+        # earlier versions wrote the presence into their notes
+        withheld = () if self.presence_trusted else PRESENCE_FLAGS
         pairs = zip(self.flags, self.notes, strict=True)
         return tuple(note for flag, note in pairs if not (flag.endswith(NOT_IDENTIFIED_FLAG) or flag in withheld))
 
@@ -282,9 +289,8 @@ class Estimate(ContentValue):
     def _repr_html_(self) -> str:
         """The means and intervals that are not withheld, and the flags."""
         rows = [(f"{label_of(name)} / {unit_of(name)}", *self._cells(name)) for name in self.prior_sd]
-        if (chance := self.printed_presence) is not None:
-            bound = "above 0.999" if chance > 0.999 else "below 0.001" if chance < 0.001 else ""
-            rows.append(("probability of an inclusion", bound or f"{chance:.3g}"))
+        if self.printed_presence is not None:
+            rows.append(("probability of an inclusion", probability_text(self.printed_presence)))
         rows.append(("flags", ", ".join(self.flags) or "none"))
         return summary_html("Estimate", rows, headings=("", "mean", "90 % interval"), result=True)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
 from tsis.files import from_json_value, to_json_value
-from tsis.inclusion import UNTRUSTED_FLAGS
+from tsis.inclusion import presence_caveats
 from tsis.model import ABSENCE_FLAG
 from tsis.records._values import StoredEstimate
 
@@ -42,8 +42,7 @@ def estimate_to_json(stored: StoredEstimate) -> dict[str, Any]:
 def _presence_trusted(trusted: Any, flags: Any) -> Any:
     """Whether the presence of an estimate may be used that does not say so: "no inclusion" alone is an answer."""
     listed = flags if isinstance(flags, (list, tuple)) else ()  # whoever forged them is refused when they are read
-    causes = UNTRUSTED_FLAGS.intersection(flag for flag in listed if isinstance(flag, str))
-    return trusted or causes == {ABSENCE_FLAG}
+    return trusted or (ABSENCE_FLAG in listed and not presence_caveats(map(str, listed)))
 
 
 def estimate_from_json(
