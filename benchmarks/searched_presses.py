@@ -105,7 +105,7 @@ class MovingProbe(VirtualProbe):
         self._solid, self._lumps = solid, site.lumps
         return self.press(site.whole if solid else site.phantom, force_n=force_n)
 
-    def _seen(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
+    def _rendered_press(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
         stiffer = self._stiffness
         soft, force = replace(phantom.without_inclusion(), young_kpa=phantom.young_kpa / stiffer), force_n / stiffer
         plain = self._round_press(soft, force)

@@ -13,6 +13,7 @@ from benchmarks.searched_presses import MovingProbe, draw
 from benchmarks.uneven_tissue import FaceGrid, Site, uneven
 
 import tsis
+from tsis.imaging import Sensor
 from tsis.inclusion.posterior import off_axis_profile
 from tsis.model import Inclusion, Phantom
 from tsis.virtual import VirtualProbe
@@ -69,6 +70,30 @@ def test_without_lumps_on_the_axis_a_press_is_that_of_the_virtual_probe() -> Non
     apart = ours.grey.astype(float) - theirs.grey
     assert np.abs(apart).mean() < 0.1
     assert np.abs(apart).max() <= 3
+
+
+def test_a_lump_beside_the_axis_brightens_the_frame_over_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    radius = np.linspace(0.0, 12.0, 241)
+    change = np.array([np.exp(-((radius / 3) ** 2)), np.zeros(241)])
+
+    class Changes:
+        radius_mm = radius
+
+        def __call__(self, *_: object) -> np.ndarray:
+            return change
+
+    monkeypatch.setattr("benchmarks.searched_presses.lump_changes", lambda *_: Changes())
+    lump = Inclusion(diameter_mm=6.0, depth_mm=3.0, young_kpa=6.0, offset_mm=(4.0, 0.0))
+    even, uneven_site = (Site(phantom=TISSUE, lumps=lumps) for lumps in ((), (lump,)))
+    without, with_it = (
+        MovingProbe(FLAT, rng=np.random.default_rng(3)).press_site(site, force_n=1.0, solid=False).grey.astype(float)
+        for site in (even, uneven_site)
+    )
+    row, column = np.unravel_index(np.argmax(with_it - without), without.shape)
+    sensor = Sensor()
+    assert (column - sensor.columns / 2) * sensor.mm_per_pixel[0] == pytest.approx(4.0, abs=1.5)
+    assert (row - sensor.rows / 2) * sensor.mm_per_pixel[1] == pytest.approx(0.0, abs=1.5)
+    assert (with_it - without).max() > 10
 
 
 def _lines(rng: np.random.Generator, targets: int = 600) -> list[dict[str, Any]]:
