@@ -30,7 +30,7 @@ class Exact:
     def __init__(self, difference: Any) -> None:
         self.difference, self.evaluated = difference, 0
 
-    def __call__(self, inclusions: NDArray[np.float64], _: object) -> SimpleNamespace:
+    def __call__(self, inclusions: NDArray[np.float64]) -> SimpleNamespace:
         self.evaluated += len(inclusions)
         return SimpleNamespace(log_evidence=nearby(inclusions) + self.difference(CHART.points(inclusions)))
 
@@ -56,7 +56,7 @@ def test_a_parabola_is_recovered_and_not_extrapolated(grid: Grid) -> None:
 
     exact: Any = Exact(difference)
     fast: Any = nearby
-    found = _corrected(grid, exact, fast, CHART, np.zeros(1))
+    found = _corrected(grid, exact, fast, CHART)
     met, everywhere = difference(grid.samples(CHECKED)), difference(grid.cells.points)
     assert everywhere.max() > met.max() + 0.1, "some cells lie beyond every sample"
     np.testing.assert_allclose(
@@ -71,6 +71,6 @@ def test_where_no_parabola_fits_every_cell_is_evaluated(grid: Grid) -> None:
 
     exact: Any = Exact(difference)
     fast: Any = nearby
-    found = _corrected(grid, exact, fast, CHART, np.zeros(1))
+    found = _corrected(grid, exact, fast, CHART)
     np.testing.assert_allclose(found.log_density - grid.log_density, difference(grid.cells.points), atol=1e-8)
     assert exact.evaluated == CHECKED + len(grid.cells.points)

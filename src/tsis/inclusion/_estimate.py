@@ -36,7 +36,9 @@ from tsis.inclusion.posterior import (
     ForwardModel,
     InclusionLikelihood,
     Profiles,
+    build_field_table,
     explore_inclusion,
+    heterogeneity,
     ring_correlation,
     ring_responses,
 )
@@ -57,7 +59,8 @@ from tsis.model import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tsis.inclusion.posterior import InclusionPosterior
+    from tsis.inclusion._prior import Floats
+    from tsis.inclusion.posterior import FieldTable, Heterogeneity, InclusionPosterior
     from tsis.mechanics.surrogate import Box, FullContactSurrogate
     from tsis.model import LightMap
 
@@ -255,8 +258,21 @@ def read_frames(
         depletion_per_n=depletion_per_n(calibration, probe),
         correlation=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
+        heterogeneity=_heterogeneity(probe, prior, edges, light.level),
     )
     return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, position=position)
+
+
+@lru_cache(maxsize=4)
+def _field_table(probe: Probe, prior: InclusionPrior) -> FieldTable:
+    return build_field_table(probe, prior)
+
+
+def _heterogeneity(probe: Probe, prior: InclusionPrior, edges_mm: Floats, level: Floats) -> Heterogeneity | None:
+    if prior.heterogeneity_sd == 0:
+        return None
+    is_domed = probe.face_curvature_mm is not None
+    return heterogeneity(_field_table(probe, prior), prior, edges_mm, level, is_domed=is_domed)
 
 
 def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple[float, float]:

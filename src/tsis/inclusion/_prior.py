@@ -39,6 +39,9 @@ class InclusionPrior:
         Common Poisson's ratio of tissue and inclusion, and its standard deviation.
     offset_sd_mm
         Standard deviation of either coordinate of the inclusion from the probe's axis, where frames do not measure it.
+    heterogeneity_sd
+        Largest standard deviation of the logarithm of the tissue's modulus from place to place, in [0, 0.45]; smaller
+        ones are equally probable, and correlation lengths from 2 to 13 mm. 0 is even tissue.
     presence
         Probability of an inclusion, in [0.001, 0.999].
 
@@ -63,11 +66,13 @@ class InclusionPrior:
     poisson: float = 0.49
     poisson_sd: float = 0.002
     offset_sd_mm: float = 0.5
+    heterogeneity_sd: float = 0.3
     presence: float = 0.5
 
     def __post_init__(self) -> None:
         require_number("poisson_sd", self.poisson_sd, 0.0, 0.05)
         require_number("offset_sd_mm", self.offset_sd_mm, 0.0, 5.0, hint="millimetres")
+        require_number("heterogeneity_sd", self.heterogeneity_sd, 0.0, 0.45, hint="a relative standard deviation")
         require_number("presence", self.presence, 0.001, 0.999, hint="a probability")
         require_number("tissue_young_kpa", self.tissue_young_kpa, 0.05, 2000.0, hint="kilopascals")
         require_number("tissue_young_sd", self.tissue_young_sd, 1e-4, 0.3, hint="a fraction")
@@ -104,7 +109,8 @@ class InclusionPrior:
             f"diameter {_range(self.diameter_mm)} mm, depth {_range(self.depth_mm)} mm, modulus "
             f"{_range(self.young_kpa)} kPa, each uniform; tissue {self.tissue_young_kpa:g} kPa ± "
             f"{100 * self.tissue_young_sd:g} %, {self.thickness_mm:g} mm ± {100 * self.thickness_sd:g} % thick, "
-            f"Poisson's ratio {self.poisson:g} ± {self.poisson_sd:g}; {self.offset_sd_mm:g} mm from the axis where "
+            f"Poisson's ratio {self.poisson:g} ± {self.poisson_sd:g}, "
+            f"{_unevenness(self.heterogeneity_sd)}; {self.offset_sd_mm:g} mm from the axis where "
             f"frames do not measure it; an inclusion with probability {self.presence:g}"
         )
 
@@ -126,6 +132,10 @@ class InclusionPrior:
             thickness_mm=(max(CLEARANCE * deepest, self.thickness_mm / slab), self.thickness_mm * slab),
             poisson=self.poisson,
         )
+
+
+def _unevenness(sd: float) -> str:
+    return f"uneven by up to {100 * sd:g} %" if sd else "even"
 
 
 def _range(ends: tuple[float, float]) -> str:

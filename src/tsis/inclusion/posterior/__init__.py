@@ -2,21 +2,35 @@
 
 from tsis.inclusion.posterior._exploration import InclusionPosterior, explore_inclusion
 from tsis.inclusion.posterior._forward import THICKNESS, TISSUE, ForwardModel
+from tsis.inclusion.posterior._heterogeneity import (
+    HARMONICS,
+    LENGTHS_MM,
+    FieldTable,
+    Heterogeneity,
+    build_field_table,
+    heterogeneity,
+)
 from tsis.inclusion.posterior._likelihood import InclusionLikelihood, Profiles, least_sd
 from tsis.inclusion.posterior._off_axis import FARTHEST, SHIFTED, off_axis_profile
 from tsis.inclusion.posterior._rings import RingShading, ring_correlation, ring_means, ring_responses
 
 __all__ = [
     "FARTHEST",
+    "HARMONICS",
+    "LENGTHS_MM",
     "SHIFTED",
     "THICKNESS",
     "TISSUE",
+    "FieldTable",
     "ForwardModel",
+    "Heterogeneity",
     "InclusionLikelihood",
     "InclusionPosterior",
     "Profiles",
     "RingShading",
+    "build_field_table",
     "explore_inclusion",
+    "heterogeneity",
     "least_sd",
     "off_axis_profile",
     "ring_correlation",

@@ -8,6 +8,7 @@ signal diameter and depth, fitted to a coarse posterior, removes the remaining c
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,8 @@ from tsis.inclusion.posterior._grid import Grid, box_around, refine
 from tsis.mechanics.surrogate import contrast_factor
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from tsis.inclusion._prior import Booleans, Floats, InclusionPrior
     from tsis.inclusion.posterior._grid import SlantedBox
     from tsis.inclusion.posterior._likelihood import InclusionLikelihood, LikelihoodFit, LinearisedLikelihood
@@ -136,11 +139,13 @@ def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) ->
         grid = _search(likelihood.near(position, nuisance), chart, COARSE, near, finest=1)
         inclusions = chart.inclusions(grid.cells.points)
         position = chart.inclusions(grid.mean()[None])[0]
-        nuisance = likelihood.within(likelihood(position[None], nuisance).nuisance[0])
+        nuisance = likelihood.within(likelihood(position[None], nuisance, about=position).nuisance[0])
         chart = chart.straightened(inclusions, grid.weight)
         near = box_around(chart.points(inclusions), grid.log_density, grid.cells.edges)
     nearby = likelihood.near(position, nuisance)
-    grid = _corrected(_search(nearby, chart, CELLS, near), likelihood, nearby, chart, nuisance)
+    grid = _corrected(
+        _search(nearby, chart, CELLS, near), partial(likelihood, nuisance=nuisance, about=position), nearby, chart
+    )
     middle = chart.inclusions(grid.mean()[None])[0]
     log_volume = float(np.log(prior.high - prior.low).sum())
     log_bayes_factor = grid.log_integral - log_volume - _blank_evidence(likelihood)
@@ -170,12 +175,12 @@ def _search(
 
 
 def _corrected(
-    grid: Grid, likelihood: InclusionLikelihood, nearby: LinearisedLikelihood, chart: SignalChart, nuisance: Floats
+    grid: Grid, likelihood: Callable[[Floats], LikelihoodFit], nearby: LinearisedLikelihood, chart: SignalChart
 ) -> Grid:
     """The grid with the difference to the exact likelihood, a parabola through comparisons at samples."""
     points = grid.samples(CHECKED)
     inclusions = chart.inclusions(points)
-    missing = likelihood(inclusions, nuisance).log_evidence - nearby(inclusions)
+    missing = likelihood(inclusions).log_evidence - nearby(inclusions)
     middle, spread = points.mean(axis=0), points.std(axis=0)
 
     def parabola(at: Floats) -> Floats:
@@ -185,18 +190,18 @@ def _corrected(
 
     factors, *_ = np.linalg.lstsq(parabola(points), missing, rcond=None)
     if np.std(missing - parabola(points) @ factors) > LEFT:
-        return _exact(grid, likelihood, chart, nuisance)
+        return _exact(grid, likelihood, chart)
     # Extrapolation beyond the samples is limited to the largest correction among them.
     correction = np.clip(parabola(grid.cells.points) @ factors, missing.min(), missing.max())
     return grid.with_density(grid.log_density + correction)
 
 
-def _exact(grid: Grid, likelihood: InclusionLikelihood, chart: SignalChart, nuisance: Floats) -> Grid:
+def _exact(grid: Grid, likelihood: Callable[[Floats], LikelihoodFit], chart: SignalChart) -> Grid:
     """The grid under the exact likelihood, for wide posteriors that no parabola fits; a tenth of a second."""
     points = grid.cells.points
     inclusions = chart.inclusions(points)
     parts = np.array_split(inclusions, max(1, len(inclusions) // CHUNK))
-    log_evidence = np.concatenate([likelihood(part, nuisance).log_evidence for part in parts])
+    log_evidence = np.concatenate([likelihood(part).log_evidence for part in parts])
     return grid.with_density(log_evidence + chart.log_volume(points))
 
 

@@ -18,6 +18,7 @@ from tsis.inclusion.posterior._rings import OUTPUTS_PER_RING, TERMS
 
 if TYPE_CHECKING:
     from tsis.inclusion._prior import Booleans, Floats, InclusionPrior
+    from tsis.inclusion.posterior._heterogeneity import Heterogeneity
     from tsis.inclusion.posterior._rings import RingResponses, RingShading
     from tsis.mechanics.surrogate import TissueSurrogate
     from tsis.model import Calibration
@@ -53,6 +54,8 @@ class ForwardModel:
         the force.
     spread_sd
         Standard deviation in mm**2 of the square of the inclusion's distance from the axis.
+    heterogeneity
+        Hypotheses on how uneven the tissue is; None for even tissue.
     """
 
     rings: RingResponses
@@ -65,6 +68,7 @@ class ForwardModel:
     correlation: Floats | None = None
     depletion_per_n: float = 0.0
     spread_sd: float = 0.0
+    heterogeneity: Heterogeneity | None = None
 
     def nuisance_sd(self, mean_grey: Floats) -> Floats:
         """Prior standard deviations of the nuisances; ``mean_grey`` (frames,) scales the offsets."""
@@ -133,6 +137,32 @@ class ForwardModel:
             slopes[:, frame, :, SHARED + frame] = gain * (_along(by_answer, by_force) - lost * light)
             slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
         return grey, slopes
+
+    def field_columns(self, about: Floats | None, nuisance: Floats) -> Floats:
+        """Factors of the covariance of the grey profiles by uneven tissue of unit standard deviation.
+
+        ``about`` is the inclusion (3,) at the target site, or None. The shape is (lengths, frames * rings, columns);
+        the two sites have columns of their own.
+        """
+        if self.heterogeneity is None:
+            raise AssertionError("only called for uneven tissue")
+        shown = self._shown()
+        factors = {
+            reference: np.swapaxes(self.heterogeneity.responses(None if reference else about), 1, 2)
+            for reference in shown
+        }
+        place = np.cumsum([0, *(factors[reference].shape[1] for reference in sorted(shown))])
+        columns = np.zeros((len(factors[next(iter(shown))]), len(self.force_n), self.rings.count, place[-1]))
+        inclusions = None if about is None else about[None]
+        presses = {reference: self._press(inclusions, nuisance, reference=reference) for reference in shown}
+        for frame, (push, _) in enumerate(self._pushes(nuisance)):
+            reference = bool(self.is_reference[frame])
+            first = int(place[sorted(shown).index(reference)])
+            gain = np.exp(nuisance[GAIN]) * self._remaining(push)
+            _, by_answer, _ = self._light(self.rings.under(push, presses[reference]), nuisance[SHADE])
+            change = gain * _along(by_answer, self.rings.under(push, factors[reference]))
+            columns[:, frame, :, first : first + change.shape[1]] = np.swapaxes(change, 1, 2)
+        return columns.reshape(len(columns), -1, columns.shape[-1])
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Range of each nuisance in which the model can be linearised.

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 if TYPE_CHECKING:
-    from tsis.inclusion._prior import Booleans, Floats
+    from tsis.inclusion._prior import Booleans, Floats, Integers
     from tsis.inclusion.posterior._forward import ForwardModel
     from tsis.mechanics.surrogate import TissueSurrogate
     from tsis.model import Calibration
@@ -52,15 +52,20 @@ class Profiles:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LikelihoodFit:
-    """Log evidence of each inclusion (n,), its best nuisances (n, nuisances) and the misfit there (n,)."""
+    """Log evidence of each inclusion (n,), and its most probable hypothesis, with best nuisances and misfit."""
 
     log_evidence: Floats
-    nuisance: Floats
-    misfit: Floats
+    nuisance: Floats  # shape (n, nuisances)
+    misfit: Floats  # shape (n,)
+    hypothesis: Integers  # index of the hypothesis on the tissue's heterogeneity, shape (n,)
 
 
 class InclusionLikelihood:
-    """Likelihood of inclusions given profiles."""
+    """Likelihood of inclusions given profiles: a mixture over the hypotheses on the tissue's heterogeneity.
+
+    Uneven tissue adds to the noise of the rings. What it adds is taken at one inclusion, ``about``, or at tissue
+    without inclusion where that is None, and changes little over a posterior.
+    """
 
     def __init__(self, model: ForwardModel, data: Profiles) -> None:
         self.model = model
@@ -75,28 +80,29 @@ class InclusionLikelihood:
         self._sd = model.nuisance_sd(np.maximum(means, 1e-6))
         self._use = np.flatnonzero(data.usable.ravel())
         correlation = np.eye(data.grey.shape[1]) if model.correlation is None else model.correlation
-        covariance = noise_covariance(data, model.calibration, correlation)[np.ix_(self._use, self._use)]
-        self._whitening = solve_triangular(cholesky(covariance, lower=True), np.eye(len(self._use)), lower=True)
+        self._noise = noise_covariance(data, model.calibration, correlation)[np.ix_(self._use, self._use)]
+        self._latest: tuple[bytes, NoiseHypotheses] | None = None
         self.start = np.zeros(len(self._sd))
 
-    def __call__(self, inclusions: Floats | None, nuisance: Floats) -> LikelihoodFit:
+    def __call__(self, inclusions: Floats | None, nuisance: Floats, *, about: Floats | None = None) -> LikelihoodFit:
         """Evaluate inclusions (n, 3), or tissue without inclusion, n = 1, linearised at ``nuisance``."""
         grey, slopes = self.model.profiles(inclusions, nuisance)
-        white = self._whiten(self._data.grey - grey)
-        # With eta = nuisance + step, y - m(nuisance) = J step, and the prior pulls eta, not the step, to zero.
-        rotated = self._whiten(slopes) * self._sd
-        return _fit(white + rotated @ self._units(nuisance), rotated, self._sd)
+        residual, rotated = self._used(self._data.grey - grey), self._used(slopes) * self._sd
+        return _mixed(self._hypotheses(about, nuisance), residual + rotated @ self._units(nuisance), rotated, self._sd)
 
     def near(self, inclusion: Floats, nuisance: Floats) -> LinearisedLikelihood:
         """The likelihood with constant derivatives by the nuisances, those at one inclusion (3,)."""
         _, slopes = self.model.profiles(inclusion[None], nuisance)
-        rotated = self._whiten(slopes)[0] * self._sd
-        root = cholesky(rotated @ rotated.T + np.eye(len(rotated)), lower=True)
+        rotated = self._used(slopes)[0] * self._sd
         start = rotated @ self._units(nuisance)
+        hypotheses = self._hypotheses(inclusion, nuisance)
+        allowed = rotated @ rotated.T  # the covariance by all nuisances
+        roots = np.linalg.cholesky(hypotheses.covariance + allowed)
+        least = np.linalg.cholesky(self._noise + allowed)
 
         def residual(inclusions: Floats | None) -> Floats:
-            white = self._whiten(self._data.grey - self.model.grey(inclusions, nuisance)) + start
-            return np.asarray(solve_triangular(root, white.T, lower=True).T)
+            above = self._used(self._data.grey - self.model.grey(inclusions, nuisance)) + start
+            return np.asarray(solve_triangular(least, above.T, lower=True).T)
 
         table = self.model.table(nuisance)
         reference, at_nodes = residual(None)[0], residual(table.nodes())
@@ -104,22 +110,34 @@ class InclusionLikelihood:
         _, size, directions = np.linalg.svd(at_nodes - reference, full_matrices=False)
         selected = directions[: max(1, int((size > NEGLIGIBLE_SIZE).sum()))]
         rest = reference - selected.T @ (selected @ reference)
+        # Whitened by a hypothesis, the residual is B a + b for its parts a along the selected directions.
+        whitened = np.linalg.solve(
+            roots, np.broadcast_to(least @ np.column_stack([selected.T, rest]), (*roots.shape[:2], len(selected) + 1))
+        )
+        square = np.swapaxes(whitened, 1, 2) @ whitened
         return LinearisedLikelihood(
             residual=table.through(selected @ reference, at_nodes @ selected.T),
-            constant=float(-0.5 * rest @ rest - np.log(np.diag(root)).sum()),
+            square=square[:, :-1, :-1],
+            slope=square[:, :-1, -1],
+            constant=hypotheses.log_weight - _log_root(roots) - 0.5 * square[:, -1, -1],
         )
 
     def with_information(self, inclusion: Floats, nuisance: Floats) -> tuple[LikelihoodFit, Floats]:
-        """The fit of an inclusion (3,) and its Fisher information (3, 3), with the nuisances integrated out."""
+        """The fit of an inclusion (3,) and its Fisher information (3, 3), with the nuisances integrated out.
+
+        The information is that under the most probable hypothesis on the tissue.
+        """
         grey, slopes = self.model.profiles(inclusion[None], nuisance)
-        rotated = self._whiten(slopes) * self._sd
-        white = self._whiten(self._data.grey - grey)
+        rotated = self._used(slopes) * self._sd
+        residual = self._used(self._data.grey - grey)
         steps = np.diag(DERIVATIVE_STEP * inclusion)
         ends = self.model.grey(np.concatenate([inclusion + steps, inclusion - steps]), nuisance)
-        change = self._whiten(ends[:3] - ends[3:]) / (2 * np.diag(steps))[:, None]
-        root = cholesky(rotated[0] @ rotated[0].T + np.eye(rotated.shape[1]), lower=True)
+        change = self._used(ends[:3] - ends[3:]) / (2 * np.diag(steps))[:, None]
+        hypotheses = self._hypotheses(inclusion, nuisance)
+        fit = _mixed(hypotheses, residual + rotated @ self._units(nuisance), rotated, self._sd)
+        root = cholesky(hypotheses.covariance[fit.hypothesis[0]] + rotated[0] @ rotated[0].T, lower=True)
         triangular = solve_triangular(root, change.T, lower=True)
-        return _fit(white + rotated @ self._units(nuisance), rotated, self._sd), triangular.T @ triangular
+        return fit, triangular.T @ triangular
 
     def within(self, nuisance: Floats) -> Floats:
         """Nuisances clipped to `LIMIT_SD` and the surrogate's box, and 0 where the model is linear."""
@@ -127,38 +145,96 @@ class InclusionLikelihood:
         limit = LIMIT_SD * self._sd
         return np.clip(nuisance, np.maximum(low, -limit), np.minimum(high, limit))
 
+    def _hypotheses(self, about: Floats | None, nuisance: Floats) -> NoiseHypotheses:
+        """Noise of the used rings under each hypothesis; the latest is used again."""
+        model = self.model.heterogeneity
+        key = b"" if model is None else nuisance.tobytes() + (b"" if about is None else about.tobytes())
+        if self._latest is None or self._latest[0] != key:
+            if model is None:
+                covariance, log_weight = self._noise[None], np.zeros(1)
+            else:
+                columns = self.model.field_columns(about, nuisance)[:, self._use]
+                fields = columns @ np.swapaxes(columns, 1, 2)
+                covariance = self._noise + model.sd[:, None, None] ** 2 * fields[model.length]
+                log_weight = model.log_weight
+            self._latest = key, NoiseHypotheses.of(covariance, log_weight)
+        return self._latest[1]
+
     def _units(self, nuisance: Floats) -> Floats:
         """Nuisances in units of their standard deviations, which may be 0."""
         return np.divide(nuisance, self._sd, out=np.zeros_like(self._sd), where=self._sd > 0)
 
-    def _whiten(self, columns: Floats) -> Floats:
-        """Apply the inverse root of the noise covariance to (n, frames, rings, ...); shape (n, used rings, ...)."""
-        flat = columns.reshape(len(columns), -1, *columns.shape[3:])[:, self._use]
-        return np.asarray(np.tensordot(self._whitening, flat, axes=(1, 1)).swapaxes(0, 1))
+    def _used(self, columns: Floats) -> Floats:
+        """The used rings of (n, frames, rings, ...); shape (n, used rings, ...)."""
+        return columns.reshape(len(columns), -1, *columns.shape[3:])[:, self._use]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoiseHypotheses:
+    """Noise of the rings under each hypothesis on the tissue's heterogeneity."""
+
+    covariance: Floats  # shape (hypotheses, rings, rings)
+    whitening: Floats  # inverse of its lower root
+    log_weight: Floats  # logarithm of each probability, shape (hypotheses,)
+    log_root: Floats  # logarithm of the determinant of the root, shape (hypotheses,)
+
+    @classmethod
+    def of(cls, covariance: Floats, log_weight: Floats) -> NoiseHypotheses:
+        """Factorise the covariances."""
+        roots = np.linalg.cholesky(covariance)
+        return cls(
+            covariance=covariance, whitening=np.linalg.inv(roots), log_weight=log_weight, log_root=_log_root(roots)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearisedLikelihood:
     """A fast likelihood with the derivatives by the nuisances at one inclusion, where it is exact."""
 
-    # Surrogate of the residual in the directions that depend on the inclusion, of unit covariance
-    residual: TissueSurrogate
-    constant: float  # the rest of the log evidence
+    residual: TissueSurrogate  # the residual in the k directions that depend on the inclusion
+    # The log evidence under each hypothesis is ``constant - slope a - a square a / 2`` for the residual a
+    square: Floats  # shape (hypotheses, k, k)
+    slope: Floats  # shape (hypotheses, k)
+    constant: Floats  # shape (hypotheses,)
 
     def __call__(self, inclusions: Floats) -> Floats:
         """Log evidence of inclusions (n, 3)."""
         residual = self.residual(*inclusions.T)
-        return np.asarray(self.constant - 0.5 * np.einsum("nk,nk->n", residual, residual))
+        quadratic = np.stack([((residual @ square) * residual).sum(axis=1) for square in self.square])
+        return np.asarray(
+            np.logaddexp.reduce(self.constant[:, None] - self.slope @ residual.T - 0.5 * quadratic, axis=0)
+        )
 
 
-def _fit(white: Floats, rotated: Floats, sd: Floats) -> LikelihoodFit:
-    """Integrate the nuisances out of whitened residuals (n, m), linear in them by ``rotated`` (n, m, nuisances)."""
+def _log_root(roots: Floats) -> Floats:
+    """Logarithms of the determinants of triangular roots (n, m, m), shape (n,)."""
+    return np.asarray(np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1))
+
+
+def _mixed(hypotheses: NoiseHypotheses, residual: Floats, rotated: Floats, sd: Floats) -> LikelihoodFit:
+    """Integrate the nuisances out of residuals (n, m), linear in them by ``rotated`` (n, m, nuisances)."""
+    results = [_fit(residual @ whitening.T, whitening @ rotated, sd) for whitening in hypotheses.whitening]
+    evidence = (
+        np.array([evidence for evidence, _, _ in results]) + (hypotheses.log_weight - hypotheses.log_root)[:, None]
+    )
+    best = evidence.argmax(axis=0)
+    each = np.arange(len(residual))
+    return LikelihoodFit(
+        log_evidence=np.asarray(np.logaddexp.reduce(evidence, axis=0)),
+        nuisance=np.array([nuisance for _, nuisance, _ in results])[best, each],
+        misfit=np.array([misfit for _, _, misfit in results])[best, each],
+        hypothesis=best,
+    )
+
+
+def _fit(white: Floats, rotated: Floats, sd: Floats) -> tuple[Floats, Floats, Floats]:
+    """Log evidence, best nuisances and misfit of whitened residuals (n, m), with the nuisances integrated out."""
     normal = np.swapaxes(rotated, 1, 2) @ rotated + np.eye(len(sd))
     right = np.swapaxes(rotated, 1, 2) @ white[:, :, None]
     best = np.asarray(np.linalg.solve(normal, right)[:, :, 0], dtype=float)
     square = (white**2).sum(axis=1) - (right[:, :, 0] * best).sum(axis=1)
     _, log_determinant = np.linalg.slogdet(normal)
-    return LikelihoodFit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * sd, misfit=square)
+    return -0.5 * (square + log_determinant), best * sd, square
 
 
 def noise_covariance(data: Profiles, calibration: Calibration, correlation: Floats) -> Floats:

@@ -1,0 +1,222 @@
+"""Tissue whose modulus differs from place to place: what it adds to the covariance of the rings.
+
+The logarithm of the modulus is a Gaussian field (`tsis.mechanics.tissue_field`), the same for all forces at one site,
+independent between target and reference site, and zero inside the inclusion. Its standard deviation and its correlation
+length are unknown: each pair of values is a hypothesis, and the likelihood is their mixture.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from tsis.files import content_key
+from tsis.inclusion.posterior._rings import ring_means
+from tsis.mechanics import hats
+from tsis.mechanics.surrogate import cached_arrays, mechanical_content
+from tsis.mechanics.tissue_field import TissueFieldResponse, field_factors
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.inclusion._prior import Floats, InclusionPrior, Integers
+    from tsis.model import Probe
+
+FORMAT_VERSION = 1
+LENGTHS_MM = (2.0, 3.2, 5.0, 8.0, 13.0)
+SDS = (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.45)
+DIAMETERS, DEPTHS = 6, 5  # states with an inclusion, evenly spaced in the logarithm
+HARMONICS = (1, 2, 3, 4)  # that the checks of the frames use
+RANK = 14
+PARTS = 4  # pressure and displacement of the unit press, then of the dome's shape
+IMPROBABLE_HYPOTHESIS = 1e-3  # of the most probable; such hypotheses are left out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldTable:
+    """Factors of the covariance of a press's profiles by a field of unit variance, for one probe and prior.
+
+    The outputs are the pressures of the unit press over ``radius_mm``, its displacements, and both of the press by a
+    dome's shape.
+
+    Attributes
+    ----------
+    radius_mm
+        Radii of the profiles, shape (n,).
+    diameter_mm, depth_mm
+        Inclusions of the table.
+    around
+        Factors around inclusions, shape (diameters, depths, lengths, 4 n, rank).
+    blank
+        Factors without inclusion, shape (lengths, 4 n, rank).
+    harmonics
+        The same of `HARMONICS` around the axis, shape (harmonics, lengths, 4 n, rank).
+    """
+
+    radius_mm: Floats
+    diameter_mm: Floats
+    depth_mm: Floats
+    around: Floats
+    blank: Floats
+    harmonics: Floats
+
+    def interpolation(self, radius_mm: Floats) -> Floats:
+        """Matrix from profiles to values at ``radius_mm``, linear between its radii."""
+        return hats(self.radius_mm, radius_mm)
+
+    def factor(self, inclusion: Floats | None) -> Floats:
+        """Factors (lengths, 4 n, k) around an inclusion (3,), whose modulus does not matter, or without one.
+
+        The covariance is bilinear between the inclusions of the table, in the logarithms of diameter and depth.
+        """
+        if inclusion is None:
+            return self.blank
+        low_d, part_d = _between(np.log(self.diameter_mm), float(np.log(inclusion[0])))
+        low_h, part_h = _between(np.log(self.depth_mm), float(np.log(inclusion[1])))
+        corners = [
+            np.sqrt(weight_d * weight_h) * self.around[low_d + d, low_h + h]
+            for d, weight_d in enumerate((1 - part_d, part_d))
+            for h, weight_h in enumerate((1 - part_h, part_h))
+        ]
+        return np.concatenate(corners, axis=-1)
+
+
+def _between(grid: Floats, value: float) -> tuple[int, float]:
+    """Index of the grid's cell and the position in it, from 0 to 1; values beyond the grid are moved to its end."""
+    cell = int(np.clip(np.searchsorted(grid, value) - 1, 0, len(grid) - 2))
+    return cell, float(np.clip((value - grid[cell]) / (grid[cell + 1] - grid[cell]), 0.0, 1.0))
+
+
+def build_field_table(
+    probe: Probe, prior: InclusionPrior, *, progress: Callable[[int, int], None] | None = None, cached: bool = True
+) -> FieldTable:
+    """Build the table of a probe on the prior's tissue, or load it from the disk cache; seconds.
+
+    ``progress`` is called with (states solved, all states).
+    """
+    diameter, depth = (
+        np.geomspace(*ends, count) for ends, count in ((prior.diameter_mm, DIAMETERS), (prior.depth_mm, DEPTHS))
+    )
+    young = float(np.sqrt(np.prod(prior.young_kpa)))
+    content = {
+        "version": FORMAT_VERSION,
+        "probe": mechanical_content(probe),
+        "tissue": [prior.tissue_young_kpa, prior.thickness_mm, prior.poisson],
+        "inclusions": [diameter.tolist(), depth.tolist(), young],
+        "fields": [list(LENGTHS_MM), list(HARMONICS), RANK],
+    }
+
+    def solve() -> dict[str, Floats]:
+        states = [None, *((d, h, young) for d in diameter.tolist() for h in depth.tolist())]
+        done = itertools.count(1)
+        factors: list[Floats] = []
+        with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+            for factor in pool.map(lambda state: _factors(probe, prior, state, 0), states):
+                factors.append(factor)
+                if progress is not None:
+                    progress(next(done), len(states))
+            harmonics = list(pool.map(lambda order: _factors(probe, prior, None, order), HARMONICS))
+        return {"around": np.array(factors[1:]), "blank": factors[0], "harmonics": np.array(harmonics)}
+
+    arrays = cached_arrays("heterogeneity", content_key(content), solve) if cached else solve()
+    blank = np.asarray(arrays["blank"], dtype=float)
+    around = np.asarray(arrays["around"], dtype=float)
+    return FieldTable(
+        radius_mm=np.linspace(0.0, probe.radius_mm, blank.shape[1] // PARTS),
+        diameter_mm=diameter,
+        depth_mm=depth,
+        around=around.reshape(len(diameter), len(depth), *blank.shape),
+        blank=blank,
+        harmonics=np.asarray(arrays["harmonics"], dtype=float),
+    )
+
+
+def _factors(
+    probe: Probe, prior: InclusionPrior, inclusion: tuple[float, float, float] | None, harmonic: int
+) -> Floats:
+    """Factors of one state, shape (lengths, 4 n, rank), in single precision."""
+    slab = TissueFieldResponse(
+        probe,
+        young_kpa=prior.tissue_young_kpa,
+        thickness_mm=prior.thickness_mm,
+        poisson=prior.poisson,
+        inclusion=inclusion,
+    )
+    response = slab.response(harmonic)
+    outside = ~slab.inside(response.radius_mm, response.depth_mm)
+    parts = zip(response.pressure_kpa, response.face_displacement_mm, strict=True)
+    outputs = np.concatenate([part[:, outside] for pair in parts for part in pair])
+    factors = field_factors(
+        outputs, harmonic, LENGTHS_MM, response.radius_mm[outside], response.depth_mm[outside], rank=RANK
+    )
+    return np.asarray(factors, dtype=np.float32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Heterogeneity:
+    """Hypotheses on the tissue's heterogeneity, and its effect on the rings.
+
+    Attributes
+    ----------
+    table
+        Effect on the profiles.
+    to_rings
+        Matrix from the table's outputs to ring responses (`RingResponses`), shape (responses, 4 n).
+    sd, length
+        Standard deviation of the log modulus and index in `LENGTHS_MM` of each hypothesis, shape (hypotheses,).
+    log_weight
+        Logarithm of the probability of each hypothesis before the ring means are seen.
+    """
+
+    table: FieldTable
+    to_rings: Floats
+    sd: Floats
+    length: Integers
+    log_weight: Floats
+
+    def responses(self, inclusion: Floats | None) -> Floats:
+        """Factors (lengths, responses, k) of the ring responses around an inclusion (3,), or without one."""
+        return np.asarray(self.to_rings @ self.table.factor(inclusion))
+
+    def informed(self, log_evidence: Floats) -> Heterogeneity:
+        """The hypotheses after other data of ``log_evidence`` (hypotheses,), without the improbable ones."""
+        weight = self.log_weight + log_evidence
+        keep = weight > weight.max() + np.log(IMPROBABLE_HYPOTHESIS)
+        weight = weight[keep] - np.logaddexp.reduce(weight[keep])
+        return replace(self, sd=self.sd[keep], length=self.length[keep], log_weight=weight)
+
+
+def heterogeneity(
+    table: FieldTable, prior: InclusionPrior, edges_mm: Floats, level: Floats, *, is_domed: bool
+) -> Heterogeneity:
+    """Hypotheses of a prior: standard deviation uniform up to the prior's, length uniform in its logarithm.
+
+    ``edges_mm`` and ``level`` are the boundaries and the light of the rings, as for `ring_responses`.
+    """
+    sds = np.array([sd for sd in SDS if sd < prior.heterogeneity_sd] + [prior.heterogeneity_sd])
+    width = np.gradient(sds) if len(sds) > 1 else np.ones(1)
+    width[0], width[-1] = (width[0] / 2, width[-1] / 2) if len(sds) > 1 else (1.0, 1.0)
+    sd, length = (part.ravel() for part in np.meshgrid(sds, np.arange(len(LENGTHS_MM)), indexing="ij"))
+    weight = np.repeat(width / width.sum(), len(LENGTHS_MM)) / len(LENGTHS_MM)
+    return Heterogeneity(
+        table=table,
+        to_rings=_to_rings(table, edges_mm, level, is_domed=is_domed),
+        sd=sd,
+        length=length,
+        log_weight=np.log(weight),
+    )
+
+
+def _to_rings(table: FieldTable, edges_mm: Floats, level: Floats, *, is_domed: bool) -> Floats:
+    """Matrix from the table's outputs to pressure, displacement and slope of the rings, for each part of a press."""
+    means = ring_means(table, edges_mm, level)
+    slopes = means @ np.gradient(np.eye(len(table.radius_mm)), table.radius_mm, axis=0)
+    none = np.zeros_like(means)
+    part = np.block([[means, none], [none, means], [none, slopes]])
+    return np.kron(np.eye(2), part) if is_domed else np.hstack([part, np.zeros_like(part)])
