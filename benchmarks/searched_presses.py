@@ -108,7 +108,7 @@ class MovingProbe(VirtualProbe):
     def _rendered_press(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
         stiffer = self._stiffness
         soft, force = replace(phantom.without_inclusion(), young_kpa=phantom.young_kpa / stiffer), force_n / stiffer
-        plain = self._round_press(soft, force)
+        plain = self._nominal_press(soft, force)
         around = plain.on_grid(self._grid.axis, self._grid.axis)
         found = self._solid_press(phantom, force) if self._solid else self._moved_press(phantom, soft, plain, around)
         below, beside, still = (
@@ -118,7 +118,7 @@ class MovingProbe(VirtualProbe):
         # The grid blurs the rim, of which the round press knows all; so only a change is taken.
         return np.maximum(below + beside - still, 0.0)
 
-    def _round_press(self, phantom: Phantom, force_n: float) -> PressField:
+    def _nominal_press(self, phantom: Phantom, force_n: float) -> PressField:
         """A press of what is round about the axis, by the nominal probe."""
         return press(self.probe, phantom, force_n=force_n, resolution=FINE_RESOLUTION)
 
@@ -140,7 +140,7 @@ class MovingProbe(VirtualProbe):
         if lump is not None:
             young = lump.young_kpa / self._stiffness
             centred = replace(soft, inclusion=replace(lump, offset_mm=(0.0, 0.0), young_kpa=young))
-            field = self._round_press(centred, plain.force_n)
+            field = self._nominal_press(centred, plain.force_n)
             change = np.array(
                 [field.pressure_kpa - plain.pressure_kpa, field.face_displacement_mm - plain.face_displacement_mm]
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +30,13 @@ from tsis.inclusion._verdict import (
     position_findings,
     presence_caveats,
 )
-from tsis.inclusion.checks import InclusionPosition, image_findings, inclusion_position
+from tsis.inclusion.checks import (
+    FieldHarmonics,
+    InclusionPosition,
+    heterogeneity_evidence,
+    image_findings,
+    inclusion_position,
+)
 from tsis.inclusion.posterior import (
     TISSUE,
     ForwardModel,
@@ -60,7 +66,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tsis.inclusion._prior import Floats
-    from tsis.inclusion.posterior import FieldTable, Heterogeneity, InclusionPosterior
+    from tsis.inclusion.posterior import FieldTable, InclusionPosterior
     from tsis.mechanics.surrogate import Box, FullContactSurrogate
     from tsis.model import LightMap
 
@@ -151,7 +157,7 @@ def estimate(
             return read_frames(frames, references, surrogate, probe=probe, calibration=calibration, prior=prior)
 
         reading = read(targets)
-        of_images = image_findings(targets, references, probe=probe, calibration=calibration)
+        of_images = image_findings(targets, references, probe=probe, calibration=calibration, uneven=reading.uneven)
         result = explore_inclusion(reading.likelihood, prior)
         flagged = [*findings(result, prior, reading.data), *position_findings(reading.position), *of_images]
         chance = misfit_chance(result, reading.data)
@@ -186,11 +192,12 @@ def _surrogate(probe: Probe, box: Box) -> FullContactSurrogate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameReading:
-    """The likelihood of inclusions, its ring profiles, and the position of the inclusion."""
+    """The likelihood of inclusions, its ring profiles, the position of the inclusion and the tissue's harmonics."""
 
     likelihood: InclusionLikelihood
     data: Profiles
     position: InclusionPosition | None
+    uneven: FieldHarmonics | None
 
 
 def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
@@ -198,7 +205,11 @@ def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
 
 
 def _position(
-    targets: list[TactileImage], references: list[TactileImage], calibration: Calibration, probe: Probe
+    targets: list[TactileImage],
+    references: list[TactileImage],
+    calibration: Calibration,
+    probe: Probe,
+    uneven: FieldHarmonics | None,
 ) -> InclusionPosition | None:
     """Position of the inclusion by the strongest press and the reference of the nearest force."""
     if not references:
@@ -207,7 +218,8 @@ def _position(
     reference = min(references, key=lambda frame: abs((frame.force_n or 0.0) - (target.force_n or 0.0)))
     if abs((reference.force_n or 0.0) / (target.force_n or 1.0) - 1) > LIKE_FORCE:
         return InclusionPosition(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
-    return inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm)
+    causes = None if uneven is None else uneven.of_frames(1, [target, reference])
+    return inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm, uneven=causes)
 
 
 def _contact_findings(
@@ -245,7 +257,8 @@ def read_frames(
     frames, edges = targets + references, ring_edges(probe)
     light = ring_light(frames[0], calibration, edges)
     data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
-    position = _position(targets, references, calibration, probe)
+    uneven = _heterogeneity(references or targets, probe, calibration, prior, light.level)
+    position = _position(targets, references, calibration, probe, uneven)
     offset, spread_sd = _offset(position, prior)
     model = ForwardModel(
         rings=ring_responses(surrogate, edges, light.level, offset_mm=offset),
@@ -258,9 +271,9 @@ def read_frames(
         depletion_per_n=depletion_per_n(calibration, probe),
         correlation=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
-        heterogeneity=_heterogeneity(probe, prior, edges, light.level),
+        heterogeneity=None if uneven is None else uneven.hypotheses,
     )
-    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, position=position)
+    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, position=position, uneven=uneven)
 
 
 @lru_cache(maxsize=4)
@@ -268,11 +281,16 @@ def _field_table(probe: Probe, prior: InclusionPrior) -> FieldTable:
     return build_field_table(probe, prior)
 
 
-def _heterogeneity(probe: Probe, prior: InclusionPrior, edges_mm: Floats, level: Floats) -> Heterogeneity | None:
+def _heterogeneity(
+    frames: list[TactileImage], probe: Probe, calibration: Calibration, prior: InclusionPrior, level: Floats
+) -> FieldHarmonics | None:
+    """Hypotheses on the tissue after the harmonics of the frames of one site; None for even tissue."""
     if prior.heterogeneity_sd == 0:
         return None
     is_domed = probe.face_curvature_mm is not None
-    return heterogeneity(_field_table(probe, prior), prior, edges_mm, level, is_domed=is_domed)
+    hypotheses = heterogeneity(_field_table(probe, prior), prior, ring_edges(probe), level, is_domed=is_domed)
+    before = FieldHarmonics(hypotheses=hypotheses, calibration=calibration, probe=probe)
+    return replace(before, hypotheses=hypotheses.informed(heterogeneity_evidence(frames, before)))
 
 
 def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple[float, float]:

@@ -155,34 +155,45 @@ class VirtualProbe:
 
     def _rendered_press(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
         """Light of the press; the model in three dimensions serves only inclusions that need it."""
-
-        def rendered(field: PressField | PressMap) -> NDArray[np.float64]:
-            return render(
-                field, self.sensor, self.calibration, contact_model=self._contact_model, light=self._light_on(field)
-            )
-
-        # Dividing all moduli and the force by the probe's stiffness factor gives the nominal probe, so that one
-        # condensed probe serves all virtual probes.
-        stiffer = self._stiffness
-        tissue, force_n = _stiffened(phantom, 1 / stiffer), force_n / stiffer
-
-        def field_of(slab: Phantom) -> PressField:
-            field = press(self.probe, slab, force_n=force_n, strain=self._strain, resolution=self._resolution)
-            return replace(field, pressure_kpa=stiffer * field.pressure_kpa, force_n=stiffer * force_n)
-
         if phantom.is_axisymmetric:
-            return rendered(field_of(tissue))
+            return self._rendered(self._round_press(phantom, force_n))
         if not isinstance(self._resolution, Resolution):
             raise InputError(
                 "inclusion must be a sphere or spheroid on the probe's axis, and the only one, for strain='finite'; "
                 f"got {phantom.inclusions!r:.200} (strain='small' accepts others)"
             )
-        result = press_solid(self.probe, tissue, force_n=force_n, reference_resolution=self._resolution)
-        result = replace(result, pressure_kpa=stiffer * result.pressure_kpa, force_n=stiffer * force_n)
+        stiffer = self._stiffness
+        result = press_solid(
+            self.probe,
+            _stiffened(phantom, 1 / stiffer),
+            force_n=force_n / stiffer,
+            reference_resolution=self._resolution,
+        )
+        result = replace(result, pressure_kpa=stiffer * result.pressure_kpa, force_n=force_n)
         # The grid blurs the rim and the axisymmetric reference press does not, so the grid gives only the change.
-        reference = field_of(tissue.without_inclusion())
-        change = rendered(result) - rendered(reference.on_grid(result.x_mm, result.y_mm))
-        return np.maximum(rendered(reference) + change, 0.0)
+        reference = self._round_press(phantom.without_inclusion(), force_n)
+        change = self._rendered(result) - self._rendered(reference.on_grid(result.x_mm, result.y_mm))
+        return np.maximum(self._rendered(reference) + change, 0.0)
+
+    def _round_press(self, phantom: Phantom, force_n: float) -> PressField:
+        """Press on a phantom that is symmetric around the axis.
+
+        Dividing all moduli and the force by the probe's stiffness factor gives the nominal probe, so that one condensed
+        probe serves all virtual probes.
+        """
+        stiffer = self._stiffness
+        field = press(
+            self.probe,
+            _stiffened(phantom, 1 / stiffer),
+            force_n=force_n / stiffer,
+            strain=self._strain,
+            resolution=self._resolution,
+        )
+        return replace(field, pressure_kpa=stiffer * field.pressure_kpa, force_n=force_n)
+
+    def _rendered(self, field: PressField | PressMap) -> NDArray[np.float64]:
+        light = self._light_on(field)
+        return render(field, self.sensor, self.calibration, contact_model=self._contact_model, light=light)
 
     def _light_on(self, field: PressField | PressMap) -> LightMap:
         """Light on the face of a press, with this probe's emphasis of the dent's shading."""

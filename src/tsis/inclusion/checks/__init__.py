@@ -1,5 +1,6 @@
 """Checks of the frames before an estimate: contact, clipping, tilt, roundness and position of the inclusion."""
 
+from tsis.inclusion.checks._heterogeneity import FieldHarmonics, heterogeneity_evidence
 from tsis.inclusion.checks._images import image_findings
 from tsis.inclusion.checks._position import APPARENT_FRACTION, InclusionPosition, inclusion_position
 from tsis.inclusion.checks._roundness import roundness, tilt_evidence
@@ -9,7 +10,9 @@ __all__ = [
     "APPARENT_FRACTION",
     "RINGS",
     "SECTORS",
+    "FieldHarmonics",
     "InclusionPosition",
+    "heterogeneity_evidence",
     "image_findings",
     "inclusion_position",
     "roundness",

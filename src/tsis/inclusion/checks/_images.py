@@ -16,6 +16,8 @@ from tsis.model import MN_PER_N
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tsis.inclusion._prior import Complexes
+    from tsis.inclusion.checks._heterogeneity import FieldHarmonics
     from tsis.inclusion.checks._sectors import Sectors
     from tsis.model import Calibration, Probe, TactileImage
 
@@ -29,7 +31,12 @@ MISSING = 1e-3  # fraction of that disc that may be outside the picture without 
 
 
 def image_findings(
-    targets: Sequence[TactileImage], references: Sequence[TactileImage], *, probe: Probe, calibration: Calibration
+    targets: Sequence[TactileImage],
+    references: Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    uneven: FieldHarmonics | None = None,
 ) -> list[tuple[str, str]]:
     """Check the frames of a target: refuse frames without a press, and flag other defects.
 
@@ -41,6 +48,8 @@ def image_findings(
         The probe that pressed.
     calibration
         Response of grey level to pressure, and the errors.
+    uneven
+        Harmonics by uneven tissue, which are no defect; None for even tissue.
 
     Returns
     -------
@@ -57,22 +66,38 @@ def image_findings(
     means = [sector_means(frame, probe=probe, calibration=calibration) for frame in frames]
     for frame, sectors in zip(frames, means, strict=True):
         check_contact(frame, sectors, probe=probe, calibration=calibration)
-    reference_means = means[len(targets) :]
-    nearest = [_nearest(target, references, reference_means) for target in targets]
+    nearest = [_nearest(target, references) for target in targets]
+    first = len(targets)
+
+    def allowed(order: int, *places: int | None) -> list[Complexes]:
+        """Harmonics of the frames at ``places`` by uneven tissue, which differs between sites."""
+        causes: list[Complexes] = []
+        for place in places:
+            if uneven is not None and place is not None:
+                columns = uneven.columns(order, means[place], frames[place].force_n or 0.0)
+                causes += [part * column for column in columns.T for part in (1, 1j)]
+        return causes
+
+    pairs = [None if near is None else first + near for near in nearest]
     return [
         *saturated_findings(frames, means),
         *cropped,
-        *tilt_findings(reference_means, calibration),
-        *roundness_findings(means[: len(targets)], nearest, calibration),
+        *tilt_findings(means[first:], calibration, [allowed(1, place) for place in range(first, len(frames))]),
+        *roundness_findings(
+            means[:first],
+            [None if place is None else means[place] for place in pairs],
+            calibration,
+            [allowed(2, *both) for both in enumerate(pairs)],
+        ),
     ]
 
 
-def _nearest(target: TactileImage, references: Sequence[TactileImage], means: Sequence[Sectors]) -> Sectors | None:
-    """Means of the reference with the nearest force."""
+def _nearest(target: TactileImage, references: Sequence[TactileImage]) -> int | None:
+    """Index of the reference with the nearest force."""
     if not references:
         return None
     difference = [abs((reference.force_n or 0.0) - (target.force_n or 0.0)) for reference in references]
-    return means[int(np.argmin(difference))]
+    return int(np.argmin(difference))
 
 
 def check_contact(frame: TactileImage, sectors: Sectors, *, probe: Probe, calibration: Calibration) -> None:

@@ -58,7 +58,12 @@ class InclusionPosition:
 
 
 def inclusion_position(
-    target: TactileImage, reference: TactileImage, calibration: Calibration, *, radius_mm: float
+    target: TactileImage,
+    reference: TactileImage,
+    calibration: Calibration,
+    *,
+    radius_mm: float,
+    uneven: Floats | None = None,
 ) -> InclusionPosition:
     """Locate an inclusion by the centre of symmetry of the change that it causes.
 
@@ -79,6 +84,9 @@ def inclusion_position(
         Light, background and noise.
     radius_mm
         Radius of the probe's face, in [0.5, 500].
+    uneven
+        First harmonics of the change by uneven tissue in evenly wide rings of the inner 0.8, each with a standard
+        normal factor, shape (rings, k); they add to the standard deviation.
 
     Returns
     -------
@@ -96,7 +104,7 @@ def inclusion_position(
     require_number("radius_mm", radius_mm, 0.5, 500.0, hint="millimetres")
     require_type("calibration", calibration, Calibration)
     require_same_frame(target, reference, "reference")
-    cells = _cells(target, reference, calibration, radius_mm)
+    cells = _cells(target, reference, calibration, radius_mm, np.zeros((1, 0)) if uneven is None else uneven)
     centre, limit = np.zeros(2), APPARENT_FRACTION * FARTHEST * radius_mm
     for _ in range(STEPS):
         shift, sd = _step(cells, centre)
@@ -115,17 +123,23 @@ def inclusion_position(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Cells:
-    """Means over cells of the picture, shape (n,): position, change, reference press and variance of the change."""
+    """Means over cells of the picture, shape (n,): position, change, reference press and variance of the change.
+
+    ``uneven`` (n, k) are first harmonics of the change by uneven tissue, each with a standard normal factor.
+    """
 
     x_mm: Floats
     y_mm: Floats
     change: Floats
     reference: Floats
     variance: Floats
+    uneven: Floats
 
 
-def _cells(target: TactileImage, reference: TactileImage, calibration: Calibration, radius_mm: float) -> _Cells:
-    """The cells inside the rings of the estimate without clipped pixels."""
+def _cells(
+    target: TactileImage, reference: TactileImage, calibration: Calibration, radius_mm: float, uneven: Floats
+) -> _Cells:
+    """The cells inside the rings of the estimate without clipped pixels; ``uneven`` has evenly wide rings there."""
     (sx, sy), (ax, ay) = target.scale(), target.axis()
     size = max(1, round(CELL_MM / sy)), max(1, round(CELL_MM / sx))
     rows, columns = target.grey.shape
@@ -159,7 +173,14 @@ def _cells(target: TactileImage, reference: TactileImage, calibration: Calibrati
         change=(pressed - baseline) / light,
         reference=basis @ smooth * np.sqrt(variance),
         variance=variance,
+        uneven=_of_rings(uneven, np.hypot(span, down) / (OUTER_FRACTION * radius_mm)),
     )
+
+
+def _of_rings(values: Floats, fraction: Floats) -> Floats:
+    """Values (rings, k) at fractions of the outer radius, linear between the middles of the rings."""
+    middle = (np.arange(len(values)) + 0.5) / max(len(values), 1)
+    return np.array([np.interp(fraction, middle, column) for column in values.T]).reshape(-1, len(fraction)).T
 
 
 def _too_little(cells: int) -> InputError:
@@ -215,7 +236,11 @@ def _step(cells: _Cells, centre: Floats) -> tuple[Floats, float]:
     information = np.trace(fisher) / 2 - noise
     if information < DISTINCT * noise:
         return np.zeros(2), np.inf
-    shift = np.linalg.solve(fisher, free.T @ (weight * residual))
+    to_shift = np.linalg.solve(fisher, free.T * weight)
+    shift = to_shift @ residual
     left = residual - free @ shift
     misfit = float(weight @ left**2) / (len(left) - DEGREE - 4)
-    return shift, float(np.sqrt(max(misfit, 1.0) / information))
+    beside = np.hypot(cells.x_mm, cells.y_mm)
+    across = (to_shift[0] * cells.x_mm / beside) @ cells.uneven, (to_shift[1] * cells.y_mm / beside) @ cells.uneven
+    by_tissue = float((across[0] @ across[0] + across[1] @ across[1]) / 2)
+    return shift, float(np.sqrt(max(misfit, 1.0) / information + by_tissue))

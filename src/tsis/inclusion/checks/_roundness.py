@@ -12,7 +12,7 @@ from tsis.model import IMPROBABLE, probability_bound
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.inclusion._prior import Booleans, Floats
+    from tsis.inclusion._prior import Booleans, Complexes, Floats
     from tsis.inclusion.checks._harmonics import Unevenness
     from tsis.inclusion.checks._sectors import Sectors
     from tsis.model import Calibration
@@ -23,7 +23,9 @@ FEWEST = 4  # least number of rings for the test
 OFFSET_MM = 1.5  # standard deviation of the position of an inclusion near the axis
 
 
-def roundness(target: Sectors, reference: Sectors | None, calibration: Calibration) -> Unevenness | None:
+def roundness(
+    target: Sectors, reference: Sectors | None, calibration: Calibration, *, allowed: Sequence[Complexes] = ()
+) -> Unevenness | None:
     """Test the second harmonic of the change between reference and target against noise.
 
     A round signal off the axis by ``d`` has the first harmonic ``-d g'`` and the second ``d²/4 (g'' - g'/r)``, which is
@@ -35,6 +37,8 @@ def roundness(target: Sectors, reference: Sectors | None, calibration: Calibrati
         The frames in rings and sectors; without a reference the target alone is tested.
     calibration
         The errors.
+    allowed
+        Second harmonics of all rings by other causes, each with a standard normal factor.
 
     Returns
     -------
@@ -54,6 +58,7 @@ def roundness(target: Sectors, reference: Sectors | None, calibration: Calibrati
         harmonic(target.grid.flux, 2)[use],
         radius,
     )
+    existing += [cause[use] for cause in allowed]
     variance = harmonic_variance(change, frames, calibration, order=2)[:, use]
     return unevenness(harmonic(change, 2)[use], variance, radius, given=existing)
 
@@ -87,13 +92,19 @@ def _least_likely(tests: Sequence[Unevenness | None]) -> tuple[int, Unevenness |
 
 
 def roundness_findings(
-    targets: Sequence[Sectors], references: Sequence[Sectors | None], calibration: Calibration
+    targets: Sequence[Sectors],
+    references: Sequence[Sectors | None],
+    calibration: Calibration,
+    allowed: Sequence[Sequence[Complexes]] | None = None,
 ) -> list[tuple[str, str]]:
     """Flag ``not_one_round_inclusion`` for the least round target, or ``roundness_not_checked``.
 
-    A target is compared with its reference, or tested alone where that is None.
+    A target is compared with its reference, or tested alone where that is None; ``allowed`` as for `roundness`.
     """
-    tests = [roundness(*pair, calibration) for pair in zip(targets, references, strict=True)]
+    tests = [
+        roundness(target, reference, calibration, allowed=causes)
+        for target, reference, causes in zip(targets, references, allowed or [()] * len(targets), strict=True)
+    ]
     count, worst = _least_likely(tests)
     if count == 0:
         return [
@@ -119,10 +130,13 @@ def roundness_findings(
 AXIS_MM = 0.1  # standard deviation of the axis in the picture
 
 
-def tilt_evidence(sectors: Sectors, calibration: Calibration) -> Unevenness | None:
+def tilt_evidence(
+    sectors: Sectors, calibration: Calibration, *, allowed: Sequence[Complexes] = ()
+) -> Unevenness | None:
     """Test the first harmonic of a reference press against noise; None when too few rings are complete.
 
-    A small error of the axis, which shifts the picture over the light, does not count as tilt.
+    A small error of the axis, which shifts the picture over the light, does not count as tilt; ``allowed`` are first
+    harmonics of all rings by other causes, each with a standard normal factor.
     """
     use = _tested_rings([sectors])
     if use is None:
@@ -133,13 +147,17 @@ def tilt_evidence(sectors: Sectors, calibration: Calibration) -> Unevenness | No
     shifted = AXIS_MM * (np.gradient((grey * lit)[use], radius[use]) / lit[use]).astype(complex)
     growth, flux = harmonic(grid.growth_per_mm, 1)[use], harmonic(grid.flux, 1)[use]
     existing = [shifted, 1j * shifted, *shading_harmonics(grey[use], growth, flux, radius[use])]
+    existing += [cause[use] for cause in allowed]
     variance = harmonic_variance(sectors.grey, [sectors], calibration, order=1)[:, use]
     return unevenness(harmonic(sectors.grey, 1)[use], variance, radius[use], given=existing)
 
 
-def tilt_findings(references: Sequence[Sectors], calibration: Calibration) -> list[tuple[str, str]]:
-    """Flag ``tilted`` for the reference press of the largest tilt."""
-    _, worst = _least_likely([tilt_evidence(reference, calibration) for reference in references])
+def tilt_findings(
+    references: Sequence[Sectors], calibration: Calibration, allowed: Sequence[Sequence[Complexes]] | None = None
+) -> list[tuple[str, str]]:
+    """Flag ``tilted`` for the reference press of the largest tilt; ``allowed`` as for `tilt_evidence`."""
+    tests = zip(references, allowed or [()] * len(references), strict=True)
+    _, worst = _least_likely([tilt_evidence(each, calibration, allowed=causes) for each, causes in tests])
     if worst is None:
         return []
     return [

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from tsis.inclusion._prior import Booleans, Floats, Integers
     from tsis.inclusion.posterior._forward import ForwardModel
     from tsis.mechanics.surrogate import TissueSurrogate
@@ -97,7 +99,7 @@ class InclusionLikelihood:
         start = rotated @ self._units(nuisance)
         hypotheses = self._hypotheses(inclusion, nuisance)
         allowed = rotated @ rotated.T  # the covariance by all nuisances
-        roots = np.linalg.cholesky(hypotheses.covariance + allowed)
+        roots = np.asarray(np.linalg.cholesky(hypotheses.covariance + allowed), dtype=float)
         least = np.linalg.cholesky(self._noise + allowed)
 
         def residual(inclusions: Floats | None) -> Floats:
@@ -206,7 +208,7 @@ class LinearisedLikelihood:
         )
 
 
-def _log_root(roots: Floats) -> Floats:
+def _log_root(roots: NDArray[np.floating[Any]]) -> Floats:
     """Logarithms of the determinants of triangular roots (n, m, m), shape (n,)."""
     return np.asarray(np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1))
 

@@ -1,0 +1,174 @@
+"""Worlds that differ from the estimator's: uneven tissue, finite strain, and both.
+
+Uneven tissue is a random field of the logarithm of the modulus in three dimensions, a sum of plane waves, the same for
+all forces at one site and drawn anew for the reference site, zero inside the inclusion. What it changes is solved for
+the drawn tissue, inclusion and probe on a finer mesh of another order than the estimator's table, with six harmonics
+around the axis, and added to the press of even tissue.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from benchmarks.simulated_presses import Protocol, SimulatedCase, draw
+from scipy.special import jv
+
+from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
+from tsis.virtual import VirtualProbe
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.inclusion import InclusionPrior
+    from tsis.model import Phantom, Probe, TactileImage
+
+WAVES, HARMONICS, GRID_MM = 100, 6, 0.25
+FARTHEST = 2.5  # of the face's radius; tissue beyond hardly matters to the press
+FINE_MESH = FieldMesh(order=4, finest=0.04, largest=0.14, growth=1.8, points=121)
+RANDOM_SD, RANDOM_MM = (0.0, 0.2), (2.0, 13.0)  # ranges of fields that are drawn anew in each case
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class World:
+    """What differs from the estimator's model.
+
+    Attributes
+    ----------
+    name
+        What tables call it.
+    sd, length_mm
+        Standard deviation of the log modulus and its correlation length; None draws both.
+    rough
+        Whether the correlation is exponential in the distance, and not Gaussian.
+    strain
+        Mechanics of the presses of even tissue.
+    """
+
+    name: str
+    sd: float | None = 0.0
+    length_mm: float | None = 5.0
+    rough: bool = False
+    strain: str = "small"
+
+
+WORLDS = {
+    world.name: world
+    for world in (
+        World(name="as-model"),
+        World(name="prior", sd=None, length_mm=None),
+        World(name="finite", strain="finite"),
+        *(
+            World(name=f"uneven-{100 * sd:.0f}-{length:g}", sd=sd, length_mm=length)
+            for sd in (0.05, 0.1, 0.15)
+            for length in (2.5, 5.0, 10.0)
+        ),
+        World(name="rough-10-5", sd=0.1, rough=True),
+        World(name="finite-uneven-10-5", sd=0.1, strain="finite"),
+    )
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RandomField:
+    """A field of log modulus of unit variance: plane waves of random direction and phase."""
+
+    wave_per_mm: NDArray[np.float64]  # shape (waves, 3)
+    phase: NDArray[np.float64]
+
+    @classmethod
+    def drawn(cls, length_mm: float, rng: np.random.Generator, *, rough: bool) -> RandomField:
+        """A field of one correlation length."""
+        wave = rng.standard_normal((WAVES, 3)) / length_mm
+        if rough:  # the spectrum of an exponential correlation is a mixture of normal ones
+            wave /= np.sqrt(rng.chisquare(1, size=(WAVES, 1)))
+        return cls(wave_per_mm=wave, phase=rng.uniform(0, 2 * np.pi, WAVES))
+
+    def harmonic(
+        self, order: int, radius_mm: NDArray[np.float64], depth_mm: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Parts of cos and sin of ``order`` times the angle around the axis, shape (2, points)."""
+        across = np.hypot(self.wave_per_mm[:, 0], self.wave_per_mm[:, 1])
+        angle = np.arctan2(self.wave_per_mm[:, 1], self.wave_per_mm[:, 0])
+        beta = np.outer(self.wave_per_mm[:, 2], depth_mm) + self.phase[:, None] + order * np.pi / 2
+        ring = jv(order, np.outer(across, radius_mm)) * np.cos(beta) * (1 if order == 0 else 2)
+        parts = np.stack([np.cos(order * angle), np.sin(order * angle)])
+        return np.asarray(np.sqrt(2 / WAVES) * parts @ ring)
+
+
+class UnevenProbe(VirtualProbe):
+    """A virtual probe on tissue whose modulus is a random field."""
+
+    def __init__(self, probe: Probe, *, rng: np.random.Generator, strain: str) -> None:
+        super().__init__(probe, rng=rng, strain=strain)
+        steps = int(np.ceil(probe.radius_mm / GRID_MM))
+        self._axis = GRID_MM * np.arange(-steps, steps + 1)
+        self._change: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+
+    def on_site(self, phantom: Phantom, field: RandomField, sd: float) -> None:
+        """Solve what the field changes, by unit and shape of a press: pressure and displacement over the grid."""
+        self._change = None
+        if sd == 0:
+            return
+        stiffer, inclusion = self._stiffness, phantom.inclusion
+        slab = TissueFieldResponse(
+            self.probe,
+            young_kpa=phantom.young_kpa / stiffer,
+            thickness_mm=phantom.thickness_mm,
+            poisson=phantom.poisson,
+            inclusion=None
+            if inclusion is None
+            else (inclusion.diameter_mm, inclusion.depth_mm, inclusion.young_kpa / stiffer),
+            mesh=FINE_MESH,
+        )
+        x, y = np.meshgrid(self._axis, self._axis)
+        radius, angle = np.hypot(x, y), np.arctan2(y, x)
+        inside = radius <= self.probe.radius_mm
+        pressure, displacement = np.zeros((2, 2, *x.shape))
+        for order in range(HARMONICS + 1):
+            response = slab.response(order)
+            at = (response.radius_mm, response.depth_mm)
+            parts = np.zeros((2, len(at[0])))
+            tissue = (at[0] < FARTHEST * self.probe.radius_mm) & ~slab.inside(*at)
+            parts[:, tissue] = sd * field.harmonic(order, at[0][tissue], at[1][tissue])
+            for total, profiles in ((pressure, response.pressure_kpa), (displacement, response.face_displacement_mm)):
+                for press, profile in enumerate(profiles):
+                    for part, wave in zip(parts, (np.cos, np.sin), strict=True):
+                        values = np.interp(radius, slab.radius_mm, profile @ part)
+                        total[press] += inside * values * wave(order * angle)
+        self._change = pressure, displacement
+
+    def _rendered_press(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
+        even = self._round_press(phantom, force_n)
+        if self._change is None:
+            return self._rendered(even)
+        stiffer = self._stiffness
+        pressure, displacement = (force_n / stiffer * unit + shape for unit, shape in self._change)
+        around = even.on_grid(self._axis, self._axis)
+        beside = replace(
+            around,
+            pressure_kpa=np.maximum(around.pressure_kpa + stiffer * pressure, 0.0),
+            face_displacement_mm=around.face_displacement_mm + displacement,
+        )
+        # The grid blurs the rim, which the round press has in full: the grid gives only the change.
+        return np.maximum(self._rendered(even) + self._rendered(beside) - self._rendered(around), 0.0)
+
+
+def simulate_world(
+    world: World, protocol: Protocol, prior: InclusionPrior, *, seed: int, index: int, blank: bool = False
+) -> SimulatedCase:
+    """Case ``index`` of a seed in a world; ``blank`` leaves the inclusion out."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
+    phantom = draw(prior, rng)
+    phantom = phantom.without_inclusion() if blank else phantom
+    virtual = UnevenProbe(protocol.probe, rng=rng, strain=world.strain)
+    nearby = phantom.young_kpa * float(np.exp(virtual.calibration.site_sd * rng.standard_normal()))
+    drawn_sd, drawn_mm = rng.uniform(*RANDOM_SD), float(np.exp(rng.uniform(*np.log(RANDOM_MM))))
+    sd = drawn_sd if world.sd is None else world.sd
+    length = drawn_mm if world.length_mm is None else world.length_mm
+    presses: list[tuple[TactileImage, ...]] = []
+    for site in (phantom, replace(phantom.without_inclusion(), young_kpa=nearby)):
+        virtual.on_site(site, RandomField.drawn(length, rng, rough=world.rough), sd)
+        presses.append(tuple(virtual.press(site, force_n=force) for force in protocol.forces_n))
+    return SimulatedCase(phantom=phantom, frames=presses[0], references=presses[1], calibration=virtual.calibration)
