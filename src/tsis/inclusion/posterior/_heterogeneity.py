@@ -20,7 +20,7 @@ from tsis.files import content_key
 from tsis.inclusion.posterior._rings import ring_means
 from tsis.mechanics import hats
 from tsis.mechanics.surrogate import cached_arrays, mechanical_content
-from tsis.mechanics.tissue_field import TissueFieldResponse, field_factors
+from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_factors, field_features
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,9 +31,10 @@ if TYPE_CHECKING:
 FORMAT_VERSION = 1
 LENGTHS_MM = (2.0, 3.2, 5.0, 8.0, 13.0)
 SDS = (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.45)
-DIAMETERS, DEPTHS = 6, 5  # states with an inclusion, evenly spaced in the logarithm
+DIAMETERS, DEPTHS = 5, 4  # states with an inclusion, evenly spaced in the logarithm
 HARMONICS = (1, 2, 3, 4)  # that the checks of the frames use
-RANK = 14
+RANK = 10
+RADII = 41  # of the profiles
 PARTS = 4  # pressure and displacement of the unit press, then of the dome's shape
 IMPROBABLE_HYPOTHESIS = 1e-3  # of the most probable; such hypotheses are left out
 
@@ -109,20 +110,36 @@ def build_field_table(
         "probe": mechanical_content(probe),
         "tissue": [prior.tissue_young_kpa, prior.thickness_mm, prior.poisson],
         "inclusions": [diameter.tolist(), depth.tolist(), young],
-        "fields": [list(LENGTHS_MM), list(HARMONICS), RANK],
+        "fields": [list(LENGTHS_MM), list(HARMONICS), RANK, RADII],
     }
 
+    def slab(inclusion: tuple[float, float, float] | None) -> TissueFieldResponse:
+        return TissueFieldResponse(
+            probe,
+            young_kpa=prior.tissue_young_kpa,
+            thickness_mm=prior.thickness_mm,
+            poisson=prior.poisson,
+            inclusion=inclusion,
+            mesh=FieldMesh(points=RADII),
+        )
+
     def solve() -> dict[str, Floats]:
-        states = [None, *((d, h, young) for d in diameter.tolist() for h in depth.tolist())]
-        done = itertools.count(1)
-        factors: list[Floats] = []
+        around = [(d, h, young) for d in diameter.tolist() for h in depth.tolist()]
+        done, even = itertools.count(1), slab(None)
         with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
-            for factor in pool.map(lambda state: _factors(probe, prior, state, 0), states):
-                factors.append(factor)
+            features = _features(even, 0)
+            tasks = [pool.submit(lambda state: _factors(slab(state), 0, features), state) for state in around]
+            factors = []
+            for task in tasks:
+                factors.append(task.result())
                 if progress is not None:
-                    progress(next(done), len(states))
-            harmonics = list(pool.map(lambda order: _factors(probe, prior, None, order), HARMONICS))
-        return {"around": np.array(factors[1:]), "blank": factors[0], "harmonics": np.array(harmonics)}
+                    progress(next(done), len(around))
+            harmonics = list(pool.map(lambda order: _factors(even, order, _features(even, order)), HARMONICS))
+            return {
+                "around": np.array(factors),
+                "blank": _factors(even, 0, features),
+                "harmonics": np.array(harmonics),
+            }
 
     arrays = cached_arrays("heterogeneity", content_key(content), solve) if cached else solve()
     blank = np.asarray(arrays["blank"], dtype=float)
@@ -137,25 +154,18 @@ def build_field_table(
     )
 
 
-def _factors(
-    probe: Probe, prior: InclusionPrior, inclusion: tuple[float, float, float] | None, harmonic: int
-) -> Floats:
+def _features(slab: TissueFieldResponse, harmonic: int) -> list[tuple[Floats, Floats]]:
+    """Features of the points of a mesh, which all inclusions share, for each length."""
+    return [field_features(harmonic, length, *slab.points_mm(harmonic)) for length in LENGTHS_MM]
+
+
+def _factors(slab: TissueFieldResponse, harmonic: int, features: list[tuple[Floats, Floats]]) -> Floats:
     """Factors of one state, shape (lengths, 4 n, rank), in single precision."""
-    slab = TissueFieldResponse(
-        probe,
-        young_kpa=prior.tissue_young_kpa,
-        thickness_mm=prior.thickness_mm,
-        poisson=prior.poisson,
-        inclusion=inclusion,
-    )
     response = slab.response(harmonic)
-    outside = ~slab.inside(response.radius_mm, response.depth_mm)
     parts = zip(response.pressure_kpa, response.face_displacement_mm, strict=True)
-    outputs = np.concatenate([part[:, outside] for pair in parts for part in pair])
-    factors = field_factors(
-        outputs, harmonic, LENGTHS_MM, response.radius_mm[outside], response.depth_mm[outside], rank=RANK
-    )
-    return np.asarray(factors, dtype=np.float32)
+    outputs = np.concatenate([part for pair in parts for part in pair])
+    outputs[:, slab.inside(response.radius_mm, response.depth_mm)] = 0.0
+    return np.asarray(field_factors(outputs, features, rank=RANK), dtype=np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

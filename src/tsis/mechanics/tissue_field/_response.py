@@ -118,6 +118,11 @@ class TissueFieldResponse:
             depth_mm=tissue.depth_mm,
         )
 
+    def points_mm(self, harmonic: int) -> tuple[Floats, Floats]:
+        """Radius and depth of the points, as in `response`."""
+        points = _points(self._slab, harmonic)
+        return points.radius_mm.ravel(), points.depth_mm.ravel()
+
     @cached_property
     def _round_forces(self) -> Floats:
         """Nodal forces in mN of the unit press and of the press by the dome's shape, shape (n, 2)."""

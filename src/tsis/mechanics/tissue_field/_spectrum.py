@@ -37,21 +37,15 @@ def field_features(harmonic: int, length_mm: float, radius_mm: Floats, depth_mm:
     return (1.0 if harmonic == 0 else np.sqrt(2.0)) * across, along
 
 
-def field_factors(
-    response: Floats, harmonic: int, lengths_mm: Sequence[float], radius_mm: Floats, depth_mm: Floats, *, rank: int
-) -> Floats:
+def field_factors(response: Floats, features: Sequence[tuple[Floats, Floats]], *, rank: int) -> Floats:
     """Factors F (lengths, outputs, rank) of the covariances F F' of linear outputs of fields of unit variance.
 
     Parameters
     ----------
     response
         Outputs by a unit of the field at each point, shape (outputs, points).
-    harmonic
-        Harmonic of the field around the axis.
-    lengths_mm
-        Correlation lengths of the fields.
-    radius_mm, depth_mm
-        Coordinates of the points, shape (points,).
+    features
+        `field_features` of the points for each correlation length.
     rank
         Number of directions; those of less variance are left out.
     """
@@ -59,8 +53,7 @@ def field_factors(
     _, directions = np.linalg.eigh(response @ response.T)
     directions = directions[:, ::-1][:, :DIRECTIONS]
     reduced, factors = directions.T @ response, []
-    for length in lengths_mm:
-        across, along = field_features(harmonic, length, radius_mm, depth_mm)
+    for across, along in features:
         columns = np.concatenate([(reduced * wave) @ along.T for wave in across], axis=1)
         left, size, _ = np.linalg.svd(columns, full_matrices=False)
         factors.append(directions @ (left[:, :rank] * size[:rank]))
