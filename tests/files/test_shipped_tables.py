@@ -72,7 +72,7 @@ def test_the_package_computes_what_it_ships(tmp_path: Path, empty_cache: Path, m
 
 def _covariance(factor: np.ndarray) -> np.ndarray:
     wide = factor.astype(float)
-    return wide @ np.swapaxes(wide, -1, -2)
+    return np.asarray(wide @ np.swapaxes(wide, -1, -2))
 
 
 def _tolerance(name: str) -> float:

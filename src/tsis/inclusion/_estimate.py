@@ -21,6 +21,7 @@ from tsis.inclusion._frames import (
 )
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._verdict import (
+    OFF_AXIS_MM,
     UNTRUSTED_FLAGS,
     cramer_rao_sd,
     findings,
@@ -182,6 +183,7 @@ def estimate(
     )
 
 
+LIKELY = 0.01  # chance of a shift by uneven tissue above which it is none of an inclusion
 LIKE_FORCE = 0.1  # largest relative difference of the forces of target and reference that locate the inclusion
 
 
@@ -218,8 +220,13 @@ def _position(
     reference = min(references, key=lambda frame: abs((frame.force_n or 0.0) - (target.force_n or 0.0)))
     if abs((reference.force_n or 0.0) / (target.force_n or 1.0) - 1) > LIKE_FORCE:
         return InclusionPosition(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
-    causes = None if uneven is None else uneven.of_frames(1, [target, reference])
-    return inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm, uneven=causes)
+    if uneven is None:
+        return inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm)
+    causes = uneven.of_sites(1, [target, reference])
+    found = inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm, uneven=causes)
+    if found.distance_mm > OFF_AXIS_MM and uneven.shift_chance(target, reference) > LIKELY:
+        return replace(found, noise_mm=np.inf, sd_mm=np.inf)  # uneven tissue alone explains it
+    return found
 
 
 def _contact_findings(

@@ -10,6 +10,7 @@ import numpy as np
 from tsis.imaging import rough_contact, rough_contact_slope
 from tsis.inclusion._frames import OUTER_FRACTION
 from tsis.inclusion.checks._harmonics import harmonic, harmonic_noise, shading_harmonics
+from tsis.inclusion.checks._roundness import shift_chance
 from tsis.inclusion.checks._sectors import RINGS, sector_means
 from tsis.inclusion.posterior import HARMONICS, ring_means
 
@@ -62,16 +63,18 @@ class FieldHarmonics:
         values, directions = np.linalg.eigh(self.covariance(order, sectors, force_n))
         return np.asarray(directions * np.sqrt(np.maximum(values, 0.0)))
 
-    def of_frames(self, order: int, frames: Sequence[TactileImage]) -> Floats:
+    def of_sites(self, order: int, frames: Sequence[TactileImage]) -> Floats:
         """`columns` of frames of different sites, for their sum or difference."""
-        return np.hstack(
-            [
-                self.columns(
-                    order, sector_means(frame, probe=self.probe, calibration=self.calibration), frame.force_n or 0.0
-                )
-                for frame in frames
-            ]
-        )
+        return np.hstack([self.columns(order, self._sectors(frame), frame.force_n or 0.0) for frame in frames])
+
+    def shift_chance(self, target: TactileImage, reference: TactileImage) -> float:
+        """Probability of the first harmonic of the change without an inclusion off the axis."""
+        columns = self.of_sites(1, [target, reference])
+        allowed = [part * column for column in columns.T for part in (1, 1j)]
+        return shift_chance(self._sectors(target), self._sectors(reference), self.calibration, allowed=allowed)
+
+    def _sectors(self, frame: TactileImage) -> Sectors:
+        return sector_means(frame, probe=self.probe, calibration=self.calibration)
 
     def _slope(self, grey: Floats) -> Floats:
         """Change of the light with pressure in rings of mean grey level."""

@@ -63,6 +63,25 @@ def roundness(
     return unevenness(harmonic(change, 2)[use], variance, radius, given=existing)
 
 
+def shift_chance(
+    target: Sectors, reference: Sectors, calibration: Calibration, *, allowed: Sequence[Complexes]
+) -> float:
+    """Probability of the first harmonic of the change between reference and target without an inclusion off the axis.
+
+    ``allowed`` are first harmonics of all rings by other causes, each with a standard normal factor. 1 when too few
+    rings are complete.
+    """
+    use = _tested_rings([target, reference])
+    if use is None:
+        return 1.0
+    grid, change = target.grid, target.grey - reference.grey
+    growth, flux = harmonic(grid.growth_per_mm, 1)[use], harmonic(grid.flux, 1)[use]
+    existing = shading_harmonics(target.grey.mean(axis=1)[use], growth, flux, grid.ring_radius_mm[use])
+    existing += [cause[use] for cause in allowed]
+    variance = harmonic_variance(change, [target, reference], calibration, order=1)[:, use]
+    return unevenness(harmonic(change, 1)[use], variance, grid.ring_radius_mm[use], given=existing).chance
+
+
 def harmonic_variance(grey: Floats, frames: Sequence[Sectors], calibration: Calibration, *, order: int) -> Floats:
     """Variances of both parts of a harmonic of ``grey``, a frame or the difference of two, shape (2, rings).
 
