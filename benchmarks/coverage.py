@@ -1,6 +1,7 @@
 """Do the intervals hold? Virtual presses of which the estimator knows nothing but their frames.
 
     python -m benchmarks.coverage --protocol domed --presses 2000 --seed 1
+    python -m benchmarks.coverage --world uneven-10-5 --presses 300 --blanks 300 --seed 2
 
 `benchmarks.simulated_presses` says how the presses are made and what is drawn for them. Every finished case is kept, so
 that a run which was cut off goes on where it stopped; cases of another seed, protocol or code are never mixed in. With
@@ -15,15 +16,17 @@ import json
 import os
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from benchmarks.judgement import Judgement, compared, rows_of
 from benchmarks.kept_lines import keep_line, read_lines
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.tables import show
+from benchmarks.worlds import WORLDS
 
 import tsis
 from tsis.cli import progress_bar
@@ -48,8 +51,10 @@ def judge(bank: PressBank, index: int) -> dict[str, Any]:
         )
     except TsisError as error:
         return {"index": index, "refused": str(error)}
-    assert case.phantom.inclusion is not None  # each case has one
-    return {"index": index, **compared(result, case.phantom.inclusion)}
+    presence = {"presence": result.presence, "presence_trusted": result.presence_trusted}
+    if case.phantom.inclusion is None:
+        return {"index": index, "trusted": result.trusted, "flags": list(result.flags), **presence}
+    return {"index": index, **compared(result, case.phantom.inclusion), **presence}
 
 
 def code() -> str:
@@ -89,7 +94,21 @@ def run(
 def kept_at(folder: Path, bank: PressBank) -> Path:
     """File of the finished cases, named by all that decides them."""
     decided_by = bank.content() | {"prior": asdict(bank.prior), "code": code()}
-    return folder / f"{bank.protocol.name}-{content_key(decided_by)}.jsonl"
+    return folder / f"{bank.name}-{content_key(decided_by)}.jsonl"
+
+
+def presences(lines: list[dict[str, Any]], blanks: list[dict[str, Any]]) -> dict[str, float]:
+    """How well the presence tells inclusions from blanks; the Brier score weighs both kinds equally."""
+    kinds = {"inclusions": (lines, 1.0), "blanks": (blanks, 0.0)}
+    found: dict[str, float] = {}
+    scores = []
+    for kind, (each, truth) in kinds.items():
+        presence = np.array([line["presence"] for line in each if "presence" in line])
+        if len(presence):
+            trusted = [line["presence_trusted"] for line in each if "presence" in line]
+            found |= {f"{kind} above 0.95": float((presence > 0.95).mean()), f"{kind} trusted": float(np.mean(trusted))}
+            scores.append(float(((presence - truth) ** 2).mean()))
+    return found | ({"Brier score": float(np.mean(scores))} if len(scores) == len(kinds) else {})
 
 
 def counted(names: Mapping[str, int]) -> str:
@@ -102,6 +121,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--protocol", choices=PROTOCOLS, default=DEFAULT)
     parser.add_argument("--presses", type=int, default=2000)
+    parser.add_argument("--world", choices=WORLDS, default="as-model", help="what differs from the estimator's model")
+    parser.add_argument("--blanks", type=int, default=0, help="cases without an inclusion, of the same world")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--frames", type=Path, help="folder to keep the frames in, and to read them from")
     parser.add_argument("--out", type=Path, default=cache_folder() / "coverage", help="folder of finished cases")
@@ -110,9 +131,17 @@ def main() -> int:
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
     options = parser.parse_args()
     bank = PressBank(
-        protocol=PROTOCOLS[options.protocol], prior=InclusionPrior(), seed=options.seed, folder=options.frames
+        protocol=PROTOCOLS[options.protocol],
+        prior=InclusionPrior(),
+        seed=options.seed,
+        world=WORLDS[options.world],
+        folder=options.frames,
     )
+    blanks = replace(bank, blank=True)
     with progress_bar("judging") as progress:
+        without = run(
+            blanks, options.blanks, out=kept_at(options.out, blanks), workers=options.workers, progress=progress
+        )
         lines = run(bank, options.presses, out=kept_at(options.out, bank), workers=options.workers, progress=progress)
     found = Judgement.of(lines)
     if not len(found.truth):
@@ -126,6 +155,7 @@ def main() -> int:
             "distrusted": found.distrusted,
             "flags": dict(found.flags),
             "refused": dict(found.refused),
+            "presence": presences(lines, without),
         }
         print(json.dumps(document | told, indent=2))
     else:
@@ -133,6 +163,7 @@ def main() -> int:
         show(title, (options.protocol, *numbers), rows_of(numbers), markdown=options.markdown)
         print(f"not trusted by the estimate itself: {found.distrusted} of {len(found.truth)}")
         print(f"flags: {counted(found.flags)}\nrefused: {counted(found.refused)}")
+        print("; ".join(f"{name} {value:.3g}" for name, value in presences(lines, without).items()))
     return 0 if found.keeps_the_claim() else 1
 
 

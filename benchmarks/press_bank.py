@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.simulated_presses import DEFAULT, DRAWN, PROTOCOLS, Protocol, SimulatedCase, simulate
+from benchmarks.worlds import WORLDS, World, simulate_world
 
 import tsis
 from tsis.cli import progress_bar
@@ -40,6 +41,8 @@ class PressBank:
     ----------
     protocol, prior, seed
         What is simulated.
+    world, blank
+        What differs from the estimator's model, and whether the inclusion is left out.
     folder
         Where the protocol's folders lie; nothing is kept when None.
     """
@@ -47,6 +50,8 @@ class PressBank:
     protocol: Protocol
     prior: InclusionPrior
     seed: int
+    world: World = WORLDS["as-model"]
+    blank: bool = False
     folder: Path | None = None
 
     def __post_init__(self) -> None:
@@ -65,13 +70,20 @@ class PressBank:
     @property
     def _place(self) -> Path:
         assert self.folder is not None  # callers have asked
-        return self.folder / f"{self.protocol.name}-{self.seed}"
+        return self.folder / f"{self.name}-{self.seed}"
+
+    @property
+    def name(self) -> str:
+        """Protocol, world and whether blank."""
+        world = "" if self.world == WORLDS["as-model"] else f"-{self.world.name}"
+        return f"{self.protocol.name}{world}{'-blank' if self.blank else ''}"
 
     def content(self) -> dict[str, Any]:
         """What decides the frames, but for the code that makes them."""
         known = _calibration(self.protocol)
         light = None if known.light is None else known.light.sha256
-        return {
+        differs = {} if self.name == self.protocol.name else {"world": asdict(self.world), "blank": self.blank}
+        return differs | {
             "tsis": tsis.__version__,
             "seed": self.seed,
             "protocol": asdict(self.protocol),
@@ -83,13 +95,18 @@ class PressBank:
     def case(self, index: int) -> SimulatedCase:
         """Case ``index``; a MechanicsError where the drawn tissue is too soft for the mechanics."""
         if self.folder is None:
-            return simulate(self.protocol, self.prior, seed=self.seed, index=index)
+            return self._simulated(index)
         path = self._place / f"{index:06d}.npz"
         if path.exists():
             return _read(path.read_bytes(), _calibration(self.protocol))
-        case = simulate(self.protocol, self.prior, seed=self.seed, index=index)
+        case = self._simulated(index)
         write_durably(path, _bytes(case))
         return case
+
+    def _simulated(self, index: int) -> SimulatedCase:
+        if self.name == self.protocol.name:
+            return simulate(self.protocol, self.prior, seed=self.seed, index=index)
+        return simulate_world(self.world, self.protocol, self.prior, seed=self.seed, index=index, blank=self.blank)
 
 
 def _calibration(protocol: Protocol) -> Calibration:
@@ -124,8 +141,9 @@ def _read(content: bytes, calibration: Calibration) -> SimulatedCase:
         about, grey = json.loads(str(file["about"])), file["grey"]
     frames = tuple(TactileImage(grey=one, **told) for one, told in zip(grey, about["frames"], strict=True))
     phantom = about["phantom"]
+    inclusion = phantom["inclusion"]
     return SimulatedCase(
-        phantom=Phantom(**phantom | {"inclusion": Inclusion(**phantom["inclusion"])}),
+        phantom=Phantom(**phantom | {"inclusion": inclusion and Inclusion(**inclusion)}),
         frames=frames[: about["targets"]],
         references=frames[about["targets"] :],
         calibration=calibration,
