@@ -132,6 +132,8 @@ def test_an_interrupted_session_goes_on_with_the_step_that_was_not_finished(
         assert "The steps before are saved in s; the same command resumes with board." in stopped.err
     done = ("dark", "untouched", "flat-1", "flat-2", "flat-3", "board-untouched")
     assert {path.name for path in (tmp_path / "s").iterdir()} == {"session.json", *done}
+    if error is not KeyboardInterrupt:
+        return  # the folder is that of the other case
     before = kept(tmp_path / "s")
     finished = run_tsis("calibrate", *QUICK, "--session", "s")
     assert finished.code == 0, finished.err
