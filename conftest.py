@@ -14,19 +14,23 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator
 
 collect_ignore = ["docs/_build", "src/tsis/records/migrations/env.py"]  # which Alembic alone can run
 ROOT = Path(__file__).parent
 CACHES = Path(sys.prefix)  # the environment's own folder: .venv of `make test`
 TABLES = "test-tables"
+MEMORY, ROOM_BYTES = Path("/dev/shm"), 4 * 2**30  # Linux' file system in memory, and the room that tests may need
 MODELS = ("hardness", "mechanics", "model", "optics")  # packages whose code decides what the tables hold
 PAGES_THAT_START = {"run-a-sweep.md"}
 STARTS = {"subprocess.Popen", "os.fork", "os.posix_spawn", "socket.bind"}  # audit events of processes and servers
 
 os.environ["NUMBA_CACHE_DIR"] = str(CACHES / "numba-cache")  # before anything imports numba
+for _library in ("OPENBLAS", "MKL", "OMP"):  # of libraries that are loaded later, and of workers
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 settings.register_profile("tests", deadline=None, derandomize=True)  # a busy machine is no failure
 settings.register_profile("search", deadline=None, max_examples=500)  # pytest --hypothesis-profile search
 settings.load_profile("tests")
@@ -40,10 +44,23 @@ def pytest_configure(config: pytest.Config) -> None:
         for other in set((CACHES / TABLES).glob("*")) - {folder}:
             shutil.rmtree(other, ignore_errors=True)
         os.environ["TSIS_CACHE_DIR"] = str(folder)
+        if _has_room(MEMORY):
+            os.environ.setdefault("TMPDIR", str(MEMORY))  # where synchronising a file waits for no disk
+    threadpool_limits(limits=1, user_api="blas")  # threads slow down matrices this small, the more so in two workers
     platform.processor()  # asks a program once and keeps the answer
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background, where shells ignore Ctrl-C
         signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.addaudithook(_refuse_starts)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Collect no garbage meanwhile: a third of the time would go into looking for it."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -60,7 +77,7 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(autouse=True)
-def _quick(request: pytest.FixtureRequest) -> Iterator[None]:
+def _quick(request: pytest.FixtureRequest) -> Generator[None, None, None]:
     """Name the running test where it must start no process and open no port."""
     if any(map(request.node.get_closest_marker, ("system", "slow", "benchmark", "release"))):
         yield
@@ -73,6 +90,14 @@ def _quick(request: pytest.FixtureRequest) -> Iterator[None]:
 def _refuse_starts(event: str, arguments: tuple[Any, ...]) -> None:
     if _quick_test and event in STARTS and os.getpid() == _OWN:
         raise RuntimeError(f"{_quick_test[0]} must be marked `system`: it calls {event} with {arguments!r:.200}")
+
+
+def _has_room(folder: Path) -> bool:
+    """Whether temporary files can lie in a folder, those that release tests install and run among them."""
+    if not (folder.is_dir() and os.access(folder, os.W_OK)):
+        return False
+    system = os.statvfs(folder)
+    return not system.f_flag & os.ST_NOEXEC and system.f_bavail * system.f_frsize >= ROOM_BYTES
 
 
 def _models_hash() -> str:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import io
 import json
 import shutil
 import sys
@@ -10,29 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import pytest
-from matplotlib.figure import Figure
-from PIL import Image
 from tests.cli.published import faults
 from tests.records.pressed_object import stored_object
 from tests.records.sample import WHEN, levels
+from tests.report.rough_pictures import rough_pictures
 
 from tsis.cli import main
 from tsis.model import TactileImage
 from tsis.records.store import open_store
-from tsis.report import _page as drawing
 
 if TYPE_CHECKING:
-    from tsis.report import Picture
-
-
-def png_of_one_pixel() -> bytes:
-    buffer = io.BytesIO()
-    Image.new("RGB", (1, 1)).save(buffer, format="PNG")
-    return buffer.getvalue()
-
-
-EMPTY_SVG = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
-EMPTY_PNG = png_of_one_pixel()
+    from collections.abc import Iterator
 
 
 @dataclass(frozen=True)
@@ -107,11 +94,7 @@ def records(filled: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _rough_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw each picture, but spare its layout and rendering: tests of reports look at those."""
-
-    def drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:
-        picture.draw(Figure(figsize=size))
-        return EMPTY_SVG if kind == "svg" else EMPTY_PNG
-
-    monkeypatch.setattr(drawing, "_drawn", drawn)
+def _rough_pictures() -> Iterator[None]:
+    """Spare the rendering of pictures: tests of reports look at those."""
+    with rough_pictures():
+        yield

@@ -7,6 +7,7 @@ from playwright.sync_api import expect
 from tests.console.browser import chromium
 from tests.console.operator import PATIENCE_MS
 from tests.console.running import RunningConsole, running_console
+from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -14,6 +15,16 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 expect.set_options(timeout=PATIENCE_MS)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _busy_machine() -> Iterator[None]:
+    """Wait for a camera of a test as long as a busy machine needs; tests unplug it to lose it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tsis.console.services._camera.LOST_AFTER_S", HANGS_S)
+        patch.setattr("tsis.console.services._camera.FRESH_S", HANGS_S)
+        patch.setattr("tsis.calibration.session._live_bench.TIMEOUT_S", HANGS_S)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ from PIL import Image
 from tests.console.files_client import FilesOf
 from tests.records.sample import levels, sample_dossier
 from tests.report.pdf_readers import sheets
+from tests.report.rough_pictures import rough_pictures
 
 from tsis.console.files import _exporting as exporting
 from tsis.console.files import thumbnail_png
@@ -108,10 +109,12 @@ def test_a_browser_asks_each_time_and_gets_a_frame_once(client: FilesOf, store: 
 
 
 def test_the_report_is_the_one_that_the_library_writes(client: FilesOf, store: Store, exports: Path) -> None:
-    answer = client.get(f"/files/report/{NUMBER}.html")
+    with rough_pictures():
+        answer = client.get(f"/files/report/{NUMBER}.html")
+        library = html(target_page(store.record(store.target(NUMBER))))
     assert answer.headers["content-type"] == "text/html; charset=utf-8"
     assert answer.headers["content-disposition"] == 'inline; filename="target-3.html"'
-    assert answer.content == html(target_page(store.record(store.target(NUMBER))))
+    assert answer.content == library
     assert not list(exports.iterdir())
 
 

@@ -4,7 +4,6 @@ import fcntl
 from typing import TYPE_CHECKING, TypeVar
 
 import pytest
-from threadpoolctl import threadpool_limits
 
 import tsis
 from tsis.files import cache_folder
@@ -12,18 +11,11 @@ from tsis.inclusion import InclusionPrior
 from tsis.mechanics.surrogate import build_full_contact_surrogate, build_surrogate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from tsis.mechanics.surrogate import FullContactSurrogate, PressSurrogate
 
 T = TypeVar("T")
-
-
-@pytest.fixture(scope="session", autouse=True)
-def one_thread_a_worker() -> Iterator[None]:
-    """Matrices this small only lose time to threads, the more so when several workers run."""
-    with threadpool_limits(limits=1, user_api="blas"):
-        yield
 
 
 def built_once(build: Callable[[], T]) -> T:

@@ -8,6 +8,7 @@ import shutil
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.report.rough_pictures import rough_pictures
 from tests.study.made import HEADINGS, made_study, read_study, table
 
 from tsis.__about__ import RESEARCH_USE_ONLY
@@ -19,6 +20,7 @@ from tsis.study import import_table, open_study, unblind, verify_study
 from tsis.study.analysis import analyse
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from tsis.report import Page
@@ -42,6 +44,12 @@ def analysis(tmp_path_factory: pytest.TempPathFactory) -> StudyAnalysis:
 @pytest.fixture(scope="module")
 def files(analysis: StudyAnalysis) -> dict[str, bytes]:
     return study_files(analysis)
+
+
+@pytest.fixture
+def rough() -> Iterator[None]:
+    with rough_pictures():
+        yield
 
 
 def words_of(page: Page) -> str:
@@ -136,6 +144,7 @@ def test_what_was_changed_stands_at_the_top(tmp_path: Path) -> None:
     assert "after the unblinding" in page.notes[1]
 
 
+@pytest.mark.usefixtures("rough")
 def test_a_report_is_entered_with_its_hashes_and_found_when_it_is_changed(tmp_path: Path) -> None:
     study = read_study(tmp_path)
     done = publish_study(study, by="Ada")
@@ -152,6 +161,7 @@ def test_a_report_is_entered_with_its_hashes_and_found_when_it_is_changed(tmp_pa
     assert [fault.file for fault in verify_study(study.folder).faults] == ["analysis/report.html"]
 
 
+@pytest.mark.usefixtures("rough")
 def test_the_name_of_a_report_that_is_gone_is_not_given_again(tmp_path: Path) -> None:
     done = publish_study(read_study(tmp_path), by="Ada")
     shutil.rmtree(done.folder)
@@ -159,6 +169,7 @@ def test_the_name_of_a_report_that_is_gone_is_not_given_again(tmp_path: Path) ->
     assert {fault.file.split("/")[0] for fault in verify_study(done.study.folder).faults} == {"analysis"}
 
 
+@pytest.mark.usefixtures("rough")
 def test_a_report_elsewhere_is_entered_without_its_place(tmp_path: Path) -> None:
     study = read_study(tmp_path)
     (tmp_path / "a file").touch()

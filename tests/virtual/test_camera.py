@@ -124,7 +124,7 @@ def test_a_paced_camera_keeps_the_clocks_time_and_catches_up_with_nothing(paced:
 def test_a_paced_camera_ends_when_it_is_stopped() -> None:
     camera = _camera(force_n=0.0, frames_per_s=0.1, paced=True)
     with Acquisition(lambda: camera) as acquisition:
-        assert acquisition.ring.wait(0, 10.0)
+        assert acquisition.ring.wait(0, HANGS_S)
     assert acquisition.account().received == 1
 
 

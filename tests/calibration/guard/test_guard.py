@@ -54,8 +54,11 @@ def scene(
     return TactileImage(grey=np.clip(np.rint(grey), 0.0, 255.0), mm_per_pixel=(0.05, 0.05), force_n=force_n)
 
 
+PRESS, UNTOUCHED = scene(), scene(peak=0.0, seed=99)
+
+
 def reference(**changes: Any) -> GuardReference:
-    return GuardReference(**{"untouched": scene(peak=0.0, seed=99), "patch": LIT, "dark_grey": DARK, **changes})
+    return GuardReference(**{"untouched": UNTOUCHED, "patch": LIT, "dark_grey": DARK, **changes})
 
 
 def names(image: TactileImage, against: GuardReference | None = None, **more: Any) -> list[str]:
@@ -63,7 +66,7 @@ def names(image: TactileImage, against: GuardReference | None = None, **more: An
 
 
 def test_a_good_press_raises_nothing() -> None:
-    assert names(scene()) == []
+    assert names(PRESS) == []
 
 
 @pytest.mark.parametrize(
@@ -156,7 +159,7 @@ def test_a_level_press_takes_uneven_lamps_out() -> None:
 
 def test_light_that_falls_where_it_is_pressed_is_read_with_invert() -> None:
     fallen = TactileImage(grey=200.0 - 0.5 * scene(peak=120.0).grey, mm_per_pixel=(0.05, 0.05))
-    lit = TactileImage(grey=200.0 - 0.5 * scene(peak=0.0, seed=99).grey, mm_per_pixel=(0.05, 0.05))
+    lit = TactileImage(grey=200.0 - 0.5 * UNTOUCHED.grey, mm_per_pixel=(0.05, 0.05))
     assert names(fallen, GuardReference(untouched=lit, invert=True)) == []
     assert "no-contact" in names(lit, GuardReference(untouched=lit, invert=True))
 
@@ -166,11 +169,11 @@ def test_settling_raises_moving_with_the_time_to_wait() -> None:
     relaxing = assess_settling(
         time, 1 + 0.5 * np.exp(-time / 5.0) + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
     )
-    (flag,) = check_press(scene(), reference=reference(), settling=relaxing)
+    (flag,) = check_press(PRESS, reference=reference(), settling=relaxing)
     assert flag.name == "moving"
     assert flag.advice.startswith("hold still for ")
     plateau = assess_settling(np.arange(0.0, 60.0, 0.1), 1 + 1e-3 * np.random.default_rng(1).standard_normal(600))
-    assert names(scene(), settling=plateau) == []
+    assert names(PRESS, settling=plateau) == []
 
 
 def test_a_virtual_press_is_innocent_and_one_too_hard_is_not() -> None:
@@ -202,9 +205,10 @@ def test_noise_at_a_limit_makes_no_flag_flicker(seed: int, share: float) -> None
     rng = np.random.default_rng(seed)
     limits = GuardLimits()
     forces = limits.most_force_n * share * (1 + rng.uniform(-0.09, 0.09, 60))
-    watch = PressWatch(FrameShape.of(scene()), reference=reference())
+    small = TactileImage(grey=PRESS.grey[64:182:2, 92:292:2])  # the force decides alone
+    watch = PressWatch(FrameShape.of(small))
     state, up = WatchState(), []
-    frame = Frame(pixels=scene().grey, sequence=0)
+    frame = Frame(pixels=small.grey, sequence=0)
     for force in forces.tolist():
         _, state = watch.step(state, frame, force)
         up.append("force-too-large" in state.raised)
@@ -212,7 +216,7 @@ def test_noise_at_a_limit_makes_no_flag_flicker(seed: int, share: float) -> None
 
 
 def test_the_live_view_agrees_with_one_frame_and_settles() -> None:
-    press = scene()
+    press = PRESS
     watch = PressWatch(FrameShape.of(press), reference=reference(), longest_s=1.0)
     found = series(watch, [scene(peak=0.0)] * 3 + [scene(seed=number) for number in range(120)])
     assert found[0] == {"no-contact"}
@@ -221,7 +225,7 @@ def test_the_live_view_agrees_with_one_frame_and_settles() -> None:
 
 
 def test_mains_flicker_is_seen_and_a_trembling_press_is_none() -> None:
-    rate, watch = 28.0, PressWatch(FrameShape.of(scene()), reference=reference())
+    rate, watch = 28.0, PressWatch(FrameShape.of(PRESS), reference=reference())
     swing = [2.0 * (1 + np.cos(2 * np.pi * 100.0 * number / rate)) for number in range(48)]
     lit = [scene(stray=value, seed=number) for number, value in enumerate(swing)]
     assert "flicker" in series(watch, lit, 1 / rate)[-1]
@@ -230,7 +234,7 @@ def test_mains_flicker_is_seen_and_a_trembling_press_is_none() -> None:
 
 
 def test_a_picture_that_comes_again_and_again_is_frozen_and_no_settled_press() -> None:
-    watch = PressWatch(FrameShape.of(scene()), reference=reference(), longest_s=1.0)
+    watch = PressWatch(FrameShape.of(PRESS), reference=reference(), longest_s=1.0)
     live, stuck = [scene(seed=number) for number in range(4)], [scene(seed=9)] * 120
     found = series(watch, [*live, *stuck, scene(seed=10)])
     assert ["frozen" in flags for flags in found] == [False] * 6 + [True] * 118 + [False]
@@ -240,7 +244,7 @@ def test_a_picture_that_comes_again_and_again_is_frozen_and_no_settled_press() -
 
 
 def test_frames_that_clip_all_over_are_alike_and_not_frozen() -> None:
-    watch = PressWatch(FrameShape.of(scene()), reference=reference())
+    watch = PressWatch(FrameShape.of(PRESS), reference=reference())
     for level in (0.0, 255.0):
         grey = np.full((ROWS, COLUMNS), level)
         grey[100, 100:104] = [40.0, 80.0, 120.0, 160.0]  # stuck pixels
@@ -249,7 +253,7 @@ def test_frames_that_clip_all_over_are_alike_and_not_frozen() -> None:
 
 
 def test_memory_stays_bounded() -> None:
-    small = TactileImage(grey=scene().grey[64:182:2, 92:292:2])
+    small = TactileImage(grey=PRESS.grey[64:182:2, 92:292:2])
     watch, state = PressWatch(FrameShape.of(small)), WatchState()
     pixels = small.grey.astype(np.uint8)
     for number in range(400):
@@ -259,26 +263,26 @@ def test_memory_stays_bounded() -> None:
 
 
 def test_what_does_not_belong_together_is_refused() -> None:
-    watch = PressWatch(FrameShape.of(scene()), reference=reference())
+    watch = PressWatch(FrameShape.of(PRESS), reference=reference())
     with pytest.raises(ImageMismatchError, match="size"):
         watch.step(WatchState(), Frame(pixels=np.zeros((10, 10)), sequence=0))
     with pytest.raises(ImageMismatchError, match="full scale"):
-        watch.step(WatchState(), Frame(pixels=scene().grey, sequence=0, full_scale=4095.0))
+        watch.step(WatchState(), Frame(pixels=PRESS.grey, sequence=0, full_scale=4095.0))
     with pytest.raises(InputError, match="force_n"):
-        watch.step(WatchState(), Frame(pixels=scene().grey, sequence=0), float("nan"))
+        watch.step(WatchState(), Frame(pixels=PRESS.grey, sequence=0), float("nan"))
     with pytest.raises(ImageMismatchError):
-        check_press(scene(), reference=TactileImage(grey=np.zeros((10, 10))))
+        check_press(PRESS, reference=TactileImage(grey=np.zeros((10, 10))))
     with pytest.raises(InputError, match="untouched"):
         GuardReference(patch=LIT)
     with pytest.raises(InputError, match="untouched"):
         GuardReference(invert=True)
     with pytest.raises(InputError, match="lit"):
         check_press(
-            scene(),
+            PRESS,
             reference=reference(patch=ReferencePatch(first_row=100, last_row=110, first_column=0, last_column=9)),
         )
     with pytest.raises(InputError, match="no contact"):
-        check_press(scene(), reference=reference(level=scene(peak=0.0)))
+        check_press(PRESS, reference=reference(level=scene(peak=0.0)))
 
 
 @pytest.mark.parametrize("name", [one.name for one in fields(GuardLimits)])

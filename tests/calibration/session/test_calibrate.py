@@ -207,7 +207,7 @@ def repeat_frame(session: SessionFolder, step: str, number: int, *, noisy: bool)
     session.save(own, shots)
 
 
-@pytest.mark.parametrize("number", [0, 5, 10, 38])
+@pytest.mark.parametrize("number", [0, 38])
 def test_a_camera_that_froze_in_a_loading_is_refused_with_its_step(copied: SessionFolder, number: int) -> None:
     repeat_frame(copied, "tip-2mm-1", number, noisy=False)
     said = f"step 'tip-2mm-1': every frame must be a new one; frames {number + 1} and {number + 2} are identical"
@@ -215,7 +215,7 @@ def test_a_camera_that_froze_in_a_loading_is_refused_with_its_step(copied: Sessi
         calibrate(copied)
 
 
-@pytest.mark.parametrize("number", [5, 10, 20, 30])
+@pytest.mark.parametrize("number", [5, 30])
 def test_light_that_does_not_follow_the_force_is_refused_with_its_step(copied: SessionFolder, number: int) -> None:
     repeat_frame(copied, "tip-10mm-1", number, noisy=True)
     with pytest.raises(CalibrationError, match=r"step 'tip-10mm-1': the sum of grey levels must rise with the force"):

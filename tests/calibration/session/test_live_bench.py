@@ -41,8 +41,9 @@ def camera() -> ScriptedCamera:
 
 
 @pytest.fixture
-def acquisition(camera: ScriptedCamera) -> Iterator[Acquisition]:
-    with Acquisition(lambda: camera, reconnect=False) as running:
+def acquisition(camera: ScriptedCamera, monkeypatch: pytest.MonkeyPatch) -> Iterator[Acquisition]:
+    monkeypatch.setattr("tsis.calibration.session._live_bench.TIMEOUT_S", HANGS_S)
+    with Acquisition(lambda: camera, reconnect=False, lost_after_s=HANGS_S) as running:
         yield running
 
 

@@ -6,6 +6,7 @@ import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
+from argon2 import PasswordHasher
 from tests.console.auth.guarded import TOKEN, Clock, answered, client, guarded_app
 
 from tsis.console.auth import Logins
@@ -15,6 +16,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PASSWORD = "a long enough password"
+
+
+@pytest.fixture(autouse=True)
+def _cheap_passwords(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hash at the least cost; `test_logins` checks the real one."""
+    cheap = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+    monkeypatch.setattr("tsis.console.auth._logins.ARGON2ID", cheap)
+    monkeypatch.setattr("tsis.console.auth._logins.NOBODY", cheap.hash("nobody's password"))
 
 
 def test_the_login_asks_says_no_waits_and_lets_in(tmp_path: Path) -> None:

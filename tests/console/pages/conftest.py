@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.services.instruments import ANN, lit_instrument
 from tests.console.services.lit_camera import World
+from tests.report.rough_pictures import rough_pictures
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,3 +25,10 @@ def lit(tmp_path: Path, world: World) -> Iterator[Instrument]:
     with lit_instrument(tmp_path, world) as created:
         created.control.release(ANN)
         yield created
+
+
+@pytest.fixture(autouse=True)
+def _rough_pictures() -> Iterator[None]:
+    """Spare the rendering of pictures: tests of reports look at those."""
+    with rough_pictures():
+        yield

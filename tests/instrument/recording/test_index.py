@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from tests.instrument.scripted_camera import END, ScriptedCamera
+from tests.waiting import HANGS_S
 
 from tsis.errors import FileInputError
 from tsis.instrument import Frame
@@ -33,7 +34,7 @@ def recorded(folder: Path) -> Path:
             camera.script.put(END)
         return False
 
-    with Acquisition(lambda: camera, reconnect=False) as acquisition:
+    with Acquisition(lambda: camera, reconnect=False, lost_after_s=HANGS_S) as acquisition:
         assert record(acquisition, FrameFolder(folder), folder, stopped=feed).kept == len(TIMES_S)
     return folder
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera
-from tests.waiting import until
+from tests.waiting import HANGS_S, until
 
 from tsis.instrument import Frame
 from tsis.instrument.acquisition import Acquisition
@@ -37,7 +37,7 @@ def _recorded(tmp_path: Path, sequences: list[int | str], sink: Any = None, **op
                 camera.script.put(item if isinstance(item, str) else _noise(item))
         return False
 
-    with Acquisition(lambda: camera, reconnect=False) as acquisition:
+    with Acquisition(lambda: camera, reconnect=False, lost_after_s=HANGS_S) as acquisition:
         report = record(acquisition, sink or FrameFolder(tmp_path), tmp_path, stopped=feed, **options)
     return report, tmp_path
 
@@ -75,11 +75,11 @@ def test_sixteen_bits_fit_a_folder_and_no_video(tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
     camera = ScriptedCamera()
     deep = _noise(0, full_scale=4095.0)
-    with Acquisition(lambda: camera, reconnect=False) as acquisition:
+    with Acquisition(lambda: camera, reconnect=False, lost_after_s=HANGS_S) as acquisition:
         place = acquisition.ring.end
         camera.script.put(deep)
         camera.script.put(END)
-        acquisition.ring.wait(place, 10.0)
+        acquisition.ring.wait(place, HANGS_S)
         kept = FrameFolder(tmp_path / "a").save(deep, 0)
         report = record(acquisition, LosslessVideo(tmp_path / "b"), tmp_path / "b", frames=1)
     source = ImageFiles(tmp_path / "a" / kept)
@@ -131,7 +131,7 @@ def test_a_disk_too_slow_for_the_ring_is_counted(tmp_path: Path) -> None:
             camera.script.put(_noise(0))
         return False
 
-    with Acquisition(lambda: camera, reconnect=False, ring_frames=4) as acquisition:
+    with Acquisition(lambda: camera, reconnect=False, ring_frames=4, lost_after_s=HANGS_S) as acquisition:
         report = record(acquisition, Slow(tmp_path), tmp_path, stopped=begin)
     assert (report.kept, report.overrun, report.missed) == (5, 5, 0)
 

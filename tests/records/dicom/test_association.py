@@ -7,6 +7,7 @@ import socket
 import ssl
 import subprocess
 from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -25,11 +26,18 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from tsis.records.dicom import DicomFile
+
 pytestmark = pytest.mark.system
 
-FILES = dicom_files(sample_dossier())
 EVERY = (MultiFrameGrayscaleByteSecondaryCaptureImageStorage, ComprehensiveSRStorage)
 HOST = "127.0.0.1"
+
+
+@cache
+def files() -> tuple[DicomFile, ...]:
+    """Files of the sample, made by the worker that needs them."""
+    return dicom_files(sample_dossier())
 
 
 @contextmanager
@@ -58,25 +66,25 @@ def test_what_was_taken_is_told() -> None:
         return 0
 
     with archive(keep) as port:
-        sent = c_store(FILES, host="localhost", port=port, called_ae="ARCHIVE")
-    assert sent == tuple(file.sop_instance_uid for file in FILES)
-    assert got == [file.dataset() for file in FILES]
+        sent = c_store(files(), host="localhost", port=port, called_ae="ARCHIVE")
+    assert sent == tuple(file.sop_instance_uid for file in files())
+    assert got == [file.dataset() for file in files()]
 
 
 def test_an_instance_that_the_archive_changes_counts_as_taken() -> None:
     with archive(lambda _: 0xB000) as port:
-        assert len(c_store(FILES, host=HOST, port=port, called_ae="ARCHIVE")) == 3
+        assert len(c_store(files(), host=HOST, port=port, called_ae="ARCHIVE")) == 3
 
 
 def test_each_failed_instance_is_named_with_its_reason() -> None:
     def full(event: Any) -> int:
-        return 0xA700 if event.request.AffectedSOPInstanceUID == FILES[1].sop_instance_uid else 0
+        return 0xA700 if event.request.AffectedSOPInstanceUID == files()[1].sop_instance_uid else 0
 
     with archive(full) as port, pytest.raises(RecordsError) as caught:
-        c_store(FILES, host=HOST, port=port, called_ae="ARCHIVE")
+        c_store(files(), host=HOST, port=port, called_ae="ARCHIVE")
     said = str(caught.value)
-    assert f"1 of 3 failed: {FILES[1].name}: the archive answered 0xA700 (Failure Refused: Out of Resources)" in said
-    assert FILES[0].name not in said
+    assert f"1 of 3 failed: {files()[1].name}: the archive answered 0xA700 (Failure Refused: Out of Resources)" in said
+    assert files()[0].name not in said
 
 
 def test_a_kind_that_the_archive_does_not_take_is_named() -> None:
@@ -87,10 +95,10 @@ def test_a_kind_that_the_archive_does_not_take_is_named() -> None:
         return 0
 
     with archive(keep, takes=EVERY[:1]) as port, pytest.raises(RecordsError) as caught:
-        c_store(FILES, host=HOST, port=port, called_ae="ARCHIVE")
+        c_store(files(), host=HOST, port=port, called_ae="ARCHIVE")
     assert "1 of 3 failed" in str(caught.value)
     assert "does not take Comprehensive SR Storage" in str(caught.value)
-    assert got == [file.sop_instance_uid for file in FILES[:2]]  # what it takes, it got
+    assert got == [file.sop_instance_uid for file in files()[:2]]  # what it takes, it got
 
 
 def test_an_archive_that_takes_no_kind_is_told() -> None:
@@ -105,8 +113,8 @@ def test_an_archive_that_takes_no_kind_is_told() -> None:
 def test_an_archive_that_does_not_know_us_is_told() -> None:
     with archive(lambda _: 0, name="OTHER") as port:
         with pytest.raises(RecordsError, match="refused the association: calling ae title not recogni"):
-            c_store(FILES, host=HOST, port=port, called_ae="ARCHIVE")
-        assert c_store(FILES, host=HOST, port=port, called_ae="ARCHIVE", calling_ae="OTHER")
+            c_store(files(), host=HOST, port=port, called_ae="ARCHIVE")
+        assert c_store(files(), host=HOST, port=port, called_ae="ARCHIVE", calling_ae="OTHER")
 
 
 def test_an_archive_that_breaks_off_is_told() -> None:
@@ -115,7 +123,7 @@ def test_an_archive_that_breaks_off_is_told() -> None:
         return 0
 
     with archive(abort) as port, pytest.raises(RecordsError) as caught:
-        c_store(FILES, host=HOST, port=port, called_ae="ARCHIVE", timeout_s=0.5)
+        c_store(files(), host=HOST, port=port, called_ae="ARCHIVE", timeout_s=0.5)
     assert "3 of 3 failed" in str(caught.value)
     assert "broke off" in str(caught.value)
 
@@ -124,7 +132,7 @@ def test_a_silent_archive_is_told() -> None:
     with socket.create_server((HOST, 0)) as silent:
         port = silent.getsockname()[1]
         with pytest.raises(RecordsError, match=r"must answer the request for an association within 0\.3 s"):
-            c_store(FILES, host=HOST, port=port, called_ae="ARCHIVE", timeout_s=0.3)
+            c_store(files(), host=HOST, port=port, called_ae="ARCHIVE", timeout_s=0.3)
 
 
 def test_an_encrypted_association_is_for_a_certificate_that_is_trusted(tmp_path: Path) -> None:
@@ -138,19 +146,19 @@ def test_an_encrypted_association_is_for_a_certificate_that_is_trusted(tmp_path:
     server.load_cert_chain(certificate, key)
     trusting = ssl.create_default_context(cafile=str(certificate))
     with archive(lambda _: 0, tls=server) as port:
-        assert len(c_store(FILES, host="localhost", port=port, called_ae="ARCHIVE", tls=trusting)) == 3
+        assert len(c_store(files(), host="localhost", port=port, called_ae="ARCHIVE", tls=trusting)) == 3
         for tls, host in ((ssl.create_default_context(), "localhost"), (trusting, HOST)):
             with pytest.raises(RecordsError, match="must have a certificate that can be trusted"):
-                c_store(FILES, host=host, port=port, called_ae="ARCHIVE", tls=tls)
+                c_store(files(), host=host, port=port, called_ae="ARCHIVE", tls=tls)
         with pytest.raises(RecordsError, match="was silent or wants TLS"):
-            c_store(FILES, host="localhost", port=port, called_ae="ARCHIVE", timeout_s=2.0)
+            c_store(files(), host="localhost", port=port, called_ae="ARCHIVE", timeout_s=2.0)
 
 
 def test_an_unknown_host_is_told() -> None:
     with pytest.raises(RecordsError, match="host must be a name or address that is known"):
-        c_store(FILES, host="no-such-host.invalid", port=104, called_ae="ARCHIVE")
+        c_store(files(), host="no-such-host.invalid", port=104, called_ae="ARCHIVE")
     with pytest.raises(RecordsError, match="host must be a name or address that is known"):
-        c_store(FILES, host="x" * 70 + ".example", port=104, called_ae="ARCHIVE")
+        c_store(files(), host="x" * 70 + ".example", port=104, called_ae="ARCHIVE")
 
 
 @pytest.mark.parametrize(
@@ -166,6 +174,6 @@ def test_an_unknown_host_is_told() -> None:
     ],
 )
 def test_what_cannot_be_is_refused_before_any_connection(wrong: dict[str, Any], said: str) -> None:
-    given: dict[str, Any] = {"files": FILES, "host": HOST, "port": 104, "called_ae": "ARCHIVE", **wrong}
+    given: dict[str, Any] = {"files": files(), "host": HOST, "port": 104, "called_ae": "ARCHIVE", **wrong}
     with pytest.raises(InputError, match=said):
         c_store(**given)

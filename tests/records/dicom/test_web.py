@@ -6,6 +6,7 @@ import json
 import socket
 import threading
 from contextlib import contextmanager
+from functools import cache
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,15 @@ from tsis.records.dicom import dicom_files, stow_rs
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-FILES = dicom_files(sample_dossier())
+    from tsis.records.dicom import DicomFile
+
 HOST, JSON = "127.0.0.1", "application/dicom+json"
+
+
+@cache
+def files() -> tuple[DicomFile, ...]:
+    """Files of the sample, made by the worker that needs them."""
+    return dicom_files(sample_dossier())
 
 
 @contextmanager
@@ -65,11 +73,11 @@ def stored(uid: str) -> tuple[int, dict[str, str], bytes]:
 
 @pytest.mark.system
 def test_each_instance_goes_whole_in_a_request_of_its_own() -> None:
-    with service(*(stored(file.sop_instance_uid) for file in FILES)) as (url, got):
-        assert stow_rs(FILES, url=f"{url}/web/", token="secret") == tuple(file.sop_instance_uid for file in FILES)
+    with service(*(stored(file.sop_instance_uid) for file in files())) as (url, got):
+        assert stow_rs(files(), url=f"{url}/web/", token="secret") == tuple(file.sop_instance_uid for file in files())
     assert [path for path, _, _ in got] == ["/web/studies"] * 3
     assert all(headers["Authorization"] == "Bearer secret" for _, headers, _ in got)
-    assert all(file.content in body for file, (_, _, body) in zip(FILES, got, strict=True))
+    assert all(file.content in body for file, (_, _, body) in zip(files(), got, strict=True))
 
 
 @pytest.mark.system
@@ -86,25 +94,25 @@ def test_each_instance_goes_whole_in_a_request_of_its_own() -> None:
     ],
 )
 def test_a_refusal_is_told_with_its_status_and_a_cure(status: int, said: str) -> None:
-    with service(stored(FILES[0].sop_instance_uid), (status, {}, b"")) as (url, got):
+    with service(stored(files()[0].sop_instance_uid), (status, {}, b"")) as (url, got):
         with pytest.raises(RecordsError, match=said) as caught:
-            stow_rs(FILES, url=url)
-        assert FILES[1].name in str(caught.value)
+            stow_rs(files(), url=url)
+        assert files()[1].name in str(caught.value)
     assert len(got) == 2  # asked once, not again and again
 
 
 @pytest.mark.system
 def test_an_instance_that_failed_is_told_with_its_reason() -> None:
     failed = {
-        "00081155": {"vr": "UI", "Value": [FILES[0].sop_instance_uid]},
+        "00081155": {"vr": "UI", "Value": [files()[0].sop_instance_uid]},
         "00081197": {"vr": "US", "Value": [0xA700]},
     }
     content = json.dumps({"00081198": {"vr": "SQ", "Value": [failed]}}).encode()
     with (
         service((200, {"Content-Type": JSON}, content)) as (url, _),
-        pytest.raises(RecordsError, match=f"{FILES[0].name} was not stored: failure reason 0xA700"),
+        pytest.raises(RecordsError, match=f"{files()[0].name} was not stored: failure reason 0xA700"),
     ):
-        stow_rs(FILES, url=url)
+        stow_rs(files(), url=url)
 
 
 @pytest.mark.system
@@ -123,17 +131,17 @@ def test_a_page_that_says_nothing_of_storing_is_no_success(kind: str, content: b
         service((200, {"Content-Type": kind}, content)) as (url, _),
         pytest.raises(RecordsError, match=r"must (answer|take)"),
     ):
-        stow_rs(FILES, url=url)
+        stow_rs(files(), url=url)
 
 
 @pytest.mark.system
 def test_a_service_that_sends_elsewhere_is_not_followed() -> None:
     with (
-        service(stored(FILES[0].sop_instance_uid)) as (other, got),
+        service(stored(files()[0].sop_instance_uid)) as (other, got),
         service((307, {"Location": f"{other}/elsewhere"}, b"")) as (url, _),
     ):
         with pytest.raises(RecordsError, match="which was not followed"):
-            stow_rs(FILES, url=url, token="secret")
+            stow_rs(files(), url=url, token="secret")
         assert got == []
 
 
@@ -142,12 +150,12 @@ def test_a_silent_service_is_told() -> None:
     with socket.create_server((HOST, 0)) as silent:
         url = f"http://{HOST}:{silent.getsockname()[1]}"
         with pytest.raises(RecordsError, match=r"must answer within 0\.3 s"):
-            stow_rs(FILES, url=url, timeout_s=0.3)
+            stow_rs(files(), url=url, timeout_s=0.3)
 
 
 def test_an_unknown_host_is_told() -> None:
     with pytest.raises(RecordsError, match="must be reachable"):
-        stow_rs(FILES, url="https://no-such-host.invalid/dicom-web", timeout_s=5.0)
+        stow_rs(files(), url="https://no-such-host.invalid/dicom-web", timeout_s=5.0)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +163,7 @@ def test_an_unknown_host_is_told() -> None:
 )
 def test_plain_http_to_another_machine_is_refused(url: str) -> None:
     with pytest.raises(InputError, match="must start with https where it leaves this machine"):
-        stow_rs(FILES, url=url)
+        stow_rs(files(), url=url)
 
 
 @pytest.mark.parametrize(
@@ -172,12 +180,12 @@ def test_plain_http_to_another_machine_is_refused(url: str) -> None:
 )
 def test_what_is_no_address_is_refused(url: str) -> None:
     with pytest.raises(InputError, match="url must be the http or https address"):
-        stow_rs(FILES, url=url)
+        stow_rs(files(), url=url)
 
 
 def test_a_token_that_cannot_be_sent_is_not_repeated() -> None:
     with pytest.raises(InputError, match="token must be printable ASCII") as caught:
-        stow_rs(FILES, url="https://archive.example", token="sécret\r\n")
+        stow_rs(files(), url="https://archive.example", token="sécret\r\n")
     assert "cret" not in str(caught.value)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from tests.instrument.scripted_camera import END, ScriptedCamera
 from tests.records.importing.snapshot_folder import frame
+from tests.waiting import HANGS_S
 
 from tsis.errors import FileInputError
 from tsis.instrument.acquisition import Acquisition
@@ -56,7 +57,7 @@ def record_into(folder: Path, sink: Callable[[Path], FrameFolder | LosslessVideo
         names=("force_n", "force_error_n"),
         of=lambda arrival: ("", "") if arrival.frame.sequence == FRAMES - 1 else (f"{arrival.frame.sequence - 1}", "0"),
     )
-    with Acquisition(lambda: camera, reconnect=False) as acquisition:
+    with Acquisition(lambda: camera, reconnect=False, lost_after_s=HANGS_S) as acquisition:
         record(acquisition, sink(folder), folder, stopped=feed, beside=beside)
     return folder
 

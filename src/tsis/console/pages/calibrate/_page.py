@@ -103,7 +103,7 @@ class StepList:
 
     def show(self, steps: Sequence[StepState], present: str | None) -> None:
         """Show the progress of each step and mark the present one."""
-        now = (present, *((state.step.name, state.status, state.frames) for state in steps))
+        now = (present, *((state.step.name, state.status, status_text(state)) for state in steps))
         if not self._list.changes_to(now):
             return
         done = sum(state.status == "done" for state in steps)

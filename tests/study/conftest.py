@@ -1,0 +1,16 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.report.rough_pictures import rough_pictures
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@pytest.fixture(scope="package", autouse=True)
+def _rough_pictures() -> Iterator[None]:
+    """Spare the rendering of pictures: tests of reports look at those."""
+    with rough_pictures():
+        yield
