@@ -200,10 +200,19 @@ class MeshedSlab:
     inclusion: Booleans  # mask of the elements in the inclusion
 
 
-def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> MeshedSlab:
-    """Mesh a slab with the inclusion of ``phantom``, or without any."""
-    order, thickness = resolution.order, phantom.thickness_mm
-    edge = probe.radius_mm
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlabLines:
+    """Element boundaries of a slab: two slabs meshed on the same lines have the same topology."""
+
+    radial_mm: Floats  # from the axis to the outer radius
+    depth: Floats  # from the skin to the chest wall as fractions of the thickness
+    split: int  # index of the radial line around the block of the inclusion
+    extent: int  # index of the radial line that ends the skin in contact
+
+
+def slab_lines(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> SlabLines:
+    """Element boundaries that suit a slab and its inclusion."""
+    thickness, edge = phantom.thickness_mm, probe.radius_mm
     largest = resolution.largest * probe.radius_mm
     cells = int(np.ceil(min(SLIDING_MM, SLIDING_FRACTION * probe.radius_mm) / resolution.rim_mm))
     fine = edge - resolution.rim_mm * np.arange(cells + 1)[::-1]
@@ -215,17 +224,31 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     beyond = outer_lines(edge, outer, finest=resolution.rim_mm, growth=resolution.growth)
     lines = np.concatenate([inside, beyond[1:]])
     depth = graded(thickness, 1.5 * resolution.rim_mm, resolution.growth, thickness / 4)
-    extent = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
+    width = 0.0 if phantom.inclusion is None else shape_on_axis(phantom).half_width
+    return SlabLines(
+        radial_mm=lines,
+        depth=depth / thickness,
+        split=int(np.searchsorted(lines, max(0.75 * probe.radius_mm, 1.3 * width))),
+        extent=int(np.searchsorted(lines, edge + 2 * resolution.rim_mm)),
+    )
+
+
+def mesh_slab(
+    phantom: Phantom, probe: Probe, resolution: FiniteResolution, lines: SlabLines | None = None
+) -> MeshedSlab:
+    """Mesh a slab with the inclusion of ``phantom``, or without any, on its own ``lines`` or on those given."""
+    order = resolution.order
+    lines = slab_lines(phantom, probe, resolution) if lines is None else lines
+    radial, depth, extent, split = lines.radial_mm, lines.depth * phantom.thickness_mm, lines.extent, lines.split
     if phantom.inclusion is None:
-        solid = weld([MeshPatch.uniform(mesh_rectangle(lines, depth, order, a_is_radius=True), phantom)])
+        solid = weld([MeshPatch.uniform(mesh_rectangle(radial, depth, order, a_is_radius=True), phantom)])
         return MeshedSlab(
             solid=solid,
             skin=solid.patches[0][: extent * order + 1, 0],
             inclusion=np.zeros(len(solid.cells), dtype=bool),
         )
     spheroid = shape_on_axis(phantom)
-    split = int(np.searchsorted(lines, max(0.75 * probe.radius_mm, 1.3 * spheroid.half_width)))
-    near, far = lines[: split + 1], lines[split:]
+    near, far = radial[: split + 1], radial[split:]
     boundary = block_outline(near, depth, depth[-1], order, below_cells=max(2, len(near) // 2))
     around = mesh_around(boundary, spheroid, order, layers=resolution.ray_layers)
     within = mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)

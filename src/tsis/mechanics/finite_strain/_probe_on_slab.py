@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.mechanics.finite_strain._load_path import State
+    from tsis.mechanics.finite_strain._meshes import SlabLines
     from tsis.model import Phantom, Probe
 
 
@@ -108,12 +109,12 @@ class LoadedFace(ABC, Generic[Result]):
     face: SoftFace
     contact: SlidingContact
     potential: Potential
-    _touch_mm: float  # travel of the first touch
+    touch_mm: float  # travel of the first touch
     _strained: Booleans  # elements whose stretch is limited
     _largest_stretch: float
 
     @abstractmethod
-    def _deformed(self, travel_mm: float) -> Floats:
+    def deformed(self, travel_mm: float) -> Floats:
         """Unknowns when undeformed bodies move by ``travel_mm``."""
 
     @abstractmethod
@@ -124,9 +125,9 @@ class LoadedFace(ABC, Generic[Result]):
         """Results at ascending ``forces_n`` in newtons."""
         forces = [force * MN_PER_N for force in forces_n]
         first = load_path.find_first_contact(
-            self.potential, self._deformed, self._touch_mm, SPRING, below_mn=forces[0] / 2
+            self.potential, self.deformed, self.touch_mm, SPRING, below_mn=forces[0] / 2
         )
-        states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
+        states = load_path.follow_load_path(self.potential, first, forces, refuse=self.refuse)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
     def stretch(self, state: State) -> float:
@@ -135,7 +136,7 @@ class LoadedFace(ABC, Generic[Result]):
         stretches = neo_hookean.principal_stretches(gradient)
         return float(max(stretches.max(), (1 / stretches).max()))
 
-    def _refuse(self, state: State) -> str | None:
+    def refuse(self, state: State) -> str | None:
         """Reason why a state lies outside the model's range, or None."""
         stretch = self.stretch(state)
         if stretch <= self._largest_stretch:
@@ -168,17 +169,28 @@ class FinitePress:
 
 
 class ProbeOnSlab(LoadedFace[FinitePress]):
-    """A probe on a slab; ``contrast=False`` gives the inclusion the tissue's own material on the same mesh."""
+    """A probe on a slab; ``contrast=False`` gives the inclusion the tissue's own material on the same mesh.
 
-    def __init__(self, probe: Probe, phantom: Phantom, resolution: FiniteResolution, *, contrast: bool = True) -> None:
+    ``lines`` are the element boundaries of the slab; by default those that suit the phantom.
+    """
+
+    def __init__(
+        self,
+        probe: Probe,
+        phantom: Phantom,
+        resolution: FiniteResolution,
+        *,
+        contrast: bool = True,
+        lines: SlabLines | None = None,
+    ) -> None:
         if probe.face_curvature_mm is not None:  # the edge of the contact travels over the whole face
             resolution = replace(resolution, largest=resolution.largest / 2)
         self.shape = rounded(probe, resolution.fillet_mm)
         # The cells of a small rim are small too.
         resolution = replace(resolution, rim_mm=min(resolution.rim_mm, RIM_CELL * self.shape.fillet_mm))
         largest, finest = resolution.largest, resolution.rim_mm / probe.radius_mm
-        lines = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)
-        meshed, slab = mesh_probe(self.shape, lines, resolution), mesh_slab(phantom, probe, resolution)
+        along = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)
+        meshed, slab = mesh_probe(self.shape, along, resolution), mesh_slab(phantom, probe, resolution, lines)
         tissue = slab.solid
         if contrast and phantom.inclusion is not None:
             tissue = replace(
@@ -202,11 +214,11 @@ class ProbeOnSlab(LoadedFace[FinitePress]):
         stiffness = (STIFFNESS * softer, STEERING * softer)
         self.contact = SlidingContact(solid.nodes, skin, resolution.order, self.face, *stiffness)
         self.potential = Potential(body, [self.contact], 0)
-        self._touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)
+        self.touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)
         self._strained = _away_from_rim(solid.nodes[solid.cells].mean(axis=1), self.shape)
         self._largest_stretch = LARGEST_STRETCH
 
-    def _deformed(self, travel_mm: float) -> Floats:
+    def deformed(self, travel_mm: float) -> Floats:
         """Unknowns when the whole undeformed probe moves by ``travel_mm``."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[: self._probe_nodes, 1]

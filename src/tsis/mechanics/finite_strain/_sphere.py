@@ -225,10 +225,10 @@ class SphereOnProbe(LoadedFace[SpherePress]):
             nodes, surface[::-1][:extent] + self._first, order, Plate(plate, 2 * radius_mm), *stiffness
         )
         self.potential = Potential(body, [self.contact, above], 0)
-        self._touch_mm, self._largest_stretch = TOUCH * radius_mm, LARGEST_STRETCH
+        self.touch_mm, self._largest_stretch = TOUCH * radius_mm, LARGEST_STRETCH
         self._strained = np.ones(len(solid.cells), dtype=bool)
 
-    def _deformed(self, travel_mm: float) -> Floats:
+    def deformed(self, travel_mm: float) -> Floats:
         """Unknowns when the plate moves by ``travel_mm`` and the sphere by half of it."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[self._first : self._plate, 1]
