@@ -1,6 +1,6 @@
 """Large deformations: neo-Hookean bodies that slide on one another without friction and may separate.
 
-From the bottom up: material (`_neo_hookean`), bodies (`_patches`, `_elastic_body`), meshes (`_meshes`), contact
+From the bottom up: material (`_neo_hookean`), meshes (`_meshes`), bodies (`_elastic_body`), contact
 (`_surfaces`, `_contact`), energy and load steps (`_potential`, `_load_path`), and the two arrangements
 (`_probe_on_slab`, `_sphere`).
 """
