@@ -4,7 +4,7 @@ from tsis.inclusion.posterior._exploration import InclusionPosterior, explore_in
 from tsis.inclusion.posterior._forward import THICKNESS, TISSUE, ForwardModel
 from tsis.inclusion.posterior._likelihood import InclusionLikelihood, Profiles, least_sd
 from tsis.inclusion.posterior._off_axis import FARTHEST, SHIFTED, off_axis_profile
-from tsis.inclusion.posterior._rings import RingShading, ring_correlation, ring_means, ring_responses
+from tsis.inclusion.posterior._rings import RingShading, ring_correction, ring_correlation, ring_means, ring_responses
 
 __all__ = [
     "FARTHEST",
@@ -19,6 +19,7 @@ __all__ = [
     "explore_inclusion",
     "least_sd",
     "off_axis_profile",
+    "ring_correction",
     "ring_correlation",
     "ring_means",
     "ring_responses",

@@ -7,10 +7,8 @@ where it does not converge, a state in between comes first.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from tsis.errors import MechanicsError
 from tsis.mechanics.finite_strain import _load_path as load_path
@@ -136,8 +134,8 @@ class PressContinuation:
             part = (ahead - done) / 2
             if part < SMALLEST_PART:
                 raise MechanicsError(
-                    f"{solved} between {start.press} and {target}, {100 * done:.0f} % of the way: choose a state nearer "
-                    "to the first"
+                    f"{solved} between {start.press} and {target}, {100 * done:.0f} % of the way: choose a state "
+                    "nearer to the first"
                 )
         return here
 

@@ -17,8 +17,14 @@ from tsis.mechanics.finite_strain import _load_path as load_path
 from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
 from tsis.mechanics.finite_strain._contact import SlidingContact
 from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
-from tsis.mechanics.finite_strain._meshes import FiniteResolution, RoundedProbe, mesh_probe, mesh_slab, rounded
-from tsis.mechanics.finite_strain._meshes import join_meshes
+from tsis.mechanics.finite_strain._meshes import (
+    FiniteResolution,
+    RoundedProbe,
+    join_meshes,
+    mesh_probe,
+    mesh_slab,
+    rounded,
+)
 from tsis.mechanics.finite_strain._potential import Potential
 from tsis.mechanics.finite_strain._surfaces import SmoothFace, SoftFace
 from tsis.model import MN_PER_N, PressField

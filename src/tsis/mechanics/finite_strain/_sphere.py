@@ -11,8 +11,15 @@ from threadpoolctl import threadpool_limits
 from tsis.mechanics._mesh import LayeredMesh, graded, refine
 from tsis.mechanics.finite_strain._contact import SlidingContact
 from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
-from tsis.mechanics.finite_strain._meshes import FiniteResolution, mesh_probe, rounded
-from tsis.mechanics.finite_strain._meshes import MeshPatch, Solid, join_meshes, weld
+from tsis.mechanics.finite_strain._meshes import (
+    FiniteResolution,
+    MeshPatch,
+    Solid,
+    join_meshes,
+    mesh_probe,
+    rounded,
+    weld,
+)
 from tsis.mechanics.finite_strain._potential import Potential
 from tsis.mechanics.finite_strain._press import require_ascending_forces, require_enough_force
 from tsis.mechanics.finite_strain._probe_on_slab import STEERING, STIFFNESS, LoadedFace
