@@ -7,8 +7,8 @@ where it does not converge, a state in between comes first.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
 
 from tsis.errors import MechanicsError
 from tsis.mechanics.finite_strain import _load_path as load_path
@@ -18,6 +18,8 @@ from tsis.mechanics.finite_strain._probe_on_slab import SPRING, ProbeOnSlab
 from tsis.model import MN_PER_N, Inclusion, Phantom
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tsis.mechanics.finite_strain._load_path import State
     from tsis.mechanics.finite_strain._meshes import SlabLines
     from tsis.mechanics.finite_strain._probe_on_slab import FinitePress
@@ -31,61 +33,61 @@ FIRST_LOAD = 0.1  # of the force: the load path to the first state begins there
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlabPress:
-    """A press on a slab with a sphere under the axis; a contrast of 1 is tissue without inclusion.
+    """A press with ``force_n`` on a phantom; an inclusion of the tissue's own material leaves the tissue uniform."""
 
-    Attributes
-    ----------
-    diameter_mm, depth_mm
-        Diameter of the sphere and depth of its top.
-    contrast
-        Modulus of the sphere over that of the tissue.
-    tissue_young_kpa, thickness_mm, poisson
-        The slab; Poisson's ratio is also that of the sphere.
-    force_n
-        Force of the press.
-    """
-
-    diameter_mm: float
-    depth_mm: float
-    contrast: float
-    tissue_young_kpa: float
-    thickness_mm: float
+    phantom: Phantom
     force_n: float
-    poisson: float = 0.49
 
-    @property
-    def phantom(self) -> Phantom:
-        """The slab with its sphere."""
+    @classmethod
+    def on_sphere(
+        cls,
+        *,
+        diameter_mm: float,
+        depth_mm: float,
+        contrast: float,
+        tissue_young_kpa: float,
+        thickness_mm: float,
+        force_n: float,
+        poisson: float = 0.49,
+    ) -> SlabPress:
+        """A press on a sphere ``contrast`` times stiffer than the tissue, both with one Poisson's ratio."""
         sphere = Inclusion(
-            diameter_mm=self.diameter_mm,
-            depth_mm=self.depth_mm,
-            young_kpa=self.contrast * self.tissue_young_kpa,
-            poisson=self.poisson,
+            diameter_mm=diameter_mm, depth_mm=depth_mm, young_kpa=contrast * tissue_young_kpa, poisson=poisson
         )
-        return Phantom(
-            young_kpa=self.tissue_young_kpa, poisson=self.poisson, thickness_mm=self.thickness_mm, inclusion=sphere
-        )
+        slab = Phantom(young_kpa=tissue_young_kpa, poisson=poisson, thickness_mm=thickness_mm, inclusion=sphere)
+        return cls(phantom=slab, force_n=force_n)
+
+    def with_contrast(self, contrast: float) -> SlabPress:
+        """The press with an inclusion ``contrast`` times stiffer than the tissue; 1 is uniform tissue, same mesh."""
+        own = self.phantom.inclusion
+        if own is None:
+            return self
+        same = replace(own, young_kpa=contrast * self.phantom.young_kpa, poisson=self.phantom.poisson)
+        return replace(self, phantom=replace(self.phantom, inclusion=same))
 
     def towards(self, other: SlabPress, fraction: float) -> SlabPress:
-        """State at a fraction of the way; lengths in proportion, moduli and forces in their logarithms."""
-
-        def linear(name: str) -> float:
-            return float((1 - fraction) * getattr(self, name) + fraction * getattr(other, name))
-
-        def geometric(name: str) -> float:
-            return float(getattr(self, name) ** (1 - fraction) * getattr(other, name) ** fraction)
-
+        """Press at a fraction of the way; lengths in proportion, moduli and forces in their logarithms."""
         if fraction == 1.0:
             return other
-        return SlabPress(
-            diameter_mm=linear("diameter_mm"),
-            depth_mm=linear("depth_mm"),
-            thickness_mm=linear("thickness_mm"),
-            poisson=linear("poisson"),
-            contrast=geometric("contrast"),
-            tissue_young_kpa=geometric("tissue_young_kpa"),
-            force_n=geometric("force_n"),
-        )
+        here, there = self.phantom, other.phantom
+        inclusion = there.inclusion
+        if here.inclusion is not None and there.inclusion is not None:
+            inclusion = _between(here.inclusion, there.inclusion, fraction, ("diameter_mm", "depth_mm", "poisson"))
+        slab = replace(_between(here, there, fraction, ("thickness_mm", "poisson")), inclusion=inclusion)
+        return SlabPress(phantom=slab, force_n=_geometric(self.force_n, other.force_n, fraction))
+
+
+Body = TypeVar("Body", Phantom, Inclusion)
+
+
+def _between(here: Body, there: Body, fraction: float, linear: Sequence[str]) -> Body:
+    mixed = {name: (1 - fraction) * getattr(here, name) + fraction * getattr(there, name) for name in linear}
+    result: Body = replace(there, young_kpa=_geometric(here.young_kpa, there.young_kpa, fraction), **mixed)
+    return result
+
+
+def _geometric(here: float, there: float, fraction: float) -> float:
+    return float(here ** (1 - fraction) * there**fraction)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -133,9 +135,12 @@ class PressContinuation:
                 continue
             part = (ahead - done) / 2
             if part < SMALLEST_PART:
+                reason = self._model(here.press).explain(here.state)
+                cause = f" because {reason}" if reason else ""
                 raise MechanicsError(
-                    f"{solved} between {start.press} and {target}, {100 * done:.0f} % of the way: choose a state "
-                    "nearer to the first"
+                    f"{solved} at {press.force_n:.3g} N on tissue of {press.phantom.young_kpa:.3g} kPa{cause}; the last "
+                    f"press that converged has {here.press.force_n:.3g} N on {here.press.phantom.young_kpa:.3g} kPa: "
+                    "choose a smaller force or a state nearer to it"
                 )
         return here
 

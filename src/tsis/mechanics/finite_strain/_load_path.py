@@ -129,7 +129,12 @@ def find_first_contact(
 
 
 def follow_load_path(
-    potential: Potential, first: State, forces_mn: Sequence[float], *, refuse: Callable[[State], str | None]
+    potential: Potential,
+    first: State,
+    forces_mn: Sequence[float],
+    *,
+    refuse: Callable[[State], str | None],
+    explain: Callable[[State], str | None] = lambda _: None,
 ) -> Iterator[State]:
     """Equilibrium at each of the ascending ``forces_mn``, with adaptive steps between them.
 
@@ -143,6 +148,8 @@ def follow_load_path(
         Ascending forces in mN.
     refuse
         Reason why a state lies outside the model's range, or None.
+    explain
+        Reason why nothing may converge beyond a state, or None.
 
     Raises
     ------
@@ -162,7 +169,10 @@ def follow_load_path(
             if equilibrium is None:
                 step, before = (next_force - force) / 2, None
                 if step < SMALLEST_STEP * next_force:
-                    raise MechanicsError(_last(f"the press does not converge at {next_force / MN_PER_N:.3g} N", force))
+                    reason = explain(state)
+                    cause = f" because {reason}" if reason else ""
+                    problem = f"the press does not converge at {next_force / MN_PER_N:.3g} N{cause}"
+                    raise MechanicsError(_last(problem, force))
                 continue
             reason = refuse(equilibrium)
             if reason is not None:

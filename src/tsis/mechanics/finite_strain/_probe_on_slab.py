@@ -99,6 +99,7 @@ STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer
 STEERING = 20.0  # the same for the open or closed decision in Newton's method
 TOUCH = 0.02  # travel of the first touch as a fraction of the slab's or the probe's thickness, the smaller
 LARGEST_STRETCH = 3.0
+COLLAPSED = 0.5  # least determinant of the deformation gradient near which Newton's method may fail
 RIM_CELL = 0.8  # largest cell on the rim as a fraction of its radius
 PULLING = 0.05  # of the mean pressure; with more tension the mesh does not resolve the contact
 INNER = 0.9  # of the face's radius; outside it the rounded rim makes the pressure steep
@@ -133,7 +134,7 @@ class LoadedFace(ABC, Generic[Result]):
         first = load_path.find_first_contact(
             self.potential, self.deformed, self.touch_mm, SPRING, below_mn=forces[0] / 2
         )
-        states = load_path.follow_load_path(self.potential, first, forces, refuse=self.refuse)
+        states = load_path.follow_load_path(self.potential, first, forces, refuse=self.refuse, explain=self.explain)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
     def stretch(self, state: State) -> float:
@@ -148,6 +149,26 @@ class LoadedFace(ABC, Generic[Result]):
         if stretch <= self._largest_stretch:
             return None
         return f"lengths change {stretch:.2g} times, more than {self._largest_stretch:g}, the limit of this model,"
+
+    def explain(self, state: State) -> str | None:
+        """Reason why the model ends near a state, or None: the contact's edge, its size, or a collapsing element."""
+        positions = self.potential.positions(state.unknowns)
+        parts = self.contact.pressed(positions)
+        if not parts:
+            return "the bodies do not touch"
+        outer = parts[-1]
+        edge = self.contact.points(np.array([outer.edge]), np.array([outer.high]), positions)
+        arc = float(self.face.face.closest(positions[self.face.nodes], edge).parameter[0])
+        # Half of the rim's arc: beyond it the tissue wraps around the side.
+        if arc > self.shape.middle_mm:
+            return "the tissue wraps around the probe's rim"
+        if outer.edge == 0:
+            return "the contact is smaller than a cell of the mesh"
+        gradient = self.potential.body.gradient(self.potential.displacements(state.unknowns))
+        smallest = float(neo_hookean.volume_ratio(gradient).min())
+        if smallest < COLLAPSED:
+            return f"an element is compressed to {smallest:.2g} of its volume"
+        return None
 
     def _field(self, state: State, force_n: float, *, glass_moves: bool) -> PressField:
         """Displacement of the face towards the glass, and its pressure."""

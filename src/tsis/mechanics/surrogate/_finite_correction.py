@@ -30,7 +30,7 @@ DOMED_LOADS, FLAT_LOADS = (1.0, 3.6), (0.1, 2.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectionBox:
-    """Ranges (low, high) of a `FiniteCorrection`; the sphere's bottom lies above 0.95 of the thickness.
+    """Ranges (low, high) of a `FiniteCorrection`; the sphere's bottom lies above 0.97 of the thickness.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ class FiniteCorrection:
         Root mean square of the pressure's error over fresh presses and the inner 0.8 of the face, as a fraction of the
         mean pressure.
     signal_error
-        Median and largest error of the mean pressure around a radius, as fractions of the signal's peak.
+        Median and largest error of the pressure's ring means over fresh presses, as fractions of the signal's peak.
     is_domed
         Whether the face is domed, so that light presses do not cover it.
     key
