@@ -136,10 +136,10 @@ class PressContinuation:
             part = (ahead - done) / 2
             if part < SMALLEST_PART:
                 reason = self._model(here.press).explain(here.state)
-                cause = f" because {reason}" if reason else ""
+                cause, last = f" because {reason}" if reason else "", here.press
                 raise MechanicsError(
-                    f"{solved} at {press.force_n:.3g} N on tissue of {press.phantom.young_kpa:.3g} kPa{cause}; the last "
-                    f"press that converged has {here.press.force_n:.3g} N on {here.press.phantom.young_kpa:.3g} kPa: "
+                    f"{solved} at {press.force_n:.3g} N on tissue of {press.phantom.young_kpa:.3g} kPa{cause}; the "
+                    f"last press that converged has {last.force_n:.3g} N on {last.phantom.young_kpa:.3g} kPa: "
                     "choose a smaller force or a state nearer to it"
                 )
         return here

@@ -5,6 +5,7 @@ A low-discrepancy design fills the box; a short tour orders it, so that neighbou
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from tsis.errors import MechanicsError
 from tsis.files import read_cached_arrays, write_cached_arrays
-from tsis.mechanics._face import ring_points
+from tsis.mechanics._face import hats, ring_points
 from tsis.mechanics.finite_strain import FiniteResolution, PressContinuation, SlabPress
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import CHECKED_FRACTION, PRESS_OUTPUTS, surrogate_key
@@ -51,9 +52,9 @@ PAIRS, CHECKS = 300, 30  # presses with and without contrast: to learn from, and
 SAVED_EVERY = 20  # presses
 TISSUES, THICKNESSES, LOADS = 4, 3, 8  # Chebyshev points of the correction without inclusion
 PRESSURE_MODES, DISPLACEMENT_MODES = 10, 6
+LEADING_MODES = 4  # of the pressure and of the displacement: slow functions of the state
 BOTTOM = 0.97  # of the thickness: the deepest point of a sphere
 MODES_FRACTION = 0.85  # of the face's radius, over which profiles are decomposed
-SMOOTH = 0.04  # of the face's radius
 RINGS = 20  # of the inner face, over which an estimate and the error take means
 TOUR_WEIGHTS = np.array([0.6, 0.6, 0.2, 1.0, 1.0, 1.5])  # of the coordinates, for the length of a step
 TOUR_ROUNDS = 30
@@ -252,8 +253,11 @@ def build_finite_correction(
 def _loaded(probe: Probe, box: CorrectionBox, arrays: dict[str, Floats], key: str) -> FiniteCorrection:
     """A correction from the arrays on disk."""
     values = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
-    *lengths, nugget = values["lengths"].tolist()
-    process = CorrectionProcess.through(values["points"], values["coefficients"], np.array(lengths), nugget)
+    ends = np.cumsum([0, 2 * LEADING_MODES, values["coefficients"].shape[1] - 2 * LEADING_MODES])
+    processes = tuple(
+        CorrectionProcess.through(values["points"], values["coefficients"][:, start:end], row[:-1], float(row[-1]))
+        for (start, end), row in zip(itertools.pairwise(ends.tolist()), values["lengths"], strict=True)
+    )
     return FiniteCorrection(
         radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
         box=box,
@@ -261,7 +265,7 @@ def _loaded(probe: Probe, box: CorrectionBox, arrays: dict[str, Floats], key: st
         unit_force_n=values["unit_force_n"],
         baseline=values["baseline"],
         modes=values["modes"],
-        process=process,
+        processes=processes,
         error=float(values["error"][0]),
         signal_error=(float(values["error"][1]), float(values["error"][2])),
         key=key,
@@ -284,15 +288,15 @@ def _solve(
     name = None if key is None else f"{key}-pairs"
     learnt = _pairs(solver, design(solver.box, pairs, seed), name, advance)
     modes, coefficients, points = _decomposed(solver.box, learnt)
-    scale = coefficients.std(axis=0)
-    lengths, nugget = fit_lengths(points, coefficients / scale)
+    scaled = coefficients / coefficients.std(axis=0)
+    fits = [fit_lengths(points, part) for part in np.split(scaled, [2 * LEADING_MODES], axis=1)]
     arrays: dict[str, Floats] = {
         "unit_force_n": unit_force,
         "baseline": baseline.astype("f4"),
         "modes": modes.astype("f4"),
         "points": points.astype("f4"),
         "coefficients": coefficients.astype("f4"),
-        "lengths": np.append(lengths, nugget),
+        "lengths": np.array([np.append(*fit) for fit in fits]),
         "error": np.zeros(3),
     }
     correction = _loaded(solver.probe, solver.box, arrays, "")
@@ -365,30 +369,37 @@ def _decomposed(box: CorrectionBox, pairs: dict[str, Floats]) -> tuple[Floats, F
     states = pairs["states"].copy()
     states[:, [0, 1, 3, 4]] = np.log(states[:, [0, 1, 3, 4]])
     difference = pairs["finite"] - pairs["small"]
-    place = np.linspace(0.0, 1.0, FACE_POINTS)
-    root = np.sqrt(place + SMOOTH) * (place <= MODES_FRACTION)
+    near = _ring_means(MODES_FRACTION)
+    root = np.sqrt(np.arange(1, RINGS + 1))
     parts = []
     for first, count in ((0, PRESSURE_MODES), (FACE_POINTS, DISPLACEMENT_MODES)):
         profiles = difference[:, first : first + FACE_POINTS]
-        _, _, directions = np.linalg.svd(profiles * root, full_matrices=False)
-        coefficients = (profiles * root) @ directions[:count].T
+        rings = (profiles @ near.T) * root
+        _, _, directions = np.linalg.svd(rings, full_matrices=False)
+        coefficients = rings @ directions[:count].T
         # Profiles of the whole face that go with the coefficients.
         whole, *_ = np.linalg.lstsq(coefficients, profiles, rcond=None)
         parts.append((coefficients, np.pad(whole, ((0, 0), (first, OUTPUTS - FACE_POINTS - first)))))
+    order = [slice(0, LEADING_MODES), slice(LEADING_MODES, None)]
     return (
-        np.concatenate([profile for _, profile in parts]),
-        np.concatenate([values for values, _ in parts], axis=1),
+        np.concatenate([profiles[rows] for rows in order for _, profiles in parts]),
+        np.concatenate([values[:, rows] for rows in order for values, _ in parts], axis=1),
         (states - low) / (high - low),
     )
 
 
-def _measured(correction: FiniteCorrection, pairs: dict[str, Floats]) -> Floats:
-    """Errors of fresh presses; see `FiniteCorrection`."""
-    edges = np.linspace(0.0, CHECKED_FRACTION * correction.radius_mm[-1], RINGS + 1)
-    points, areas = ring_points(edges)
+def _ring_means(fraction: float) -> Floats:
+    """Matrix from profiles to means over equally wide rings inside a fraction of the face's radius."""
+    points, areas = ring_points(np.linspace(0.0, fraction, RINGS + 1))
     shape = (RINGS, len(points) // RINGS)
     weights = areas.reshape(shape) / areas.reshape(shape).sum(axis=1, keepdims=True)
-    near = np.einsum("rq,rqn->rn", weights, correction.interpolation(points).reshape(*shape, -1))
+    values = hats(np.linspace(0.0, 1.0, FACE_POINTS), points).reshape(*shape, -1)
+    return np.asarray(np.einsum("rq,rqn->rn", weights, values))
+
+
+def _measured(correction: FiniteCorrection, pairs: dict[str, Floats]) -> Floats:
+    """Errors of fresh presses; see `FiniteCorrection`."""
+    near = _ring_means(CHECKED_FRACTION)
     shares, peaks = [], []
     for (diameter, depth, factor, tissue, thickness, load), finite, small, reference in zip(
         pairs["states"].tolist(), pairs["finite"], pairs["small"], pairs["reference"], strict=True

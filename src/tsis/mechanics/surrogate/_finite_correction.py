@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tsis.mechanics._element import Floats
 
 
-DOMED_LOADS, FLAT_LOADS = (1.0, 3.6), (0.1, 2.0)
+DOMED_LOADS, FLAT_LOADS = (1.0, 3.6), (0.1, 1.8)  # at the end the tissue starts to wrap around the rim
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,8 +171,9 @@ class FiniteCorrection:
         pressures in kPa, then displacements in mm.
     modes
         Profiles of the correction of the signal over its scale, shape (k, outputs).
-    process
-        The coefficients of the modes.
+    processes
+        The coefficients of the modes, in their order: those of the leading modes, then those of the others, which vary
+        faster.
     error
         Root mean square of the pressure's error over fresh presses and the inner 0.8 of the face, as a fraction of the
         mean pressure.
@@ -190,7 +191,7 @@ class FiniteCorrection:
     unit_force_n: Floats
     baseline: Floats
     modes: Floats
-    process: CorrectionProcess
+    processes: tuple[CorrectionProcess, ...]
     error: float
     signal_error: tuple[float, float]
     key: str
@@ -226,7 +227,8 @@ class FiniteCorrection:
         ranges = np.column_stack([np.log(diameter_mm), np.log(depth_mm), factor])
         inclusions = np.clip((ranges - low[:3]) / (high - low)[:3], 0.0, 1.0)
         positions, share = self._states(states)
-        coefficients = self.process(inclusions, positions) * share[:, None, None]
+        coefficients = np.concatenate([process(inclusions, positions) for process in self.processes], axis=-1)
+        coefficients *= share[:, None, None]
         return np.asarray(signal_scale(diameter_mm, depth_mm, factor)[:, None] * (coefficients @ self.modes))
 
     def _unit(self, tissue_young_kpa: float, thickness_mm: float) -> float:
