@@ -164,3 +164,20 @@ class PressContinuation:
         if reason is not None:
             return reason
         return SolvedPress(press=press, state=state, result=model.read(state, press.force_n))
+
+
+STIFFER = 1.5  # tissue of the press from which a stalled load path is circumvented
+
+
+def path_around(
+    probe: Probe, phantom: Phantom, forces_n: Sequence[float], resolution: FiniteResolution
+) -> tuple[FinitePress, ...]:
+    """The presses of a load path that stalls, reached through stiffer tissue."""
+    continuation = PressContinuation(probe, phantom, resolution)
+    stiffer = replace(phantom, young_kpa=STIFFER * phantom.young_kpa)
+    press = SlabPress(phantom=stiffer, force_n=STIFFER * forces_n[0]).with_contrast(1.0)
+    here, results = continuation.first(press), []
+    for force in forces_n:
+        here = continuation.follow(here, SlabPress(phantom=phantom, force_n=force))
+        results.append(here.result)
+    return tuple(results)

@@ -36,6 +36,10 @@ GROWTH = 2.0
 EASY_ROUNDS = 9  # a step with no more rounds is followed by a larger step
 
 
+class StalledError(MechanicsError):
+    """Newton's method does not converge, for no reason that the last state shows."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class State:
     """A state of equilibrium.
@@ -155,6 +159,8 @@ def follow_load_path(
     ------
     MechanicsError
         When a load does not converge or is refused; the message names the last valid load.
+    StalledError
+        When a load does not converge and ``explain`` finds no reason.
     """
     state, force, before = first, potential.reaction(first.unknowns, first.load), None
     largest = float(forces_mn[-1])
@@ -172,7 +178,7 @@ def follow_load_path(
                     reason = explain(state)
                     cause = f" because {reason}" if reason else ""
                     problem = f"the press does not converge at {next_force / MN_PER_N:.3g} N{cause}"
-                    raise MechanicsError(_last(problem, force))
+                    raise (MechanicsError if reason else StalledError)(_last(problem, force))
                 continue
             reason = refuse(equilibrium)
             if reason is not None:

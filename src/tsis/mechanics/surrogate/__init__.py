@@ -1,8 +1,8 @@
 """Presses as polynomials over a box of inclusions and tissues, with their measured error and a disk cache."""
 
 from tsis.mechanics.surrogate._build import build_surrogate, cached_arrays, mechanical_content
-from tsis.mechanics.surrogate._correction_build import build_finite_correction, correction_box
-from tsis.mechanics.surrogate._finite_correction import CorrectionBox, FiniteCorrection
+from tsis.mechanics.surrogate._correction_build import build_finite_correction
+from tsis.mechanics.surrogate._finite_correction import CorrectionBox, FiniteCorrection, correction_box
 from tsis.mechanics.surrogate._full_contact import (
     FULL_CONTACT_DEGREES,
     FullContactParts,

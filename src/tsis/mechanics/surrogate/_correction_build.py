@@ -14,17 +14,16 @@ from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from tsis.errors import MechanicsError
-from tsis.files import read_cached_arrays, write_cached_arrays
+from tsis.files import read_cached_arrays, remove_cached, write_cached_arrays
 from tsis.mechanics._face import hats, ring_points
 from tsis.mechanics.finite_strain import FiniteResolution, PressContinuation, SlabPress
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import CHECKED_FRACTION, PRESS_OUTPUTS, surrogate_key
 from tsis.mechanics.surrogate._finite_correction import (
-    DOMED_LOADS,
-    FLAT_LOADS,
     CorrectionBox,
     CorrectionProcess,
     FiniteCorrection,
+    correction_box,
     fit_lengths,
 )
 from tsis.mechanics.surrogate._polynomial import (
@@ -50,6 +49,7 @@ FORMAT_VERSION = 1
 KIND = "finite-strain"
 PAIRS, CHECKS = 300, 30  # presses with and without contrast: to learn from, and to measure the error
 SAVED_EVERY = 20  # presses
+PARTS = ("pairs", "checks")  # names of an unfinished build's presses
 TISSUES, THICKNESSES, LOADS = 4, 3, 8  # Chebyshev points of the correction without inclusion
 PRESSURE_MODES, DISPLACEMENT_MODES = 10, 6
 LEADING_MODES = 4  # of the pressure and of the displacement: slow functions of the state
@@ -60,23 +60,6 @@ TOUR_WEIGHTS = np.array([0.6, 0.6, 0.2, 1.0, 1.0, 1.5])  # of the coordinates, f
 TOUR_ROUNDS = 30
 EASY_SPHERE = (8.0, 6.0)  # diameter and depth of the sphere in the mesh of presses without inclusion, mm
 OUTPUTS = 2 * FACE_POINTS  # pressures and displacements
-
-
-def correction_box(probe: Probe, box: Box | None = None) -> CorrectionBox:
-    """Ranges of a correction that covers another box, by default that of the catalog's prior with a margin."""
-    load = FLAT_LOADS if probe.face_curvature_mm is None else DOMED_LOADS
-    standard = CorrectionBox(load=load)
-    if box is None or standard.holds(box):
-        return standard
-    soft, stiff = box.tissue_young_kpa
-    return CorrectionBox(
-        diameter_mm=box.diameter_mm,
-        depth_mm=box.depth_mm,
-        contrast=(max(0.95 * box.young_kpa[0] / stiff, 1.02), 1.05 * box.young_kpa[1] / soft),
-        tissue_young_kpa=(0.9 * soft, 1.1 * stiff),
-        thickness_mm=(0.97 * box.thickness_mm[0], 1.03 * box.thickness_mm[1]),
-        load=load,
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -247,6 +230,8 @@ def build_finite_correction(
             arrays = _solve(solver, seed, pairs, checks, key if cached else None, progress)
         if cached:
             write_cached_arrays(KIND, key, arrays)
+            for part in PARTS:
+                remove_cached(KIND, f"{key}-{part}")
     return _loaded(probe, ranges, arrays, key)
 
 
@@ -285,7 +270,7 @@ def _solve(
             progress(solved, total)
 
     unit_force, baseline = _without_inclusion(solver, advance)
-    name = None if key is None else f"{key}-pairs"
+    name = None if key is None else f"{key}-{PARTS[0]}"
     learnt = _pairs(solver, design(solver.box, pairs, seed), name, advance)
     modes, coefficients, points = _decomposed(solver.box, learnt)
     scaled = coefficients / coefficients.std(axis=0)
@@ -300,7 +285,7 @@ def _solve(
         "error": np.zeros(3),
     }
     correction = _loaded(solver.probe, solver.box, arrays, "")
-    name = None if key is None else f"{key}-checks"
+    name = None if key is None else f"{key}-{PARTS[1]}"
     fresh = _pairs(solver, design(solver.box, checks, seed + 1), name, advance)
     return arrays | {"error": _measured(correction, fresh)}
 

@@ -23,6 +23,7 @@ from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights, contras
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Floats
+    from tsis.model import Probe
 
 
 DOMED_LOADS, FLAT_LOADS = (1.0, 3.6), (0.1, 1.8)  # at the end the tissue starts to wrap around the rim
@@ -79,6 +80,23 @@ class CorrectionBox:
             (self.contrast, (box.young_kpa[0] / stiff, box.young_kpa[1] / soft)),
         )
         return all(own[0] <= other[0] and other[1] <= own[1] for own, other in pairs)
+
+
+def correction_box(probe: Probe, box: Box | None = None) -> CorrectionBox:
+    """Ranges of a correction that covers another box, by default that of the catalog's prior with a margin."""
+    load = FLAT_LOADS if probe.face_curvature_mm is None else DOMED_LOADS
+    standard = CorrectionBox(load=load)
+    if box is None or standard.holds(box):
+        return standard
+    soft, stiff = box.tissue_young_kpa
+    return CorrectionBox(
+        diameter_mm=box.diameter_mm,
+        depth_mm=box.depth_mm,
+        contrast=(max(0.95 * box.young_kpa[0] / stiff, 1.02), 1.05 * box.young_kpa[1] / soft),
+        tissue_young_kpa=(0.9 * soft, 1.1 * stiff),
+        thickness_mm=(0.97 * box.thickness_mm[0], 1.03 * box.thickness_mm[1]),
+        load=load,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
