@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 SMALLEST_PART = 1 / 256  # of the way to a state, before the continuation gives up
 GROWTH = 2.0
-FIRST_LOAD = 0.1  # of the force: the load path to the first state begins there
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +111,7 @@ class PressContinuation:
         model = self._model(press)
         force = press.force_n * MN_PER_N
         touch = load_path.find_first_contact(
-            model.potential, model.deformed, model.touch_mm, SPRING, below_mn=FIRST_LOAD * force / 2
+            model.potential, model.deformed, model.touch_mm, SPRING, below_mn=force / 2
         )
         (state,) = load_path.follow_load_path(model.potential, touch, [force], refuse=model.refuse)
         return SolvedPress(press=press, state=state, result=model.read(state, press.force_n))

@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 from tsis.errors import InputError
 from tsis.mechanics._face import hats
-from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights, contrast_factor, signal_scale
+from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights_at, contrast_factor, signal_scale
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Floats
@@ -234,7 +234,8 @@ class FiniteCorrection:
         for unit in positions:
             mix = self.baseline
             for position, count in zip(unit, self.baseline.shape[:3], strict=True):
-                mix = np.tensordot(chebyshev_weights((0.0, 1.0), count, np.array([position]))[0], mix, axes=1)
+                weights = chebyshev_weights_at((0.0, 1.0), count, float(position))
+                mix = (weights @ mix.reshape(count, -1)).reshape(mix.shape[1:])
             rows.append(mix)
         return np.asarray(share[:, None] * np.array(rows))
 
@@ -253,7 +254,8 @@ class FiniteCorrection:
         low, high = self.box.coordinates[:, 3:5]
         place = np.clip((np.log([tissue_young_kpa, thickness_mm]) - low) / (high - low), 0.0, 1.0)
         weights = [
-            chebyshev_weights((0.0, 1.0), count, place[i : i + 1])[0] for i, count in enumerate(self.unit_force_n.shape)
+            chebyshev_weights_at((0.0, 1.0), count, float(at))
+            for at, count in zip(place, self.unit_force_n.shape, strict=True)
         ]
         # In proportion to the tissue outside the box.
         beyond = tissue_young_kpa / float(np.exp(low[0] + place[0] * (high - low)[0]))
