@@ -223,7 +223,7 @@ def build_finite_correction(
     arrays = read_cached_arrays(KIND, key) if cached else None
     if arrays is None:
         widest = Inclusion(diameter_mm=ranges.diameter_mm[1], depth_mm=1.0, young_kpa=1.0)
-        thick = max(30.0, ranges.diameter_mm[1] + 2)
+        thick = max(30.0, ranges.diameter_mm[1] + 2, 0.6 * ranges.thickness_mm[1])
         like = Phantom(young_kpa=1.0, poisson=poisson, thickness_mm=thick, inclusion=widest)
         solver = _Solver(probe=probe, box=ranges, poisson=poisson, continuation=PressContinuation(probe, like, mesh))
         with threadpool_limits(limits=1, user_api="blas"):
