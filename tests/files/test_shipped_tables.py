@@ -29,6 +29,7 @@ def test_a_first_answer_computes_no_table(empty_cache: Path, monkeypatch: pytest
     monkeypatch.setattr("tsis.hardness._table._solve", solve)
     monkeypatch.setattr("tsis.mechanics.surrogate._full_contact._solve", solve)
     monkeypatch.setattr("tsis.inclusion.posterior._heterogeneity._features", solve)
+    monkeypatch.setattr("tsis.mechanics.surrogate._correction_build._solve", solve)
     monkeypatch.setattr("tsis.optics.irradiance._trace._traced", solve)
     tables.compute_tables()
     assert not empty_cache.exists(), "nothing was missing, so nothing was cached"

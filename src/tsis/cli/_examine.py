@@ -101,6 +101,10 @@ def examine(
     shape: Annotated[
         bool, typer.Option("--shape", help="Measure ellipse, roundness and outline of the lit area, against the same.")
     ] = False,
+    strain: Annotated[
+        str,
+        typer.Option(help="Mechanics of the estimate: finite for laboratory presses, small for virtual ones."),
+    ] = "small",
     prior: PriorFile = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
@@ -192,7 +196,9 @@ def examine(
         if by_line:
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
         by = chosen or calibrated_probe(response.probe, unnamed=UNNAMED)
-        result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_reference, prior=assumed)
+        result = estimate_with_progress(
+            pressed, probe=by, calibration=response, reference=on_reference, prior=assumed, strain=strain
+        )
         comparison = None
         if compared:
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
@@ -205,7 +211,7 @@ def examine(
             probe=by.name,
             calibration=usable.calibration,
             frames={"target": frames, "plain": reference_frames},
-            options={"prior": asdict(assumed)},
+            options={"prior": asdict(assumed)} | ({} if strain == "small" else {"strain": strain}),
         )
         publish_and_save(outcome, out, destination, savable, as_json=as_json)
 

@@ -147,11 +147,18 @@ def estimate_with_progress(
     calibration: Calibration,
     reference: Sequence[TactileImage],
     prior: InclusionPrior,
+    strain: str = "small",
 ) -> Estimate:
-    """Estimate an inclusion; a bar shows how the surrogate of a new probe or prior is built."""
+    """Estimate an inclusion; a bar shows how the tables of a new probe or prior are built."""
     with progress_bar("solving the press for this probe (cached for next time)") as progress:
         return tsis.inclusion.estimate(
-            images, probe=probe, calibration=calibration, reference=reference, prior=prior, progress=progress
+            images,
+            probe=probe,
+            calibration=calibration,
+            reference=reference,
+            prior=prior,
+            progress=progress,
+            strain=strain,
         )
 
 

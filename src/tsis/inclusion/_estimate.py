@@ -46,10 +46,11 @@ from tsis.inclusion.posterior import (
     build_field_table,
     explore_inclusion,
     heterogeneity,
+    ring_correction,
     ring_correlation,
     ring_responses,
 )
-from tsis.mechanics.surrogate import build_full_contact_surrogate
+from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
 from tsis.model import (
     IMPROBABLE,
     NOT_TRUSTED,
@@ -59,6 +60,7 @@ from tsis.model import (
     TactileImage,
     as_images,
     require_image_series,
+    require_one_of,
     require_same_probe,
     require_type,
 )
@@ -68,11 +70,12 @@ if TYPE_CHECKING:
 
     from tsis.inclusion._prior import Floats
     from tsis.inclusion.posterior import FieldTable, InclusionPosterior
-    from tsis.mechanics.surrogate import Box, FullContactSurrogate
+    from tsis.mechanics.surrogate import Box, FiniteCorrection, FullContactSurrogate
     from tsis.model import LightMap
 
 
 ROUNDING = 1e-6  # of the radius
+STRAINS = ("finite", "small")
 
 
 def check_calibration(calibration: Calibration, probe: Probe) -> None:
@@ -103,6 +106,7 @@ def estimate(
     reference: TactileImage | Sequence[TactileImage] | None = None,
     prior: InclusionPrior | None = None,
     progress: Callable[[int, int], None] | None = None,
+    strain: str = "finite",
 ) -> Estimate:
     """Estimate an inclusion under the probe's axis, with calibrated intervals.
 
@@ -123,7 +127,10 @@ def estimate(
     prior
         Ranges of the inclusion and distributions of the tissue; `InclusionPrior` by default.
     progress
-        Called with (slabs solved, all slabs) while the surrogate of a new probe or prior is built once, in seconds.
+        Called with (solved, all) while the tables of a new probe or prior are built once: seconds at small strain,
+        minutes at finite.
+    strain
+        Mechanics of the model: ``"finite"``, or ``"small"``, which is linear and valid for light presses.
 
     Returns
     -------
@@ -151,11 +158,24 @@ def estimate(
     surrogate = (
         _surrogate(probe, box) if progress is None else build_full_contact_surrogate(probe, box, progress=progress)
     )
-    require_valid_forces(targets + references, surrogate, probe=probe, prior=prior)
+    correction = None
+    if require_one_of("strain", strain, STRAINS) == "finite":
+        correction = (
+            _correction(probe, box) if progress is None else build_finite_correction(probe, box, progress=progress)
+        )
+    require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, correction=correction)
     with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
 
         def read(frames: list[TactileImage]) -> FrameReading:
-            return read_frames(frames, references, surrogate, probe=probe, calibration=calibration, prior=prior)
+            return read_frames(
+                frames,
+                references,
+                surrogate,
+                probe=probe,
+                calibration=calibration,
+                prior=prior,
+                correction=correction,
+            )
 
         reading = read(targets)
         of_images = image_findings(targets, references, probe=probe, calibration=calibration, uneven=reading.uneven)
@@ -179,7 +199,8 @@ def estimate(
         trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),
         notes=tuple(note for _, note in flagged),
-        provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
+        provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests)
+        | {"strain": strain, "finite_strain_table": None if correction is None else correction.key},
     )
 
 
@@ -190,6 +211,11 @@ LIKE_FORCE = 0.1  # largest relative difference of the forces of target and refe
 @lru_cache(maxsize=4)  # reading it from disk takes as long as an estimate's search
 def _surrogate(probe: Probe, box: Box) -> FullContactSurrogate:
     return build_full_contact_surrogate(probe, box)
+
+
+@lru_cache(maxsize=4)
+def _correction(probe: Probe, box: Box) -> FiniteCorrection:
+    return build_finite_correction(probe, box)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -259,11 +285,13 @@ def read_frames(
     probe: Probe,
     calibration: Calibration,
     prior: InclusionPrior,
+    correction: FiniteCorrection | None = None,
 ) -> FrameReading:
-    """Ring profiles, position and likelihood of the frames of one target."""
+    """Ring profiles, position and likelihood of the frames of one target, at small strain without ``correction``."""
     frames, edges = targets + references, ring_edges(probe)
     light = ring_light(frames[0], calibration, edges)
-    data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
+    model_error = float(np.hypot(surrogate.error, 0.0 if correction is None else correction.error))
+    data = ring_profiles(frames, calibration, edges, light=light.level, model_error=model_error)
     uneven = _heterogeneity(references or targets, probe, calibration, prior, light.level)
     position = _position(targets, references, calibration, probe, uneven)
     offset, spread_sd = _offset(position, prior)
@@ -279,6 +307,7 @@ def read_frames(
         correlation=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
         heterogeneity=None if uneven is None else uneven.hypotheses,
+        correction=None if correction is None else ring_correction(correction, edges, light.level, offset_mm=offset),
     )
     return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, position=position, uneven=uneven)
 
@@ -322,7 +351,7 @@ def _provenance(
     return {
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
-        "method": "posterior of the radial profile: small strain, one sphere near the axis, contact over the face",
+        "method": "posterior of the radial profile: one sphere near the axis, contact over the face",
         "probe": asdict(probe),
         "calibration": calibration.provenance(),
         "prior": asdict(prior),

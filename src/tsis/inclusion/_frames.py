@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion._prior import Floats, InclusionPrior
-    from tsis.mechanics.surrogate import FullContactSurrogate, Surrogate
+    from tsis.mechanics.surrogate import FiniteCorrection, FullContactSurrogate, Surrogate
     from tsis.model import Calibration, LightMap, Probe
 
 
@@ -122,10 +122,20 @@ def ring_profiles(
 
 
 def require_valid_forces(
-    frames: Sequence[TactileImage], surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior
+    frames: Sequence[TactileImage],
+    surrogate: FullContactSurrogate,
+    *,
+    probe: Probe,
+    prior: InclusionPrior,
+    correction: FiniteCorrection | None = None,
 ) -> None:
-    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond small strain."""
-    least, most = covering_force_n(surrogate, prior, None), largest_force_n(surrogate, probe=probe, prior=prior)
+    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond the model's strain."""
+    least, end = covering_force_n(surrogate, prior, None), f"a nominal strain of {STRAIN_LIMIT:g}"
+    if correction is None:
+        most = largest_force_n(surrogate, probe=probe, prior=prior)
+    else:
+        _, most = correction.forces_n(prior.tissue_young_kpa, prior.thickness_mm)
+        end = "the end of the probe's table of finite strain"
     if least > most:
         raise InputError(
             f"no force is valid for this probe on tissue of {prior.tissue_young_kpa:g} kPa: its whole dome touches "
@@ -136,7 +146,7 @@ def require_valid_forces(
         if not least <= force <= most:
             whole = f"from {_up(least):g} N, at which the whole dome touches, " if least > 0 else ""
             raise InputError(
-                f"force_n must be {whole}up to {_down(most):g} N, a nominal strain of {STRAIN_LIMIT:g}, on tissue of "
+                f"force_n must be {whole}up to {_down(most):g} N, {end}, on tissue of "
                 f"{prior.tissue_young_kpa:g} kPa; got {force:g} N for {frame.name or 'an image'!r}: press at a force "
                 "in between"
             )

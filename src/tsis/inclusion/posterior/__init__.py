@@ -12,7 +12,7 @@ from tsis.inclusion.posterior._heterogeneity import (
 )
 from tsis.inclusion.posterior._likelihood import InclusionLikelihood, Profiles, least_sd
 from tsis.inclusion.posterior._off_axis import FARTHEST, SHIFTED, off_axis_profile
-from tsis.inclusion.posterior._rings import RingShading, ring_correlation, ring_means, ring_responses
+from tsis.inclusion.posterior._rings import RingShading, ring_correction, ring_correlation, ring_means, ring_responses
 
 __all__ = [
     "FARTHEST",
@@ -33,6 +33,7 @@ __all__ = [
     "heterogeneity",
     "least_sd",
     "off_axis_profile",
+    "ring_correction",
     "ring_correlation",
     "ring_means",
     "ring_responses",

@@ -12,7 +12,7 @@ from tsis.inclusion.posterior._off_axis import off_axis_profile
 
 if TYPE_CHECKING:
     from tsis.inclusion._prior import Floats
-    from tsis.mechanics.surrogate import FullContactParts, FullContactSurrogate, Surrogate
+    from tsis.mechanics.surrogate import FiniteCorrection, FullContactParts, FullContactSurrogate, Surrogate
 
 
 OUTPUTS_PER_RING = 3  # pressure, displacement, slope
@@ -130,6 +130,19 @@ def ring_responses(
 def _mapped_separately(surrogate: Surrogate, reference: Floats, change: Floats) -> Surrogate:
     """Apply one linear map to the response without inclusion, and another to the change by an inclusion."""
     return replace(surrogate.mapped(change), baseline=surrogate.baseline @ reference.T)
+
+
+def ring_correction(
+    correction: FiniteCorrection, edges_mm: Floats, level: Floats, *, offset_mm: float = 0.0
+) -> FiniteCorrection:
+    """Correction by finite strain of the rings' pressures, displacements and slopes; see `ring_responses`."""
+    radius = correction.radius_mm
+    means = ring_means(correction, edges_mm, level)
+    slopes = means @ np.gradient(np.eye(len(radius)), radius, axis=0)
+    nothing = np.zeros_like(means)
+    rows = np.block([[means, nothing], [nothing, means], [nothing, slopes]])
+    around = np.kron(np.eye(2), off_axis_profile(radius, offset_mm))
+    return correction.mapped(rows, rows @ around)
 
 
 def ring_means(surrogate: FaceProfiles, edges_mm: Floats, level: Floats | None = None) -> Floats:
