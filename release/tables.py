@@ -38,8 +38,8 @@ def compute_tables() -> None:
     """Ask for everything that needs a table, as a user does."""
     for name in list_probes():
         build_contact_table(tsis.load_probe(name))
-        build_finite_correction(tsis.load_probe(name))
     for name in PROBES:
+        build_finite_correction(tsis.load_probe(name))
         build_field_table(tsis.load_probe(name), InclusionPrior())
     virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(0))
     phantom = tsis.load_phantom("size-8")
