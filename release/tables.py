@@ -23,7 +23,7 @@ from tsis.mechanics.surrogate import build_finite_correction
 from tsis.virtual import VirtualProbe
 
 FORCES_N = (0.5, 1.0)
-PROBES = ("tsis-2011", "tsis-domed")  # that the inclusion estimate presses with
+TISSUE_PROBES = ("tsis-2011", "tsis-domed")  # the catalog's probes for inclusions
 
 
 def main() -> None:
@@ -38,7 +38,7 @@ def compute_tables() -> None:
     """Ask for everything that needs a table, as a user does."""
     for name in list_probes():
         build_contact_table(tsis.load_probe(name))
-    for name in PROBES:
+    for name in TISSUE_PROBES:
         build_finite_correction(tsis.load_probe(name))
         build_field_table(tsis.load_probe(name), InclusionPrior())
     virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(0))
