@@ -106,7 +106,7 @@ def estimate(
     reference: TactileImage | Sequence[TactileImage] | None = None,
     prior: InclusionPrior | None = None,
     progress: Callable[[int, int], None] | None = None,
-    strain: str = "finite",
+    strain: str | None = None,
 ) -> Estimate:
     """Estimate an inclusion under the probe's axis, with calibrated intervals.
 
@@ -130,7 +130,8 @@ def estimate(
         Called with (solved, all) while the tables of a new probe or prior are built once: seconds at small strain,
         minutes at finite.
     strain
-        Mechanics of the model: ``"finite"``, or ``"small"``, which is linear and valid for light presses.
+        Mechanics of the model: ``"finite"``, or ``"small"``, which is linear and valid for light presses. By default
+        finite, but for frames of which a virtual probe says that it made them at small strain.
 
     Returns
     -------
@@ -158,8 +159,8 @@ def estimate(
     surrogate = (
         _surrogate(probe, box) if progress is None else build_full_contact_surrogate(probe, box, progress=progress)
     )
-    correction = None
-    if require_one_of("strain", strain, STRAINS) == "finite":
+    strain, correction = _strain(targets + references, strain), None
+    if strain == "finite":
         correction = (
             _correction(probe, box) if progress is None else build_finite_correction(probe, box, progress=progress)
         )
@@ -211,6 +212,14 @@ LIKE_FORCE = 0.1  # largest relative difference of the forces of target and refe
 @lru_cache(maxsize=4)  # reading it from disk takes as long as an estimate's search
 def _surrogate(probe: Probe, box: Box) -> FullContactSurrogate:
     return build_full_contact_surrogate(probe, box)
+
+
+def _strain(frames: list[TactileImage], strain: str | None) -> str:
+    """The requested strain, else that of the presses where all frames state it."""
+    if strain is not None:
+        return require_one_of("strain", strain, STRAINS)
+    stated = {frame.settings.get("strain") for frame in frames}
+    return "small" if stated == {"small"} else "finite"
 
 
 @lru_cache(maxsize=4)
