@@ -81,13 +81,13 @@ def whitened_poses(source: Floats, target: Floats, *, rng: np.random.Generator) 
 
     Whitening removes the affine part between complete shapes; with missing or added points it may introduce one.
     """
-    here, there = _whitening(source), _whitening(target)
+    here, there = whitening(source), whitening(target)
     back = np.linalg.inv(there)
     result = poses(source @ here, target @ there, rng=rng)
     return [replace(pose, affine=np.vstack([pose.affine[0] @ back, here @ pose.affine[1:] @ back])) for pose in result]
 
 
-def _whitening(points: Floats) -> Floats:
+def whitening(points: Floats) -> Floats:
     """Symmetric matrix that gives points, shape (n, d), the same variance in all directions."""
     value, axis = np.linalg.eigh(np.cov(points, rowvar=False))
     return np.asarray((axis / np.sqrt(value * len(value))) @ axis.T)

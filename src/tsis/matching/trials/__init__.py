@@ -18,6 +18,7 @@ from tsis.matching.trials._trials import (
     matching_error,
     public_trials,
 )
+from tsis.matching.trials._trust_cases import TrustCase, fit_trust, trust_case
 
 __all__ = [
     "FAILURE_RMS",
@@ -39,9 +40,11 @@ __all__ = [
     "Trial",
     "TrialRow",
     "TrialSummary",
+    "TrustCase",
     "distort",
     "distorted_set",
     "even_texture",
+    "fit_trust",
     "hotel_set",
     "hotel_trials",
     "matching_error",
@@ -52,4 +55,5 @@ __all__ = [
     "strokes",
     "summarise",
     "summarise_pooled",
+    "trust_case",
 ]

@@ -1,0 +1,79 @@
+"""Alignments of two outlines point by point: every start on a closed one, both directions of an open one.
+
+Where both sets sample one curve with equally many points, all their alignments are few enough to be compared at once.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.matching._chain import successors
+from tsis.matching._fit import UNMATCHED
+from tsis.matching._pose_evidence import SIGMAS, WIDTHS
+
+if TYPE_CHECKING:
+    from tsis.matching._fit import Floats, Integers
+    from tsis.matching._pose_evidence import SmoothField
+
+LIKELIEST = 24  # alignments that are returned, those first that are likelier than their neighbours
+AMPLITUDE, SIGMA = 0.1, SIGMAS[1]  # of the field that ranks the alignments
+MOST_POINTS = 400
+
+
+def outline_alignments(field: SmoothField, target: Floats) -> list[Integers]:
+    """The likeliest matches, shape (n,) each, that keep the order of points; none where the sets are no such curves."""
+    source = field.points
+    if source.shape[1] != 2 or len(source) != len(target) or len(source) > MOST_POINTS:
+        return []
+    here, closed_here = curve_order(source)
+    there, closed_there = curve_order(target)
+    if not len(here) or not len(there) or closed_here != closed_there:
+        return []
+    if closed_here:
+        here, there = _anticlockwise(source, here), _anticlockwise(target, there)
+        shifts = np.arange(len(there))[:, None] + np.arange(len(there))
+        orders = there[shifts % len(there)]
+    else:
+        orders = np.stack([there, there[::-1]])
+    precision = _precision(field, here)
+    loss = np.einsum("sid,ij,sjd->s", target[orders], precision, target[orders], optimize=True)
+    lowest = (loss <= np.roll(loss, 1)) & (loss <= np.roll(loss, -1))
+    alignments = []
+    for number in np.lexsort((loss, ~lowest))[:LIKELIEST]:
+        matches = np.full(len(source), UNMATCHED, dtype=np.int64)
+        matches[here] = orders[number]
+        alignments.append(matches)
+    return alignments
+
+
+def curve_order(points: Floats) -> tuple[Integers, bool]:
+    """Indices along the one curve that all points sample, and whether it is closed; empty without such a curve."""
+    following = successors(points)
+    starts = np.setdiff1d(np.arange(len(points)), following)
+    if len(starts) > 1:
+        return np.empty(0, dtype=np.int64), False
+    order = [int(starts[0]) if len(starts) else 0]
+    while len(order) < len(points):
+        ahead = int(following[order[-1]])
+        if ahead in (UNMATCHED, order[0]):
+            return np.empty(0, dtype=np.int64), False
+        order.append(ahead)
+    return np.array(order), not len(starts)
+
+
+def _anticlockwise(points: Floats, order: Integers) -> Integers:
+    x, y = points[order].T
+    area = float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return order if area > 0 else order[::-1]
+
+
+def _precision(field: SmoothField, rows: Integers) -> Floats:
+    """Inverse covariance of partners without their affine part, shape (n, n)."""
+    factor = field.factors[WIDTHS.index(0.9)][rows]
+    covariance = AMPLITUDE**2 * factor @ factor.T + SIGMA**2 * np.eye(len(rows))
+    span = np.column_stack([np.ones(len(rows)), field.points[rows]])
+    inverse = np.linalg.inv(covariance)
+    across = inverse @ span
+    return np.asarray(inverse - across @ np.linalg.solve(span.T @ across, across.T))

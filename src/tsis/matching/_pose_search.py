@@ -1,0 +1,288 @@
+"""Maps of the source on the target from many rotations, with the evidence of each.
+
+Affine maps are annealed from a grid of rotations, plain and between the whitened sets; the likeliest different ones are
+annealed with a smooth field. Then pairs and map alternate, first soft, then one to one, and outlines slide along each
+other by whole points: slid maps explain nearly as much as the right one, and only their evidence tells them apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
+
+from tsis.matching._chain import slid, successors
+from tsis.matching._field_annealing import annealed_map, balanced_pairs
+from tsis.matching._fit import UNMATCHED
+from tsis.matching._outline import outline_alignments
+from tsis.matching._pairing import assign, spacing
+from tsis.matching._pose_evidence import SIGMAS, PoseEvidence, SmoothField, hard_evidence, soft_evidence
+from tsis.matching._poses import poses, rotations, whitening
+from tsis.matching._spline import spread_indices
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from tsis.matching._fit import Floats, Integers
+
+ROTATIONS = 24  # of the plane
+COARSE, FINE = (60, 90), (120, 300)  # largest samples of source and target
+COARSE_SIGMAS = np.geomspace(0.4, 0.12, 8)  # in root-mean-square radii
+FIRST_SIGMA, MIDDLE_SIGMA, LAST_SIGMA, FINE_STEPS = 0.3, 0.12, 0.5, 14  # the last in spacings
+WIDE_SIGMAS = np.geomspace(0.9, 0.33, 8)
+DIFFERENT = 0.1  # root-mean-square distance of two starts
+ANNEALED, FOLLOWED, PROPOSED = 10, 6, 3  # starts annealed with a field, of them to the end, and poses beside them
+FIELD_WIDTHS, FIELD_AMPLITUDES = (0.5, 0.9), (0.05, 0.2)
+AFFINE_SD = 0.3
+SOFT_ROUNDS, BALANCINGS = 4, 10
+GATES = (1.5, 1.2, 0.9, 0.7, 0.5, 0.4, 0.3, 0.3)  # largest distance of a pair, in spacings
+REJECTED = 9.0  # medians of the squared distance beyond which a pair is dropped
+SLIDES, MOST_SLIDES = (-2, -1, 1, 2), 6
+BEHIND = 1.5  # log evidence per point that a map may lie behind the best and still be refined
+MANY_PAIRS = 60_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoseSearch:
+    """What the steps of a search share; sets are normalised."""
+
+    field: SmoothField
+    target: Floats
+    step: float  # distance of neighbours
+    following: Integers  # next point of the source along its curve, shape (n,)
+
+    @property
+    def source(self) -> Floats:
+        """The source's points, shape (n, d)."""
+        return self.field.points
+
+
+    @classmethod
+    def of(cls, source: Floats, target: Floats) -> PoseSearch:
+        """Between normalised points, shapes (n, d) and (m, d)."""
+        return cls(
+            field=SmoothField.of(source),
+            target=np.ascontiguousarray(target),
+            step=max(spacing(source), spacing(target)),
+            following=successors(source),
+        )
+
+
+def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEvidence]:
+    """Maps by falling evidence; slid neighbours are among them."""
+    aligned = sorted(_aligned_maps(search), key=lambda item: -item.log)
+    if aligned and complete(search, aligned[0]):
+        return aligned
+    maps = [item for moved in _annealed_maps(search) if (item := settled(search, moved)) is not None]
+    found = _refined(search, maps, aligned)
+    if not found or not complete(search, found[0]):
+        proposed = [item for moved in _proposed_maps(search, rng) if (item := settled(search, moved)) is not None]
+        found = _refined(search, proposed, found)
+    return found
+
+
+def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
+    """Maps of the alignments of two outlines."""
+    alignments = outline_alignments(search.field, search.target)
+    return [item for each in alignments if (item := hard_evidence(search.field, search.target, each)) is not None]
+
+
+def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
+    """The map that alternating soft pairs and fields reach from moved points, shape (n, d)."""
+    if len(search.source) * len(search.target) > MANY_PAIRS:
+        first = hard_evidence(search.field, search.target, one_to_one(moved, search.target, GATES[0] * search.step))
+        return None if first is None else _tightened(search, first)
+    sigma, result = LAST_SIGMA * search.step, None
+    for _ in range(SOFT_ROUNDS):
+        pairs = balanced_pairs(np.ascontiguousarray(moved), search.target, sigma, BALANCINGS)
+        result = soft_evidence(search.field, search.target, pairs)
+        if result is None:
+            return None
+        moved, sigma = result.moved, max(result.sigma, 0.1 * search.step)
+    return result
+
+
+def complete(search: PoseSearch, found: PoseEvidence) -> bool:
+    """Whether nearly all points of the smaller set have a partner at the measurement's standard deviation."""
+    fewest = min(len(search.source), len(search.target))
+    return found.paired >= 0.97 * fewest and found.sigma <= 1.5 * SIGMAS[1]
+
+
+def _refined(
+    search: PoseSearch, maps: Iterable[PoseEvidence], found: Iterable[PoseEvidence] = ()
+) -> list[PoseEvidence]:
+    """All maps with their tightened and slid successors, by falling evidence."""
+    result = list(found)
+    for item in sorted(distinct(maps, 0.3 * search.step), key=lambda item: -item.log)[:FOLLOWED]:
+        best = max((other.log for other in result), default=item.log)
+        result.append(item)
+        if item.log < best - BEHIND * len(search.target):
+            continue
+        tight = _tightened(search, item)
+        result += [tight, *_slid_maps(search, tight)]
+    return sorted(result, key=lambda item: -item.log)
+
+
+def distinct(maps: Iterable[PoseEvidence], least: float) -> list[PoseEvidence]:
+    """The maps by falling evidence that lie at least so far from those before them."""
+    result: list[PoseEvidence] = []
+    for item in sorted(maps, key=lambda item: -item.log):
+        if all(((item.moved - other.moved) ** 2).sum(axis=1).mean() > least**2 for other in result):
+            result.append(item)
+    return result
+
+
+def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:
+    """The best map while pairs are assigned one to one within a shrinking distance."""
+    moved, best, last = found.moved, found, None
+    for gate in GATES:
+        matches = one_to_one(moved, search.target, gate * search.step)
+        rows = np.flatnonzero(matches != UNMATCHED)
+        away = ((moved[rows] - search.target[matches[rows]]) ** 2).sum(axis=1)
+        if len(rows):
+            matches[rows[away > REJECTED * max(float(np.median(away)), 1e-6)]] = UNMATCHED
+        if last is not None and np.array_equal(matches, last):
+            continue
+        last = matches
+        item = hard_evidence(search.field, search.target, matches, width=found.width)
+        if item is None:
+            break
+        moved = item.moved
+        best = max(best, item, key=lambda item: item.log)
+    return best
+
+
+def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:
+    """Pairs within a distance: cheapest in total, of very many points mutual nearest neighbours."""
+    if len(moved) * len(target) <= MANY_PAIRS:
+        return assign(cdist(moved, target, "sqeuclidean"), dummy=gate**2)
+    away, nearest = KDTree(target).query(moved)
+    _, back = KDTree(moved).query(target)
+    mutual = (np.asarray(back)[nearest] == np.arange(len(moved))) & (away <= gate)
+    return np.where(mutual, nearest, UNMATCHED).astype(np.int64)
+
+
+def _slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
+    """Maps whose pairs slid along the outline, from the best found so far on."""
+    top = found
+    for _ in range(MOST_SLIDES):
+        matches = one_to_one(top.moved, search.target, max(3 * top.sigma, 0.6 * search.step))
+        better = top
+        for steps in SLIDES:
+            item = _repaired(search, slid(matches, search.following, steps), top.width)
+            if item is None:
+                continue
+            yield item
+            if item.log > better.log + 0.01:
+                better = item
+        if better is top:
+            return
+        top = _tightened(search, better)
+        yield top
+
+
+def _repaired(search: PoseSearch, matches: Integers, width: float) -> PoseEvidence | None:
+    """The better of the map of the matches and the map of the pairs that it leads to."""
+    item = hard_evidence(search.field, search.target, matches, width=width)
+    if item is None:
+        return None
+    matches = one_to_one(item.moved, search.target, max(2 * item.sigma, 0.3 * search.step))
+    again = hard_evidence(search.field, search.target, matches, width=width)
+    return item if again is None else max(item, again, key=lambda item: item.log)
+
+
+def _annealed_maps(search: PoseSearch) -> Iterator[Floats]:
+    """Moved source points of the best starts, annealed with a field."""
+    source, target = search.source, search.target
+    rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
+    sample = np.ascontiguousarray(target[columns])
+    design, ridge = _annealing_design(source, rows)
+    here = np.ascontiguousarray(design[rows])
+    last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
+    sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
+    middle = int(np.searchsorted(-sigmas, -MIDDLE_SIGMA))
+    maps = []
+    for affine in _coarse_starts(search):
+        start = np.zeros((design.shape[1], source.shape[1]))
+        start[: len(affine)] = affine
+        maps.append((annealed_map(here, ridge, sample, start, sigmas[:middle], rounds=2), start))
+    maps.sort(key=lambda item: -item[0].score)
+    for item, _ in maps[:FOLLOWED]:
+        yield design @ annealed_map(here, ridge, sample, item.coordinates, sigmas[middle:], rounds=2).coordinates
+    start = np.zeros((design.shape[1], source.shape[1]))
+    start[1 : 1 + source.shape[1]] = np.eye(source.shape[1])
+    whole = np.concatenate([WIDE_SIGMAS, sigmas])
+    yield design @ annealed_map(here, ridge, sample, start, whole, rounds=2).coordinates
+
+
+def _proposed_maps(search: PoseSearch, rng: np.random.Generator) -> Iterator[Floats]:
+    """Moved source points of the poses that relaxation labelling proposes, annealed with a field."""
+    source, target = search.source, search.target
+    rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
+    sample = np.ascontiguousarray(target[columns])
+    design, ridge = _annealing_design(source, rows)
+    here = np.ascontiguousarray(design[rows])
+    last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
+    sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
+    for pose in poses(source[rows], sample, rng=rng)[:PROPOSED]:
+        start = np.zeros((design.shape[1], source.shape[1]))
+        start[: len(pose.affine)] = pose.affine
+        yield design @ annealed_map(here, ridge, sample, start, sigmas, rounds=2).coordinates
+
+
+def _annealing_design(source: Floats, rows: Integers) -> tuple[Floats, Floats]:
+    """Affine columns and field columns at the source's points, shape (n, k), and the inverse variances, shape (k,)."""
+    control = source[rows]
+    among, across = (
+        sum(
+            amplitude**2 * np.exp(-0.5 * cdist(points, control, "sqeuclidean") / width**2)
+            for width, amplitude in zip(FIELD_WIDTHS, FIELD_AMPLITUDES, strict=True)
+        )
+        for points in (control, source)
+    )
+    value, vector = np.linalg.eigh(among)
+    large = value > 1e-5 * value[-1]
+    bends = across @ (vector[:, large] / np.sqrt(value[large]))
+    dimension = source.shape[1]
+    ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2), np.ones(bends.shape[1])])
+    return np.column_stack([np.ones(len(source)), source, bends]), ridge
+
+
+def _coarse_starts(search: PoseSearch) -> list[Floats]:
+    """Affine parts, shape (d + 1, d), of the likeliest different affine maps from all rotations."""
+    source, target = search.source, search.target
+    dimension = source.shape[1]
+    here = source[spread_indices(source, COARSE[0])]
+    there = np.ascontiguousarray(target[spread_indices(target, COARSE[1])])
+    design = np.column_stack([np.ones(len(here)), here])
+    ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2)])
+    found = [
+        annealed_map(design, ridge, there, np.vstack([np.zeros(dimension), matrix]), COARSE_SIGMAS)
+        for matrix in _start_matrices(source, target)
+    ]
+    found.sort(key=lambda item: -item.score)
+    chosen: list[Floats] = []
+    for item in found:
+        moved = [design @ (item.coordinates - other) for other in chosen]
+        if all((away**2).sum(axis=1).mean() > DIFFERENT**2 for away in moved):
+            chosen.append(item.coordinates)
+    return chosen[:ANNEALED]
+
+
+def _start_matrices(source: Floats, target: Floats) -> Iterator[Floats]:
+    """Rotations, of sets of different numbers in two sizes, and rotations between the whitened sets."""
+    dimension = source.shape[1]
+    turns = rotations(dimension) if dimension == 3 else _plane_rotations()
+    ratio = len(target) / len(source)
+    for size in (1.0, 0.75) if ratio > 1.15 else (1.0, 1.25) if ratio < 0.9 else (1.0,):
+        yield from size * turns
+    here, there = whitening(source), np.linalg.inv(whitening(target))
+    yield from (here @ turn @ there for turn in turns)
+
+
+def _plane_rotations() -> Floats:
+    angle = 2 * np.pi * np.arange(ROTATIONS) / ROTATIONS
+    return np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), 2, 0)
