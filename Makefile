@@ -8,11 +8,11 @@ PINNED := --constraint constraints.txt --build-constraint constraints.txt
 PYTHON ?=
 PYTEST_FLAGS ?= -n 2 --dist loadfile
 # extras that tests use; fem3d, which has no wheels on some machines, is in the group dev
-EXTRAS := camera,classify,cluster,console,dicom,exchange,postgres
+EXTRAS := analysis,camera,classify,cluster,console,dicom,exchange,postgres
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test peers test-system test-slow test-release benchmark studies lint docs sbom man extras constraints clean
+.PHONY: help demo test peers test-system test-slow test-release benchmark studies lint docs sbom man tables extras constraints clean
 
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -100,13 +100,16 @@ man: $(VENV)/.dev  ## man pages of all commands, into build/man
 extras: $(VENV)/.release  ## what the plain install and each extra cost: packages, MB, seconds (a quarter of an hour)
 	$(BIN)/python -m release.extras
 
+tables: $(VENV)/.dev  ## compute the tables that ship with the package anew (four minutes)
+	$(BIN)/python -m release.tables
+
 constraints: $(VENV)/.pip  ## resolve every dependency afresh and write constraints.txt
 	rm -rf build/fresh
 	$(BIN)/python -m venv build/fresh
 	build/fresh/bin/python -m pip install --quiet --upgrade pip
 	build/fresh/bin/python -m pip install --quiet --editable ".[$(EXTRAS)]" --group dev --group peers --group docs --group release hatchling
 	{ sed '/^[^#]/,$$d' constraints.txt; \
-	  build/fresh/bin/python -m pip freeze --all --exclude-editable --exclude setuptools; } > build/constraints.txt
+	  build/fresh/bin/python -m pip freeze --all --exclude-editable; } > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 	rm -rf build/fresh
 

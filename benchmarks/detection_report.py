@@ -22,10 +22,10 @@ from benchmarks.detection_tables import Printed, area, area_cells, pairs, share
 from benchmarks.wanted import Wanted, told
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.detection import ABSENCE_FLAG, brier_interval, brier_score, recalibration, reliability_curve
+from tsis.detection import brier_interval, brier_score, recalibration, reliability_curve
 from tsis.detection.classify import ClassifierSettings, ClassSplit, TargetEvidence, cross_validate
 from tsis.errors import InputError
-from tsis.inclusion import NEARLY_CERTAIN, UNTRUSTED_FLAGS
+from tsis.inclusion import ABSENCE_FLAG, NEARLY_CERTAIN, UNTRUSTED_FLAGS
 from tsis.model import Inclusion
 
 if TYPE_CHECKING:

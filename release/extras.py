@@ -20,6 +20,10 @@ ROOT = Path(__file__).parents[1]
 PLAIN = ""
 FIRST = {  # code or command that uses the extra
     PLAIN: ["demo", "--json", "--out", "first-press"],
+    "analysis": (
+        "import numpy, pandas, tsis; result = tsis.Estimate(samples={'depth_mm': numpy.arange(9.0)}, "
+        "prior_sd={'depth_mm': 1.0}); result.to_arviz(); tsis.TactileImage(grey=numpy.eye(8)).to_xarray()"
+    ),
     "camera": "from tsis.instrument.drivers import OpenCVDevice, VideoFile; import cv2; cv2.VideoCapture()",
     "camera-aravis": "from tsis.instrument import find_cameras; find_cameras(['aravis'])",
     "camera-genicam": "import harvesters.core, genicam.gentl; import tsis.instrument.drivers.genicam",

@@ -233,7 +233,7 @@ def lines(result: Result) -> list[str]:
             for truth, target, ratio, mean, sd, printed, true in rows:
                 relative = ratio if targets[0].observed == len(targets[0].readings) else None
                 here = f"{cell(target.mean, 9)} {cell(target.sd, 8)} {cell(relative, 6)}"
-                seen = f"{target.seen:3d}/{len(target.readings):2d}"
+                seen = f"{target.observed:3d}/{len(target.readings):2d}"
                 there = f"{cell(mean, 8)} {cell(sd, 6)} {cell(printed, 6)} {cell(true, 6)}"
                 out.append(f"{truth:5g} {figure.truth_unit:3} {here} {seen}   {there}")
             flags = sorted({flag for target in targets for reading in target.readings for flag in reading.flags})

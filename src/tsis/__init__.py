@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from tsis import study as study
     from tsis import sweep as sweep
     from tsis import virtual as virtual
+    from tsis.calibration import load_calibration, load_frames
     from tsis.catalog import load_phantom, load_probe
     from tsis.model import (
         Calibration,
@@ -58,6 +59,8 @@ __all__ = [
     "Probe",
     "TactileImage",
     "__version__",
+    "load_calibration",
+    "load_frames",
     "load_phantom",
     "load_probe",
 ]
@@ -71,6 +74,7 @@ if not TYPE_CHECKING:  # packages and classes load when they are first used
             "virtual",
         ],
         submod_attrs={
+            "calibration": ["load_calibration", "load_frames"],
             "catalog": ["load_phantom", "load_probe"],
             "model": [name for name in __all__ if name[0].isupper()],
         },

@@ -8,6 +8,8 @@
     │   ├── FileInputError      a file that is missing, corrupt or of an unsupported kind
     │   └── ImageMismatchError  images that do not belong together
     ├── NotCalibratedError  an estimate without the calibration that it needs
+    ├── UntrustedError      a number of an estimate that is not trusted
+    ├── NotIdentifiedError  the mean of a parameter that the data do not identify
     ├── MechanicsError      a press that the chosen model cannot describe
     ├── SweepError          a sweep that cannot continue; its results so far are saved
     ├── MissingExtraError   (also an ImportError) an optional library is not installed
@@ -53,6 +55,14 @@ class ImageMismatchError(InputError):
 
 class NotCalibratedError(TsisError):
     """An estimate without the calibration that it needs."""
+
+
+class UntrustedError(TsisError):
+    """A number of an estimate that is not trusted; the message gives the reasons and the cures."""
+
+
+class NotIdentifiedError(TsisError):
+    """The mean or standard deviation of a parameter that the data do not identify."""
 
 
 class MechanicsError(TsisError):
@@ -116,6 +126,7 @@ class RecordsWarning(TsisWarning):
 # Product names that differ from import names; Netgen is part of NGSolve.
 PRODUCT_NAMES = {
     "alembic": "Alembic",
+    "arviz": "ArviZ",
     "cv2": "OpenCV",
     "netgen": "NGSolve",
     "ngsolve": "NGSolve",

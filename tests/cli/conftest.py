@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import json
 import shutil
 import sys
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
+from tests.cli.published import faults
 from tests.records.pressed_object import stored_object
 from tests.records.sample import WHEN, levels
 
@@ -56,6 +58,8 @@ def run_tsis(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
             main()
         captured = capsys.readouterr()
         code = stop.value.code
+        if captured.out.startswith('{\n  "schema"'):
+            assert faults(json.loads(captured.out)) == []
         return Finished(code=code if isinstance(code, int) else 0, out=captured.out, err=captured.err)
 
     return run

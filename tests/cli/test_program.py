@@ -150,7 +150,7 @@ def test_the_summary_of_a_command_is_in_its_own_help(name: str) -> None:
     assert COMMANDS[name].summary in " ".join(own.help.split())
 
 
-HEAVY = ("numba", "cv2", "scipy", "sqlalchemy", "nicegui", "matplotlib", "skimage")
+HEAVY = ("numba", "cv2", "scipy", "sqlalchemy", "nicegui", "matplotlib", "skimage", "sklearn", "pandas", "xarray")
 
 
 @pytest.mark.system

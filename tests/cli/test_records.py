@@ -169,7 +169,8 @@ def test_recompute_tells_the_same_and_then_what_changed(run_tsis: RunTsis, monke
 
     def moved(*arguments: Any, **options: Any) -> Estimate:
         found = before(*arguments, **options)
-        return replace(found, samples={"young_kpa": found.samples["young_kpa"] + 10}, flags=(*found.flags, "new_flag"))
+        posterior = replace(found.untrusted, samples={"young_kpa": found.samples["young_kpa"] + 10})
+        return replace(found, untrusted=posterior, flags=(*found.flags, "new_flag"))
 
     monkeypatch.setattr(tsis.hardness, "estimate", moved)
     dry = run_tsis("records", "recompute", "1", "--dry-run", *STORE)

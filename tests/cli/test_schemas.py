@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import ast
 import json
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from jsonschema import Draft202012Validator
+from tests.cli.published import faults, published
 
 import tsis
 from tsis.cli._output import print_json
-from tsis.report import RESULT_SCHEMAS, envelope
+from tsis.files import RESULT_SCHEMAS
+from tsis.report import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,6 +38,34 @@ def schema_of(call: ast.Call) -> str:
 
 def test_each_schema_belongs_to_one_document() -> None:
     assert sorted(schema_of(call) for _, call in calls("envelope")) == sorted(RESULT_SCHEMAS)
+
+
+def test_the_published_schema_describes_every_result() -> None:
+    described = published()["$defs"]
+    assert {name: described[name]["properties"]["schema"]["properties"] for name in RESULT_SCHEMAS} == {
+        name: {"name": {"const": name}, "version": {"const": version}} for name, version in RESULT_SCHEMAS.items()
+    }
+    Draft202012Validator.check_schema(published())
+
+
+def test_a_result_of_a_newer_version_is_refused(kept: Path, run_tsis: RunTsis, tmp_path: Path) -> None:
+    shutil.copytree(kept / "demo", tmp_path / "demo")
+    result = tmp_path / "demo" / "result.json"
+    newer = json.loads(result.read_text()) | {"schema": {"name": "tsis-demo", "version": 2}}
+    result.write_text(json.dumps(newer))
+    finished = run_tsis("records", "import", "demo", "--store", "new")
+    assert finished.code == 2
+    assert "result.json must be of tsis-demo up to version 1; got version 2: update tsis to read it" in " ".join(
+        finished.err.split()
+    )
+    assert not any((tmp_path / "new").rglob("*.png"))
+
+
+def test_a_name_that_nobody_described_is_a_fault() -> None:
+    document = envelope("logins", logins=[])
+    assert faults(document) == []
+    assert faults(document | {"more": 1})
+    assert faults({name: value for name, value in document.items() if name != "logins"})
 
 
 def test_commands_print_json_through_one_call() -> None:

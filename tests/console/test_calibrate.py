@@ -81,7 +81,7 @@ def test_terms_that_are_none_are_one_sentence_and_begin_nothing(console: Running
         ("Radii of the tips", "2, 2", "radii of the tips must hold each tip once"),
         ("Radii of the tips", "2, 1e9", "each radius of the tips must lie in [0.1, 1000]"),
         ("Radii of the tips", "14", "a calibration needs at least 2 loadings"),
-        ("Radii of the tips", "", "radii of the tips must be a number"),
+        ("Radii of the tips", "", "got 0 tip and 1 loading"),
         ("Loadings of each tip", "1.5", "loadings of each tip must be a whole number"),
         ("Relative uncertainty of the gauge", "3", "relative uncertainty of the gauge must lie in [0, 0.5]; got 3"),
         ("Seed of the virtual rig", "-4", "seed must lie in"),
@@ -190,7 +190,7 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
     assert calibration_sha256(read_calibration(session.path / "calibration.json")) == reported["sha256"]
     assert active["calibration_identity"] == reported["sha256"]
     with running_console(tmp_path) as console, operating(browser, console, "/calibrate/here") as page:
-        page.get_by_text("It was made before.").wait_for()
+        page.get_by_text("It was computed before.").wait_for()
         page.get_by_text(f"cited as {reported['sha256'][:12]}").wait_for()
         page.get_by_role("button", name=re.compile("^Step flat-1:")).click()
         page.get_by_role("button", name="Repeat this step").click()

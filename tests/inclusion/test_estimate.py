@@ -62,7 +62,8 @@ def test_phantoms_of_the_catalog_are_recovered(name: str) -> None:
     result = estimate(image, probe=PROBE, calibration=ANSWER, reference=reference)
     for parameter in PARAMETERS:
         truth = getattr(phantom.inclusion, parameter)
-        assert abs(result.mean[parameter] - truth) < 3 * result.sd[parameter]
+        posterior = result.untrusted  # one press does not identify the modulus
+        assert abs(posterior.mean[parameter] - truth) < 3 * posterior.sd[parameter]
         assert PRIOR.low[PARAMETERS.index(parameter)] <= result.samples[parameter].min()
         assert PRIOR.high[PARAMETERS.index(parameter)] >= result.samples[parameter].max()
     assert result.narrowing["diameter_mm"] < 0.2
@@ -113,7 +114,7 @@ def test_the_grid_against_brute_force(name: str, *, with_reference: bool, flat: 
 def test_the_order_of_images_does_not_matter(lump: tuple[TactileImage, TactileImage]) -> None:
     other = presses(tsis.load_phantom("hardness-100"), seed=9)
     first, second = (
-        estimate(images, probe=PROBE, calibration=ANSWER, reference=references)
+        estimate(images, probe=PROBE, calibration=ANSWER, reference=references).untrusted
         for images, references in (
             ([lump[0], other[0]], [lump[1], other[1]]),
             ([other[0], lump[0]], [other[1], lump[1]]),

@@ -71,7 +71,7 @@ def fill(store: Store, seed: int, *, targets: int = 1) -> None:
             presses.append(store.add_press(target, image, taken=taken, calibration=known, flags=flags))
         made = sample_estimate()
         samples = {name: np.asarray(values)[:20] + number for name, values in made.samples.items()}
-        found = replace(made, samples=samples)
+        found = replace(made, untrusted=replace(made.untrusted, samples=samples))
         store.add_estimate(target, found, kind="inclusion", presses=presses, probe="tsis-2011", calibration=known)
         store.edit_target(target, note="edited")
         store.edit_press(presses[0], force_n=0.5)

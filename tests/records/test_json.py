@@ -56,7 +56,7 @@ def exact(value: Any) -> Any:
 
 def assert_same(one: Any, other: Any) -> None:
     for field in fields(one):
-        if field.name not in ("estimate", "samples"):
+        if field.name not in ("estimate", "untrusted"):
             assert exact(getattr(one, field.name)) == exact(getattr(other, field.name)), field.name
 
 
@@ -119,6 +119,7 @@ def estimates(draw: st.DrawFn) -> StoredEstimate:
         identifiability=draw(WORDS),
         prior=draw(WORDS),
         trusted=draw(st.booleans()),
+        presence_trusted=draw(st.booleans()),
         flags=tuple(draw(st.lists(WORDS, max_size=2))),
         notes=tuple(draw(st.lists(WORDS, max_size=2))),
         provenance=draw(FREE),
@@ -145,9 +146,10 @@ def test_an_estimate_and_its_samples_come_back_bit_for_bit(stored: StoredEstimat
     back = estimate_from_json(through_json(estimate_to_json(stored)), samples)
     assert_same(stored, back)
     assert_same(stored.estimate, back.estimate)
-    assert list(back.estimate.samples) == list(stored.estimate.samples)
-    for name, values in stored.estimate.samples.items():
-        assert back.estimate.samples[name].tobytes() == values.tobytes()
+    assert exact(back.estimate.prior_sd) == exact(stored.estimate.prior_sd)
+    assert list(back.estimate.untrusted.samples) == list(stored.estimate.untrusted.samples)
+    for name, values in stored.estimate.untrusted.samples.items():
+        assert back.estimate.untrusted.samples[name].tobytes() == values.tobytes()
 
 
 def test_what_is_no_json_in_settings_becomes_plain() -> None:

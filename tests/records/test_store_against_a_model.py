@@ -91,7 +91,9 @@ class StoreMachine(RuleBasedStateMachine):
         presses = [press for press, _ in held.presses.values()]
         supersedes = held.estimates[-1] if held.estimates else None
         made = sample_estimate()
-        small = replace(made, samples={name: values[:3] for name, values in made.samples.items()})
+        small = replace(
+            made, untrusted=replace(made.untrusted, samples={name: values[:3] for name, values in made.samples.items()})
+        )
         added = self.store.add_estimate(
             of,
             small,

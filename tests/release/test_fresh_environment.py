@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from release.extras import FIRST, PLAIN, built_wheel, cost, extras, installed
+from release.notebooks import NOTEBOOKS, code_of, five_lines
 
 import tsis
 
@@ -41,6 +42,19 @@ def test_demo_finds_the_inclusion(programs: Path, tmp_path: Path) -> None:
     found = json.loads(run(programs, tmp_path, "demo", "--json"))["estimate"]["parameters"]["diameter_mm"]
     low, high = found["interval_90"]
     assert low < 10.0 < high
+
+
+def test_the_five_lines_of_the_readme_lead_to_a_picture(programs: Path, tmp_path: Path) -> None:
+    run(programs, tmp_path, "demo")
+    command = [str(programs / "python"), "-W", "error", "-c", five_lines()]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    assert (tmp_path / "posterior.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_ends_in_its_number(programs: Path, tmp_path: Path, path: Path) -> None:
+    command = [str(programs / "python"), "-W", "error", "-c", code_of(path)]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
 
 
 def test_points_are_matched(programs: Path, tmp_path: Path) -> None:

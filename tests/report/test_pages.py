@@ -124,15 +124,15 @@ def test_a_page_that_is_not_to_be_trusted_shows_no_number(an_estimate: Estimate)
     page = the_page(doubtful).decode()
     assert page.count("<b>not to be trusted</b>") == len(TRUTH)
     assert "Diameter and depth are told." not in page
-    for name, (low, high) in doubtful.interval(0.9).items():
+    for name, (low, high) in doubtful.untrusted.interval(0.9).items():
         assert f"{low:.3g} to {high:.3g}" not in page
-        assert f"{doubtful.mean[name]:.3g} " not in page
+        assert f"{doubtful.untrusted.mean[name]:.3g} " not in page
     table = Console(file=io.StringIO(), width=200)
     table.print(estimate_table(doubtful, title="a title", truth=TRUTH))
     assert isinstance(table.file, io.StringIO)
     printed = table.file.getvalue()
     assert printed.count("not to be trusted") == len(TRUTH)
-    assert f"{doubtful.mean['depth_mm']:.3g}" not in printed.replace(f"{TRUTH['depth_mm']:.3g} │", "")
+    assert f"{doubtful.untrusted.mean['depth_mm']:.3g}" not in printed.replace(f"{TRUTH['depth_mm']:.3g} │", "")
 
 
 def test_the_strongest_press_is_shown_and_every_profile(an_estimate: Estimate, monkeypatch: pytest.MonkeyPatch) -> None:

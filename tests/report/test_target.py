@@ -61,7 +61,7 @@ def test_the_estimate_in_force_stands_beside_the_truth() -> None:
     assert [card.title for card in page.cards] == ["Diameter d", "Depth h", "Modulus E", "Is there an inclusion?"]
     assert "truth 80 kPa" in page.cards[2].detail
     assert pictures(page) == [
-        "What the presses told",
+        "Posterior of each parameter",
         "Which parameters trade off",
         "Tactile image",
         "What the inclusion adds",
@@ -109,11 +109,11 @@ def test_what_is_not_to_be_trusted_shows_no_number() -> None:
     stored = replace(dossier.estimates[0], estimate=sample_estimate(trusted=False))
     page = target_page(replace(dossier, estimates=(stored,)))
     said = words(page)
-    for name, (low, high) in stored.estimate.interval(0.9).items():
+    for name, (low, high) in stored.estimate.untrusted.interval(0.9).items():
         assert f"{low:.3g} to {high:.3g}" not in said
-        assert f"{stored.estimate.mean[name]:.3g} " not in said
+        assert f"{stored.estimate.untrusted.mean[name]:.3g} " not in said
     assert [card.value for card in page.cards[:3]] == ["not to be trusted"] * 3
-    assert "What the presses told" not in pictures(page)
+    assert "Posterior of each parameter" not in pictures(page)
     assert [row[1] for row in table(page, "Estimate in force").rows] == ["not to be trusted"] * 3
 
 
@@ -142,7 +142,11 @@ def poor_dossiers() -> dict[str, TargetRecord]:
         ("no scale", ["Tactile image", "What the inclusion adds", "Every frame"], "without a measured force"),
         ("one untouched", ["Tactile image"], "Press 1 is without a scale"),
         ("nothing", [], "Nothing was recorded yet."),
-        ("unreadable", ["What the presses told", "Which parameters trade off"], "The frame of press 4 cannot be shown"),
+        (
+            "unreadable",
+            ["Posterior of each parameter", "Which parameters trade off"],
+            "The frame of press 4 cannot be shown",
+        ),
     ],
 )
 def test_a_target_of_which_little_is_known_has_a_page(case: str, shown: list[str], said: str) -> None:
@@ -167,7 +171,7 @@ def test_another_kind_of_prior_is_not_drawn_as_ours() -> None:
     dossier = sample_dossier()
     odd = replace(dossier.estimates[0], options={"prior": {"of_another_kind": 1.0}})
     page = target_page(replace(dossier, estimates=(odd,)))
-    assert "What the presses told" not in pictures(page)
+    assert "Posterior of each parameter" not in pictures(page)
     assert any("prior" in note and "draw" in note for note in page.notes)
 
 
@@ -257,7 +261,7 @@ def test_both_kinds_of_estimate_are_in_force() -> None:
     ]
     assert table(page, "Estimate in force (hardness)").rows[0][0] == "Young's modulus"
     assert table(page, "Estimate in force (inclusion)").rows[0][0] == "Diameter d"
-    assert {"Modulus", "What the presses told"} <= set(pictures(page))
+    assert {"Modulus", "Posterior of each parameter"} <= set(pictures(page))
     assert "Of the hardness: The modulus is identified." in page.notes
     assert str(page.provenance).count("'supersedes'") == 2
     newer = replace(hard, made=WHEN + timedelta(hours=1))

@@ -11,11 +11,15 @@ from tsis.calibration._apply import (
     read_usable_calibration,
 )
 from tsis.calibration._measured import MeasuredValue
+from tsis.calibration._press_frames import PressFrames, load_calibration, load_frames
 
 __all__ = [
     "MeasuredValue",
+    "PressFrames",
     "UsableCalibration",
     "apply_calibration",
+    "load_calibration",
+    "load_frames",
     "parse_usable_calibration",
     "read_usable_calibration",
 ]

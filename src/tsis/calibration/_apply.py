@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.calibration.file import ProbeCalibration, calibration_sha256, parse_calibration, read_calibration
 from tsis.calibration.force import ForceLine, total_grey
 from tsis.calibration.reference import CameraReference
+from tsis.model import ContentValue
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,7 +64,7 @@ def _force(calibration: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class UsableCalibration:
+class UsableCalibration(ContentValue):
     """A calibration with the identity by which results cite it."""
 
     calibration: ProbeCalibration
@@ -73,6 +74,10 @@ class UsableCalibration:
     def response(self) -> Calibration:
         """The response for estimates; `CalibrationError` when it was not measured."""
         return self.calibration.cited_response(self.identity)
+
+    def _repr_html_(self) -> str:
+        """The summary of the calibration."""
+        return self.calibration._repr_html_()
 
     def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
         """Corrected frames and the matching response; errors as `apply_calibration`."""

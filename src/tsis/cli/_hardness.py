@@ -228,7 +228,8 @@ def _outcome(
         shown.add_row(*(escape(cell) for cell in row))
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
-    readings = asdict(tsis.hardness.shore(result.mean["young_kpa"])) if result.trusted else None
+    withheld = result.withheld_reason("young_kpa")
+    readings = None if withheld else asdict(tsis.hardness.shore(result.mean["young_kpa"]))
     outcome = CommandOutcome(
         trusted=result.trusted,
         document=tsis.report.envelope(

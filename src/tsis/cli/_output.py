@@ -161,7 +161,7 @@ def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] |
     table = Table(title=escape(title))
     for heading in headings:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=not heading)
-    for name in result.samples:
+    for name in result.names:
         table.add_row(name, *_numbers(result, name), *([] if truth is None else [f"{truth[name]:.3g}"]))
     return table
 
@@ -170,13 +170,13 @@ def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
     """Cells of one parameter; of an estimate that is not to be trusted only what was believed before."""
     prior_sd = tsis.report.sd_text(result.prior_sd[name])
     if not result.trusted:
-        return tsis.report.withheld_reason(result, name), "", "", prior_sd, ""
+        return result.withheld_reason(name), "", "", prior_sd, ""
     low, high = result.interval(tsis.model.INTERVAL_LEVEL)[name]
     bound = result.cramer_rao_sd.get(name)  # of a hardness nobody computes it
     return (
-        tsis.report.withheld_reason(result, name) or f"{result.mean[name]:.3g}",
+        result.withheld_reason(name) or f"{result.mean[name]:.3g}",
         f"{low:.3g} to {high:.3g}",
-        tsis.report.sd_text(result.sd[name]),
+        tsis.report.sd_text(result.sd[name]) if result.identified(name) else "",
         prior_sd,
         "" if bound is None else tsis.report.sd_text(bound),
     )

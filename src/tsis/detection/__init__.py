@@ -39,7 +39,7 @@ from tsis.detection._operating import (
     held_out_counts,
     youden_point,
 )
-from tsis.detection._presence import ABSENCE_FLAG, PresenceProbability, presence
+from tsis.detection._presence import PresenceProbability, presence
 from tsis.detection._proportions import (
     Proportion,
     ProportionDifference,
@@ -52,7 +52,6 @@ from tsis.detection._repeatability import Repeatability, Reproducibility, repeat
 from tsis.detection._roc import Roc, roc
 
 __all__ = [
-    "ABSENCE_FLAG",
     "AucCovariance",
     "BlandAltman",
     "BrierScore",

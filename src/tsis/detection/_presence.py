@@ -14,14 +14,13 @@ import numpy as np
 from scipy.special import expit, logit
 
 from tsis.errors import InputError
-from tsis.inclusion import UNTRUSTED_FLAGS
+from tsis.inclusion import ABSENCE_FLAG, UNTRUSTED_FLAGS
 from tsis.model import LARGEST_EVIDENCE, Estimate, require_number, require_type
 
 PREVALENCE = (1e-9, 1 - 1e-9)  # range
 NEAREST_TO_ONE = 2.0**-53  # distance from 1 below which a probability rounds to 1
 NEAREST_TO_NONE = 5e-324
 LARGEST_EXPONENT = 709.0  # whose exponential does not overflow
-ABSENCE_FLAG = "no_inclusion"  # concerns the parameters of an inclusion, not its probability
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

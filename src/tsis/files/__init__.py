@@ -10,6 +10,7 @@ from tsis.files._atomic import (
     add_files,
     atomic_file,
     atomic_folder,
+    exclusive_lock,
     make_folder_durably,
     remove_unfinished,
     write_durably,
@@ -20,6 +21,7 @@ from tsis.files._cache import (
     cached_sha256,
     content_key,
     read_cached_arrays,
+    shipped_tables,
     write_cached,
     write_cached_arrays,
 )
@@ -40,7 +42,6 @@ from tsis.files._hash_chain import (
 )
 from tsis.files._image_checks import LARGEST_PIXELS, image_fault, png_fault, rows_missing, size_fault, without_metadata
 from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_or_none, json_bytes, parse_canonical
-from tsis.files._lock import exclusive_lock
 from tsis.files._names import snapshot_stems, target_folder
 from tsis.files._packed import require_bounded_arrays, without_packed_arrays
 from tsis.files._pictures import QUICK_PNG, decode_grey_png, encode_picture
@@ -49,6 +50,7 @@ from tsis.files._reading import (
     file_error,
     file_size,
     one_line,
+    own_file,
     parse_object,
     parse_toml,
     printable_name,
@@ -58,7 +60,9 @@ from tsis.files._reading import (
     read_object,
     read_parsed,
     text_lines,
+    written_by,
 )
+from tsis.files._result_schemas import RESULT_SCHEMAS, require_known_schema
 
 __all__ = [
     "DIGEST_BYTES",
@@ -71,6 +75,7 @@ __all__ = [
     "PRIVATE_FILE",
     "PRIVATE_FOLDER",
     "QUICK_PNG",
+    "RESULT_SCHEMAS",
     "SHA256",
     "UNFINISHED",
     "CsvRow",
@@ -105,6 +110,7 @@ __all__ = [
     "make_folder_durably",
     "npy_layout",
     "one_line",
+    "own_file",
     "parse_canonical",
     "parse_csv_rows",
     "parse_object",
@@ -123,7 +129,9 @@ __all__ = [
     "read_parsed",
     "remove_unfinished",
     "require_bounded_arrays",
+    "require_known_schema",
     "rows_missing",
+    "shipped_tables",
     "size_fault",
     "snapshot_stems",
     "table_bytes",
@@ -135,4 +143,5 @@ __all__ = [
     "write_cached",
     "write_cached_arrays",
     "write_durably",
+    "written_by",
 ]

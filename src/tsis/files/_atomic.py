@@ -1,4 +1,4 @@
-"""Atomic and durable writes: a file is whole or absent, whenever the machine or the program stops."""
+"""Atomic and durable writes, and locks of files: a file is whole or absent, whenever machine or program stops."""
 
 from __future__ import annotations
 
@@ -270,3 +270,34 @@ def _draft_of(requested: Path, disk: Disk) -> Path:
 def _require_new(requested: Path) -> None:
     if requested.name in ("", "..") or os.path.lexists(requested):
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(requested))
+
+
+@contextmanager
+def exclusive_lock(path: Path, *, wait: bool) -> Iterator[None]:
+    """Lock an existing folder or file, which nothing replaces; a lock file would outlive a killed process.
+
+    Windows and some network file systems have no such locks: nothing is locked there.
+
+    Raises
+    ------
+    BlockingIOError
+        When another process has the lock and ``wait`` is false.
+    OSError
+        When the path cannot be opened.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    import fcntl
+
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise
+        except OSError:  # no locks on this file system
+            pass
+        yield
+    finally:
+        os.close(handle)

@@ -1,7 +1,8 @@
 """A cache on disk of slow results, under the hash of their inputs.
 
 Each file starts with the SHA-256 of its key and payload; a file that does not match is never used. A cache that cannot
-be written is no error: the result is computed again next time.
+be written is no error: the result is computed again next time. The package ships the tables of the catalog's probes
+as a second cache, which is only read; `make tables` writes it.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import io
 import os
 import stat
 from contextlib import suppress
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,8 +46,17 @@ def content_key(content: Mapping[str, Any]) -> str:
 
 
 def read_cached(kind: str, key: str) -> bytes | None:
-    """The cached bytes, or None when they are missing or damaged."""
-    path = cache_folder() / kind / key
+    """The bytes from the cache or from the package, or None when they are missing or damaged."""
+    cached = _read(cache_folder() / kind / key, key)
+    return _read(shipped_tables() / kind / key, key) if cached is None else cached
+
+
+def shipped_tables() -> Path:
+    """The folder of the tables that ship with the package."""
+    return Path(str(files("tsis"))) / "tables"
+
+
+def _read(path: Path, key: str) -> bytes | None:
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode) or status.st_size > LARGEST_CACHED_BYTES:  # reading a pipe may never end

@@ -6,6 +6,7 @@ import io
 import json
 import stat
 import tomllib
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -23,6 +24,7 @@ LARGEST_OBJECT_BYTES = 8 * 2**20
 MOST_VALUES, DEEPEST = 200_000, 64
 _LARGEST_UTF8_BYTES = 8 * 2**20  # a larger file must be ASCII, as tsis writes it: else a letter may take 4 bytes
 _LONGEST_SHOWN = 120
+LONGEST_FILE_NAME = 255  # bytes, as file systems allow
 
 
 def printable_path(path: Path) -> str:
@@ -40,6 +42,32 @@ def printable_path(path: Path) -> str:
 def file_error(path: Path, requirement: str, kind: type[TsisError] = FileInputError) -> TsisError:
     """The error on a file or folder, whose printable path begins the message, e.g. ``"must be a file"``."""
     return kind(f"{printable_path(path)} {requirement}")
+
+
+def own_file(folder: Path, name: str) -> Path:
+    """The file of this name in a folder; `FileInputError` for names that lead elsewhere, and for links."""
+    path = folder / name
+    if not _is_safe_name(name) or name in ("", ".", ".."):
+        raise file_error(folder, f"must name files of its own; it names {name!r:.80}")
+    if path.is_symlink():
+        raise file_error(path, "must be a file of its own; it is a link that leads elsewhere")
+    return path
+
+
+def _is_safe_name(name: str) -> bool:
+    return name.isprintable() and len(name.encode()) <= LONGEST_FILE_NAME and not any(mark in name for mark in "/\\")
+
+
+@contextmanager
+def written_by(command: str, path: Path) -> Iterator[None]:
+    """Convert errors of the values in a file that a command writes to `FileInputError`."""
+    try:
+        yield
+    except FileInputError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
+        fault = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
+        raise file_error(path, f"must be as {command} wrote it; {fault}") from error
 
 
 def printable_name(path: Path) -> str:

@@ -16,6 +16,7 @@ from tsis.hardness._sphere import require_small_sphere
 from tsis.hardness._table import WIDEST_FRACTION, build_contact_table
 from tsis.hardness._verdict import UNTRUSTED_FLAGS, findings, identifiability
 from tsis.model import (
+    NOT_TRUSTED,
     Calibration,
     Estimate,
     Probe,
@@ -189,12 +190,13 @@ def estimate(
         likelihood = HardnessLikelihood(presses, table=table, calibration=calibration, drift_sd=drift_sd)
         result = explore_modulus(likelihood, prior, radius)
     flagged = findings(presses, likelihood, result, prior, radius)
+    causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
     return Estimate(
         samples={"young_kpa": result.young_kpa},
         prior_sd={"young_kpa": prior.young_sd_kpa},
-        identifiability=identifiability(result, prior),
+        identifiability=NOT_TRUSTED if causes else identifiability(result, prior),
         prior=str(prior),
-        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged),
+        trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),
         notes=tuple(note for _, note in flagged),
         provenance={

@@ -18,6 +18,7 @@ from tsis.imaging import features, height_surface
 from tsis.matching import fit_spline, match_points, spread_out
 from tsis.model import (
     MN_PER_N,
+    ContentValue,
     TactileImage,
     require_array,
     require_integer,
@@ -110,7 +111,7 @@ LEAST_STRAIN = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PrintedHardness:
+class PrintedHardness(ContentValue):
     """Result of the printed pipeline for two frames.
 
     Attributes

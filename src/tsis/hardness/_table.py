@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, replace
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -221,7 +219,7 @@ def build_contact_table(
     def solved() -> dict[str, NDArray[np.float64]]:
         return _solve(unit, resolution, progress)
 
-    arrays = (_shipped(key) or cached_arrays(KIND, key, solved)) if cached else solved()
+    arrays = cached_arrays(KIND, key, solved) if cached else solved()
     curves = {name: arrays[name] for name in ("coefficients", "softness", "deepest", "error")}
     return ContactTable(**curves, skin_compliance=skin_compliance(probe), key=key)
 
@@ -233,14 +231,6 @@ def _rounded(content: Any) -> Any:
     if isinstance(content, (list, tuple)):
         return [_rounded(value) for value in content]
     return float(f"{content:.10g}") if isinstance(content, float) else content
-
-
-def _shipped(key: str) -> dict[str, NDArray[np.float64]] | None:
-    """A table shipped with the package: those of the catalog's flat probes."""
-    file = files(__package__) / "tables" / f"{key}.json"
-    if not file.is_file():
-        return None
-    return {name: np.asarray(values) for name, values in json.loads(file.read_text(encoding="utf-8")).items()}
 
 
 def _solve(

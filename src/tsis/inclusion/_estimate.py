@@ -21,6 +21,7 @@ from tsis.inclusion._frames import (
 )
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._verdict import (
+    ABSENCE_FLAG,
     UNTRUSTED_FLAGS,
     cramer_rao_sd,
     findings,
@@ -42,6 +43,7 @@ from tsis.inclusion.posterior import (
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import (
     IMPROBABLE,
+    NOT_TRUSTED,
     Calibration,
     Estimate,
     Probe,
@@ -154,15 +156,17 @@ def estimate(
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
             flagged.append(misfit_finding(chance, disagree=disagree))
     flagged += _contact_findings(targets + references, surrogate, reading.likelihood, result, prior)
+    causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
     return Estimate(
         samples=dict(zip(PARAMETERS, result.samples.T, strict=True)),
         prior_sd=prior.sd,
         cramer_rao_sd=cramer_rao_sd(result),
         presence=result.presence,
         log_bayes_factor=result.log_bayes_factor,
-        identifiability=identifiability(result, prior),
+        identifiability=NOT_TRUSTED if causes else identifiability(result, prior),
         prior=str(prior),
-        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged),
+        presence_trusted=not causes - {ABSENCE_FLAG},
+        trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),
         notes=tuple(note for _, note in flagged),
         provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
@@ -220,7 +224,7 @@ def _contact_findings(
         (
             "contact_not_whole",
             f"At {least:g} N the dome touches the estimated inclusion only in part; the model assumes full contact, "
-            f"from {needed:.2g} N on.",
+            f"from {needed:.2g} N on: press harder.",
         )
     ]
 

@@ -25,6 +25,7 @@ OFF_AXIS_MM = 3.0  # limit of the off-axis model
 NEARLY_CERTAIN = 0.95  # probability of an inclusion below which presence is flagged
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}
 NAMES = {"diameter_mm": "diameter", "depth_mm": "depth", "young_kpa": "modulus"}
+ABSENCE_FLAG = "no_inclusion"  # concerns the parameters of an inclusion, not its probability
 UNTRUSTED_FLAGS = frozenset(  # the model is not valid, or nothing can be measured
     (
         "model_does_not_fit",
@@ -32,7 +33,7 @@ UNTRUSTED_FLAGS = frozenset(  # the model is not valid, or nothing can be measur
         "not_one_round_inclusion",
         "off_axis",
         "contact_not_whole",
-        "no_inclusion",
+        ABSENCE_FLAG,
     )
 )
 
@@ -71,12 +72,13 @@ def misfit_finding(chance: float, *, disagree: bool) -> Finding:
         return (
             "presses_disagree",
             f"The presses contradict each other (chance below {probability_bound(chance)}): each fits an inclusion, "
-            "but not the same inclusion.",
+            "but not the same inclusion: press one place, and only along the axis.",
         )
     return (
         "model_does_not_fit",
-        f"This is not a single sphere in a uniform slab, or the calibration is wrong: the model does not explain the "
-        f"frames (chance below {probability_bound(chance)}), and the intervals cannot be trusted.",
+        f"The model does not explain the frames (chance below {probability_bound(chance)}): this is not a single "
+        "sphere in a uniform slab, or the calibration is wrong. Calibrate this probe anew, and press where the tissue "
+        "is even.",
     )
 
 
@@ -125,14 +127,14 @@ def _presence_findings(presence: float) -> list[Finding]:
         return [
             (
                 "inclusion_uncertain",
-                f"Whether there is an inclusion is uncertain: probability {presence:.2g}; the numbers assume one.",
+                "Whether there is an inclusion is uncertain; the numbers assume one.",
             )
         ]
     return [
         (
-            "no_inclusion",
-            f"Tissue without inclusion explains the frames: the probability of an inclusion is {presence:.1e}; the "
-            "numbers describe one that could remain undetected.",
+            ABSENCE_FLAG,
+            "Tissue without inclusion explains the frames: the numbers describe an inclusion that could remain "
+            "undetected. To detect a smaller or deeper one, press harder.",
         )
     ]
 
@@ -162,7 +164,7 @@ INCLUSION_FLAGS = MappingProxyType(
         "cropped": "a part of the profile's disc lies outside the picture",
         "tilted": "a reference press is brighter on one side: the probe is tilted",
         "roundness_not_checked": "too few rings are visible to check whether the change is round",
-        "no_inclusion": "tissue without inclusion explains the frames",
+        ABSENCE_FLAG: "tissue without inclusion explains the frames",
         "off_axis": "the inclusion lies too far from the probe's axis",
         "contact_not_whole": "the dome touches the estimated inclusion only in part",
         "not_one_round_inclusion": "the change between target and reference is not round",

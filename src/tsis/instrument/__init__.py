@@ -16,13 +16,14 @@ from tsis.instrument._discovery import (
 )
 from tsis.instrument._image_files import png_bytes, read_colour, read_image, whole_levels
 from tsis.instrument._quiet import quiet_decoders
-from tsis.instrument._snapshot import FORMATS, SIDECAR_FORMAT, SIDECAR_VERSION, Snapshot, save_snapshot
+from tsis.instrument._snapshot import FORMATS, RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION, Snapshot, save_snapshot
 
 __all__ = [
     "FORMATS",
     "LATE_FRAMES",
     "LIVE_SOURCES",
     "PRESETS",
+    "RAW_ENDINGS",
     "SIDECAR_FORMAT",
     "SIDECAR_VERSION",
     "SOURCES",

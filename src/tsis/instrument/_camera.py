@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from tsis.errors import CameraError
-from tsis.model import TactileImage, require_array, require_number, require_one_of, require_type
+from tsis.model import ContentValue, TactileImage, require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -129,7 +129,7 @@ def checked_setting(settings: Iterable[Setting], name: str, value: float, *, cam
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+class Frame(ContentValue):
     """A raw frame of a camera.
 
     Parameters

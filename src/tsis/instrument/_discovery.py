@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
-from tsis.model import require_number, require_one_of, require_type
+from tsis.model import ContentValue, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -71,7 +71,7 @@ _TIMEOUT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CameraListing:
+class CameraListing(ContentValue):
     """Results of a search.
 
     Parameters

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("bmp", "png", "jpg")
 SIDECAR_FORMAT, SIDECAR_VERSION = "tsis-snapshot", 1
+RAW_ENDINGS = ("-raw.bmp", "-raw.png")  # of the raw frame, after the stem of its sidecar
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,18 +1,20 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
 from tsis.model._calibration import Calibration, LightMap
+from tsis.model._content import ContentValue
 from tsis.model._estimate import (
     IMPROBABLE,
-    INTERVAL_LEVEL,
     LARGEST_EVIDENCE,
     NO_UNIT,
     NOT_IDENTIFIED,
+    NOT_TRUSTED,
     UNITS,
     Estimate,
     label_of,
     probability_bound,
     unit_of,
 )
+from tsis.model._html import summary_html
 from tsis.model._image import (
     LARGEST_PIXEL_MM,
     SMALLEST_PIXEL_MM,
@@ -20,8 +22,16 @@ from tsis.model._image import (
     require_image_numbers,
     require_pixel_scale,
 )
-from tsis.model._image_series import as_images, grey_sha256, require_image_series, require_same_probe
+from tsis.model._image_series import (
+    as_images,
+    grey_sha256,
+    image_from_xarray,
+    image_stack,
+    require_image_series,
+    require_same_probe,
+)
 from tsis.model._phantom import INCLUSION_RANGES, Inclusion, Phantom, Relaxation, SoftSphere
+from tsis.model._posterior import INTERVAL_LEVEL, PosteriorSamples
 from tsis.model._press import MN_PER_N, PressField, PressMap, interpolation_matrix, require_ascending
 from tsis.model._probe import FOUR_LEDS, Glass, Layer, Led, Probe
 from tsis.model._require import (
@@ -44,10 +54,12 @@ __all__ = [
     "LARGEST_PIXEL_MM",
     "MN_PER_N",
     "NOT_IDENTIFIED",
+    "NOT_TRUSTED",
     "NO_UNIT",
     "SMALLEST_PIXEL_MM",
     "UNITS",
     "Calibration",
+    "ContentValue",
     "Estimate",
     "Glass",
     "Inclusion",
@@ -55,6 +67,7 @@ __all__ = [
     "Led",
     "LightMap",
     "Phantom",
+    "PosteriorSamples",
     "PressField",
     "PressMap",
     "Probe",
@@ -65,6 +78,8 @@ __all__ = [
     "freeze_arrays",
     "freeze_mappings",
     "grey_sha256",
+    "image_from_xarray",
+    "image_stack",
     "interpolation_matrix",
     "label_of",
     "probability_bound",
@@ -79,5 +94,6 @@ __all__ = [
     "require_pixel_scale",
     "require_same_probe",
     "require_type",
+    "summary_html",
     "unit_of",
 ]

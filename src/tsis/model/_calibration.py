@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from tsis.errors import InputError
+from tsis.model._content import ContentValue
+from tsis.model._html import summary_html
 from tsis.model._press import interpolation_matrix, require_on_grid
 from tsis.model._require import require_number, require_type
 
@@ -23,7 +25,7 @@ FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LightMap:
+class LightMap(ContentValue):
     """Light on the face from inside, over a coarse grid, and its change with displacement and tilt of the face.
 
     Attributes
@@ -224,3 +226,16 @@ class Calibration:
         """The fields by name, with the hash of the light map in place of the map."""
         light = None if self.light is None else self.light.sha256
         return asdict(replace(self, light=None)) | {"light": light}
+
+    def _repr_html_(self) -> str:
+        """The response and its uncertainties."""
+        light = "even" if self.light is None else f"map of {' x '.join(map(str, self.light.relative.shape))} points"
+        rows = [
+            ("probe", self.probe or "unknown"),
+            ("gain", f"{self.gain_grey_per_kpa:.4g} grey levels per kPa, sd {self.gain_sd:.2%}"),
+            ("saturation", f"{self.saturation_kpa:.4g} kPa"),
+            ("background", f"{self.background_grey:.4g} grey levels"),
+            ("force", f"sd {self.force_sd:.2%}"),
+            ("light", light),
+        ]
+        return summary_html(self.name or "Calibration", rows)

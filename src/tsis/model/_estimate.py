@@ -1,21 +1,28 @@
-"""An estimate: samples of the posterior and their summary."""
+"""An estimate: a posterior, and whether its numbers may be used."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.errors import InputError
-from tsis.model._require import freeze_mappings, require_array, require_number, require_one_of, require_type
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.errors import InputError, UntrustedError
+from tsis.model._content import ContentValue
+from tsis.model._exchange import posterior_for_arviz
+from tsis.model._html import summary_html
+from tsis.model._posterior import INTERVAL_LEVEL, ParameterValues, PosteriorSamples
+from tsis.model._require import freeze_mappings, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-INTERVAL_LEVEL = 0.9  # default probability of intervals
+NOT_TRUSTED = "The numbers of this estimate are not to be trusted, for a reason named below."
+NOT_IDENTIFIED_FLAG = "_not_identified"  # after the name of the parameter
 IMPROBABLE = 1e-4  # p-value of the model below which results say so
 NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which a parameter is not identified
 LARGEST_EVIDENCE = 1e12
@@ -31,9 +38,9 @@ def probability_bound(chance: float) -> str:
     return f"1e{np.ceil(np.log10(max(chance, LEAST_CHANCE))):+03.0f}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Estimate:
-    """Posterior samples by parameter name, with the standard deviations of the prior.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, init=False, repr=False)
+class Estimate(ContentValue):
+    """A posterior whose numbers are withheld where they must not be used.
 
     Parameters
     ----------
@@ -46,6 +53,9 @@ class Estimate:
         data contain no information, empty where not computed.
     presence
         Probability that an inclusion is present; None where not computed.
+    presence_trusted
+        Whether ``presence`` may be used; by default where the estimate is trusted. Tissue without an inclusion has no
+        numbers to trust, but a presence.
     log_bayes_factor
         Natural logarithm of the Bayes factor of presence, unrounded: it ranks targets whose probabilities are near 1.
     identifiability
@@ -53,13 +63,24 @@ class Estimate:
     prior
         A description of the prior.
     trusted
-        False where a flag tells that the model does not hold; then no number here should be used.
+        False where a flag tells that the model does not hold; then the numbers are withheld.
     flags
         Short names of warnings, e.g. ``"young_kpa_not_identified"``.
     notes
         A message for each flag or parameter.
     provenance
         Version, inputs and calibration of the estimate.
+    untrusted
+        The posterior whose numbers are never withheld, instead of ``samples`` and ``prior_sd``.
+
+    Raises
+    ------
+    UntrustedError
+        By `mean`, `sd`, `interval`, `samples` and `narrowing` of an estimate that is not trusted.
+    NotIdentifiedError
+        By `mean` and `sd` of a parameter that the data do not identify.
+    UnknownNameError
+        By any of them for a name that is no parameter.
 
     Examples
     --------
@@ -70,72 +91,203 @@ class Estimate:
     [4.5, 5.5]
     """
 
-    samples: Mapping[str, NDArray[np.float64]]
-    prior_sd: Mapping[str, float]
-    cramer_rao_sd: Mapping[str, float] = field(default_factory=dict)
-    presence: float | None = None
-    log_bayes_factor: float | None = None
-    identifiability: str = ""
-    prior: str = ""
-    trusted: bool = True
-    flags: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    untrusted: PosteriorSamples
+    cramer_rao_sd: Mapping[str, float]
+    presence: float | None
+    presence_trusted: bool
+    log_bayes_factor: float | None
+    identifiability: str
+    prior: str
+    trusted: bool
+    flags: tuple[str, ...]
+    notes: tuple[str, ...]
+    provenance: Mapping[str, Any]
 
-    def __post_init__(self) -> None:
-        for name in ("samples", "prior_sd", "cramer_rao_sd", "provenance"):
+    def __init__(
+        self,
+        *,
+        samples: Mapping[str, Any] | None = None,
+        prior_sd: Mapping[str, float] | None = None,
+        cramer_rao_sd: Mapping[str, float] = MappingProxyType({}),
+        presence: float | None = None,
+        presence_trusted: bool | None = None,
+        log_bayes_factor: float | None = None,
+        identifiability: str = "",
+        prior: str = "",
+        trusted: bool = True,
+        flags: tuple[str, ...] = (),
+        notes: tuple[str, ...] = (),
+        provenance: Mapping[str, Any] = MappingProxyType({}),
+        untrusted: PosteriorSamples | None = None,
+    ) -> None:
+        if untrusted is not None:
+            samples = untrusted.samples if samples is None else samples
+            prior_sd = untrusted.prior_sd if prior_sd is None else prior_sd
+        if samples is None or prior_sd is None:
+            raise InputError("samples and prior_sd must be mappings; got None: give both, or untrusted")
+        values = {
+            "untrusted": PosteriorSamples(samples=samples, prior_sd=prior_sd),
+            "cramer_rao_sd": cramer_rao_sd,
+            "presence": presence,
+            "presence_trusted": trusted if presence_trusted is None else presence_trusted,
+            "log_bayes_factor": log_bayes_factor,
+            "identifiability": identifiability,
+            "prior": prior,
+            "trusted": trusted,
+            "flags": flags,
+            "notes": notes,
+            "provenance": provenance,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        self._check()
+        freeze_mappings(self, "cramer_rao_sd", "provenance")
+
+    def _check(self) -> None:
+        for name in ("cramer_rao_sd", "provenance"):
             require_type(name, getattr(self, name), Mapping)
         for name in ("identifiability", "prior"):
             require_type(name, getattr(self, name), str)
-        require_type("trusted", self.trusted, bool)
+        for name in ("trusted", "presence_trusted"):
+            require_type(name, getattr(self, name), bool)
         require_type("flags", self.flags, tuple)
         require_type("notes", self.notes, tuple)
-        samples = {name: require_array(name, values, ndim=1) for name, values in self.samples.items()}
-        if set(samples) != set(self.prior_sd):
-            raise InputError(
-                f"samples and prior_sd must name the same parameters; got {set(samples)} and {set(self.prior_sd)}"
-            )
-        for name, sd in self.prior_sd.items():
-            require_number(f"prior_sd[{name!r}]", sd, 1e-300, 1e300)
         for name, sd in self.cramer_rao_sd.items():
-            require_one_of("parameter", name, samples)
+            require_one_of("parameter", name, self.names)
             if not isinstance(sd, float) or not sd > 0:
                 raise InputError(f"cramer_rao_sd[{name!r}] must be positive; got {sd!r}")
         if self.presence is not None:
             require_number("presence", self.presence, 0.0, 1.0, hint="a probability")
         if self.log_bayes_factor is not None:
             require_number("log_bayes_factor", self.log_bayes_factor, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
-        object.__setattr__(self, "samples", samples)
-        freeze_mappings(self, "samples", "prior_sd", "cramer_rao_sd", "provenance")
 
     @property
-    def mean(self) -> dict[str, float]:
-        """Posterior mean of each parameter."""
-        return {name: float(values.mean()) for name, values in self.samples.items()}
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(self.untrusted.samples)
 
     @property
-    def sd(self) -> dict[str, float]:
-        """Posterior standard deviation of each parameter."""
-        return {name: float(values.std()) for name, values in self.samples.items()}
+    def prior_sd(self) -> Mapping[str, float]:
+        """Prior standard deviation of each parameter."""
+        return self.untrusted.prior_sd
+
+    @property
+    def samples(self) -> Mapping[str, NDArray[np.float64]]:
+        """Equally weighted posterior samples of each parameter, shape (n,)."""
+        return MappingProxyType(ParameterValues(self._trusted_posterior().samples))
+
+    @property
+    def mean(self) -> Mapping[str, float]:
+        """Posterior mean of each parameter that the data identify."""
+        return ParameterValues(self._trusted_posterior().mean, self._not_identified())
+
+    @property
+    def sd(self) -> Mapping[str, float]:
+        """Posterior standard deviation of each parameter that the data identify."""
+        return ParameterValues(self._trusted_posterior().sd, self._not_identified())
 
     @property
     def narrowing(self) -> dict[str, float]:
         """Posterior over prior standard deviation; 1 where the data contain no information."""
-        return {name: sd / self.prior_sd[name] for name, sd in self.sd.items()}
-
-    def identified(self, name: str) -> bool:
-        """Whether the data identify a parameter, so that its mean is meaningful."""
-        return f"{name}_not_identified" not in self.flags
+        return ParameterValues(self._trusted_posterior().narrowing)
 
     def interval(self, level: float = INTERVAL_LEVEL) -> dict[str, tuple[float, float]]:
         """Equal-tailed credible interval of each parameter, in the unit of its name.
 
         ``level`` is its probability, in (0, 1); else `InputError`.
         """
-        require_number("level", level, 1e-6, 1.0 - 1e-6)
-        tails = (0.5 - level / 2, 0.5 + level / 2)
-        bounds = {name: np.quantile(values, tails) for name, values in self.samples.items()}
-        return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}
+        return ParameterValues(self._trusted_posterior().interval(level))
+
+    def identified(self, name: str) -> bool:
+        """Whether the data identify a parameter, so that its mean is meaningful."""
+        require_one_of("parameter", name, self.names)
+        return f"{name}{NOT_IDENTIFIED_FLAG}" not in self.flags
+
+    def withheld_reason(self, name: str) -> str:
+        """Why the mean of a parameter is withheld; empty where it is not."""
+        if not self.trusted:
+            return "not to be trusted"
+        return "" if self.identified(name) else "not identified"
+
+    @property
+    def printed_notes(self) -> tuple[str, ...]:
+        """The notes; of an untrusted estimate those without withheld numbers."""
+        if self.trusted or len(self.notes) != len(self.flags):
+            return self.notes
+        pairs = zip(self.flags, self.notes, strict=True)
+        return tuple(note for flag, note in pairs if not flag.endswith(NOT_IDENTIFIED_FLAG))
+
+    @property
+    def printed_identifiability(self) -> str:
+        """The message on which parameters the data identify; of an untrusted estimate that its numbers are withheld."""
+        return self.identifiability if self.trusted else NOT_TRUSTED
+
+    @property
+    def printed_presence(self) -> float | None:
+        """The probability of an inclusion; None where it is unknown or not to be trusted."""
+        return self.presence if self.presence_trusted else None
+
+    def __repr__(self) -> str:
+        if not self.trusted:
+            return f"Estimate(not trusted: {', '.join(self.flags)}; of {', '.join(self.names)})"
+        intervals = (f"{name}={low:.3g}..{high:.3g}" for name, (low, high) in self.interval().items())
+        return f"Estimate(90 %: {', '.join(intervals)}; flags: {', '.join(self.flags) or 'none'})"
+
+    def _not_identified(self) -> list[str]:
+        return [name for name in self.names if not self.identified(name)]
+
+    def _trusted_posterior(self) -> PosteriorSamples:
+        if self.trusted:
+            return self.untrusted
+        raise UntrustedError(
+            " ".join(
+                (
+                    f"this estimate must not be used, because it is not trusted ({', '.join(self.flags)}).",
+                    *self.printed_notes,
+                    "Its attribute untrusted gives the numbers all the same.",
+                )
+            )
+        )
+
+    def to_arviz(self) -> Any:
+        """The posterior for ArviZ: an ``InferenceData`` before its release 1, else a ``DataTree``.
+
+        The samples are one chain of the group ``posterior``, each parameter with its unit, the standard deviation of
+        its prior, and whether the data identify it. Raises `MissingExtraError` without the extra ``analysis``.
+        """
+        presence = {} if self.printed_presence is None else {"presence": self.printed_presence}
+        return posterior_for_arviz(
+            self.samples,
+            variables={
+                name: {"units": unit_of(name), "prior_sd": sd, "identified": int(self.identified(name))}
+                for name, sd in self.prior_sd.items()
+            },
+            attributes={
+                "notice": RESEARCH_USE_ONLY,
+                "inference_library": "tsis",
+                "inference_library_version": __version__,
+                "prior": self.prior,
+                "flags": ", ".join(self.flags),
+                **presence,
+            },
+        )
+
+    def _repr_html_(self) -> str:
+        """The means and intervals that are not withheld, and the flags."""
+        rows = [(f"{label_of(name)} / {unit_of(name)}", *self._cells(name)) for name in self.prior_sd]
+        if (chance := self.printed_presence) is not None:
+            bound = "above 0.999" if chance > 0.999 else "below 0.001" if chance < 0.001 else ""
+            rows.append(("probability of an inclusion", bound or f"{chance:.3g}"))
+        rows.append(("flags", ", ".join(self.flags) or "none"))
+        return summary_html("Estimate", rows, headings=("", "mean", "90 % interval"), result=True)
+
+    def _cells(self, name: str) -> tuple[str, ...]:
+        """Mean and interval of a parameter, or the reason for which they are withheld."""
+        withheld = self.withheld_reason(name)
+        if not self.trusted:
+            return (withheld,)
+        low, high = self.interval()[name]
+        return withheld or f"{self.mean[name]:.3g}", f"{low:.3g} to {high:.3g}"
 
 
 UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_deg": "deg"}  # as UCUM writes them

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import InputError
+from tsis.model._content import ContentValue
+from tsis.model._exchange import grey_for_xarray
+from tsis.model._html import summary_html, thumbnail
 from tsis.model._require import freeze_mappings, require_array, require_number, require_pair
 
 if TYPE_CHECKING:
@@ -47,7 +51,7 @@ def require_image_numbers(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TactileImage:
+class TactileImage(ContentValue):
     """A grey frame of the pressed probe.
 
     Parameters
@@ -108,3 +112,34 @@ class TactileImage:
         if self.mm_per_pixel is None:
             raise InputError("mm_per_pixel is not known for this image; give the size of a pixel in millimetres")
         return self.mm_per_pixel
+
+    def to_xarray(self) -> Any:
+        """The grey levels as an ``xarray.DataArray`` with the dimensions ``y`` and ``x``.
+
+        Coordinates are in mm from the probe's axis, or in pixels where the scale is unknown. `image_from_xarray` gives
+        the image back. Raises `MissingExtraError` without the extra ``analysis``.
+        """
+        force = {} if self.force_n is None else {"force_n": self.force_n}
+        return grey_for_xarray(
+            self.grey,
+            axis_px=self.axis(),
+            mm_per_pixel=self.mm_per_pixel,
+            attributes={
+                **force,
+                "full_scale": self.full_scale,
+                "frame": self.name,
+                "settings": json.dumps(dict(self.settings), default=str),
+            },
+        )
+
+    def _repr_html_(self) -> str:
+        """A small picture with size, scale and force."""
+        rows, columns = self.grey.shape
+        scale = "unknown" if self.mm_per_pixel is None else " x ".join(f"{size:.4g}" for size in self.mm_per_pixel)
+        entries = [
+            ("pixels", f"{columns} x {rows}"),
+            ("mm per pixel", scale),
+            ("force", "unknown" if self.force_n is None else f"{self.force_n:.4g} N"),
+            ("grey levels", f"{self.grey.min():.4g} to {self.grey.max():.4g} of {self.full_scale:g}"),
+        ]
+        return summary_html(self.name or "TactileImage", entries, picture=thumbnail(self.grey, self.full_scale))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from tsis.errors import InputError
+from tsis.model._content import ContentValue
 from tsis.model._require import require_array
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ CELL_SAMPLES = 6  # points along each side of a grid cell over which a pressure 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PressField:
+class PressField(ContentValue):
     """Displacement of the face and contact pressure, both over the face radius, of an axisymmetric press.
 
     Attributes
@@ -120,7 +121,7 @@ class PressField:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PressMap:
+class PressMap(ContentValue):
     """Displacement of the face and contact pressure over a rectangular grid, for any press.
 
     Attributes

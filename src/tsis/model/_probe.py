@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from tsis.errors import InputError
+from tsis.model._html import summary_html
 from tsis.model._require import require_number, require_type
 
 if TYPE_CHECKING:
@@ -231,3 +232,20 @@ class Probe:
         curvature = self.face_curvature_mm
         # This form avoids the cancellation of two large numbers on nearly flat faces.
         return np.asarray(radius**2 / (curvature + np.sqrt(curvature**2 - radius**2)))
+
+    def _repr_html_(self) -> str:
+        """The layers from the tissue up, with face, glass and lamps."""
+        face = "flat" if self.face_curvature_mm is None else f"domed, radius of curvature {self.face_curvature_mm:g} mm"
+        layers = [
+            (f"layer {number}", f"{layer.thickness_mm:g} mm, {layer.young_kpa:g} kPa, index {layer.refractive_index:g}")
+            for number, layer in enumerate(self.layers, start=1)
+        ]
+        rows = [
+            ("radius", f"{self.radius_mm:g} mm"),
+            ("face", face),
+            *layers,
+            ("glass", f"{self.glass.thickness_mm:g} mm, index {self.glass.refractive_index:g}"),
+            ("lamps", str(len(self.leds))),
+            ("assumed", ", ".join(self.assumed) or "nothing"),
+        ]
+        return summary_html(self.name or "Probe", rows)

@@ -10,14 +10,20 @@ from tsis.plots._detection import (
     roc_curve,
     scores_by_truth,
 )
-from tsis.plots._estimate import LABELS, design_errors, marginal, trade_off
+from tsis.plots._estimate import LABELS, design_errors, marginal, posterior, trade_off
 from tsis.plots._hardness import contact_growth, contact_rows, modulus, modulus_readings
 from tsis.plots._image import relief, ring_profile, tactile_image
 from tsis.plots._matching import TRIAL_COLOURS, curves_over_levels, point_sets, trial_errors
-from tsis.plots._optics import guide_index, guide_light, light_on_face, light_out_of_the_top, mode_profiles, ray_picture
-from tsis.plots._probe import probe_section
-from tsis.plots._relative import repeated_readings
-from tsis.plots._tracking import light_over_time, light_path
+from tsis.plots._optics import (
+    guide_index,
+    guide_light,
+    light_on_face,
+    light_out_of_the_top,
+    mode_profiles,
+    probe_section,
+    ray_picture,
+)
+from tsis.plots._sequences import light_over_time, light_path, repeated_readings
 
 __all__ = [
     "LABELS",
@@ -45,6 +51,7 @@ __all__ = [
     "modulus",
     "modulus_readings",
     "point_sets",
+    "posterior",
     "probe_section",
     "ray_picture",
     "read_over_true",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +27,8 @@ def marginal(
 ) -> Axes:
     """Draw the posterior density of a parameter with its 90 % interval, the uniform prior and the truth if known.
 
-    ``prior_range`` has the ends of the prior, which set the axis.
+    ``prior_range`` has the ends of the prior, which set the axis. An estimate that is not trusted raises
+    `UntrustedError`.
     """
     low, high = prior_range
     ax.plot([low, low, high, high], [0, 1 / (high - low), 1 / (high - low), 0], color="0.4", label="prior")
@@ -56,6 +58,27 @@ def trade_off(
         ax.plot(*truth, "x", color=TRUTH, markersize=10, markeredgewidth=2)
     ax.set(xlabel=LABELS.get(first, first), ylabel=LABELS.get(second, second))
     return ax
+
+
+def posterior(estimate: Estimate, figure: Figure | None = None) -> Figure:
+    """Draw the posterior of every parameter, with its 90 % interval and its prior, side by side.
+
+    An estimate that is not trusted shows its flags instead: it has no number to show. ``figure`` is an empty figure;
+    None makes one.
+    """
+    names = tuple(estimate.prior_sd)
+    figure = Figure(figsize=(3.2 * len(names), 2.8), layout="constrained") if figure is None else figure
+    priors = estimate.provenance.get("prior", {})
+    for name, ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
+        ax.set(xlabel=LABELS.get(name, name), yticks=[])
+        if not estimate.trusted:
+            ax.set(xticks=[])
+            ax.text(0.5, 0.5, "\n".join(("not to be trusted", *estimate.flags)), ha="center", va="center", fontsize=7)
+        elif isinstance(priors.get(name), (tuple, list)):
+            marginal(estimate, name, ax, prior_range=tuple(priors[name]))
+        else:
+            draw_posterior(estimate, name, ax, None)
+    return figure
 
 
 WITHIN_LIMITS, BEYOND_LIMITS = "#0072b2", "#d55e00"  # distinct without red-green vision, and by the marker

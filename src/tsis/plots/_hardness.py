@@ -29,7 +29,7 @@ def modulus(estimate: Estimate, ax: Axes, *, truth_kpa: float | None = None) -> 
 
 
 def contact_growth(estimate: Estimate, ax: Axes, *, table: ContactTable) -> Axes:
-    """Draw measured contact radii over the force, and those of the estimated moduli.
+    """Draw measured contact radii over the force, and those of the estimated moduli where the estimate is trusted.
 
     The provenance of the estimate, of `tsis.hardness.estimate`, holds the presses; ``table`` is that of the probe.
     """
@@ -38,15 +38,18 @@ def contact_growth(estimate: Estimate, ax: Axes, *, table: ContactTable) -> Axes
     radii = np.array([press["seen"]["radius_mm"] for press in presses])
     ax.plot(forces, radii, "o", color=TRUTH, label="frames")
     radius_mm = estimate.provenance["radius"]["radius_mm"]
-    if radius_mm is not None:
+    if radius_mm is not None and estimate.trusted:
         poisson = float(np.mean(estimate.provenance["prior"]["poisson"]))
         along = np.linspace(0.5 * forces.min(), 1.1 * forces.max(), CURVE_POINTS)
         low, high = estimate.interval(0.9)["young_kpa"]
-        soft, middle, stiff = (
-            np.exp(table.log_radius(young, poisson, radius_mm, along))
-            for young in (low, estimate.mean["young_kpa"], high)
-        )
-        ax.plot(along, middle, color=POSTERIOR, label=f"sphere of {estimate.mean['young_kpa']:.3g} kPa")
+
+        def radius(young_kpa: float) -> NDArray[np.float64]:
+            return np.asarray(np.exp(table.log_radius(young_kpa, poisson, radius_mm, along)))
+
+        soft, stiff = radius(low), radius(high)
+        if "young_kpa" in estimate.mean:
+            mean = estimate.mean["young_kpa"]
+            ax.plot(along, radius(mean), color=POSTERIOR, label=f"sphere of {mean:.3g} kPa")
         ax.fill_between(along, stiff, soft, color=POSTERIOR, alpha=0.15, label="90 % interval")
     ax.set(xlabel="force F / N", ylabel="contact radius a / mm")
     ax.legend(frameon=False)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.files import SHA256
 from tsis.hardness import HARDNESS_FLAGS as HARDNESS_FLAGS
 from tsis.inclusion import INCLUSION_FLAGS as INCLUSION_FLAGS
-from tsis.model import INTERVAL_LEVEL, UNITS
+from tsis.model import INTERVAL_LEVEL, NOT_TRUSTED, UNITS, PosteriorSamples
 from tsis.records._estimation import OPTIONS, PRIORS
 from tsis.records._provenance import EARLIER_LIBRARY, LIBRARIES
 
@@ -32,15 +32,17 @@ def deidentified_estimate(stored: StoredEstimate, frames: Mapping[str, str]) -> 
     """The estimate without free text; ``frames`` gives the new name of each frame."""
     original = stored.estimate
     names = {
-        name: name if name in PARAMETERS else _other(number, name) for number, name in enumerate(original.samples, 1)
+        name: name if name in PARAMETERS else _other(number, name) for number, name in enumerate(original.names, 1)
     }
     known_flags = FLAGS[stored.kind]
     renamed = {f"{old}_not_identified": f"{new}_not_identified" for old, new in names.items()}
     flags = distinct((renamed.get(flag, flag) for flag in original.flags), {*known_flags, *renamed.values()})
     estimate = replace(
         original,
-        samples={new: original.samples[old] for old, new in names.items()},
-        prior_sd={new: original.prior_sd[old] for old, new in names.items()},
+        untrusted=PosteriorSamples(
+            samples={new: original.untrusted.samples[old] for old, new in names.items()},
+            prior_sd={new: original.prior_sd[old] for old, new in names.items()},
+        ),
         cramer_rao_sd={names[old]: sd for old, sd in original.cramer_rao_sd.items()},
         flags=flags,
         notes=tuple(f"{flag}: {known_flags[flag]}." for flag in flags if flag in known_flags),
@@ -74,6 +76,8 @@ def _other(number: int, name: str) -> str:
 
 
 def _identifiability(estimate: Estimate) -> str:
+    if not estimate.trusted:
+        return NOT_TRUSTED
     parts = []
     for name, (low, high) in estimate.interval(INTERVAL_LEVEL).items():
         text, unit = PARAMETERS.get(name, (name.replace("_", " "), ""))

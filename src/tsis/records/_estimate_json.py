@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+LATER = ("log_bayes_factor", "presence_trusted")  # fields that the first estimates did not have
+
+
 def estimate_to_json(stored: StoredEstimate) -> dict[str, Any]:
     """JSON values of a stored estimate without its samples, which `samples_bytes` writes.
 
@@ -23,9 +26,14 @@ def estimate_to_json(stored: StoredEstimate) -> dict[str, Any]:
     InputError
         When its options, environment or provenance have no JSON form.
     """
-    result = to_json_value(stored.estimate, without=("samples", "log_bayes_factor"))
-    if stored.estimate.log_bayes_factor is not None:  # earlier estimates lack it; their hash must not change
-        result["log_bayes_factor"] = float(stored.estimate.log_bayes_factor)
+    estimate = stored.estimate
+    prior_sd = {name: float(sd) for name, sd in estimate.prior_sd.items()}
+    result = {"prior_sd": prior_sd} | to_json_value(estimate, without=("untrusted", *LATER))
+    # Earlier estimates lack these; their hash must not change.
+    if estimate.log_bayes_factor is not None:
+        result["log_bayes_factor"] = float(estimate.log_bayes_factor)
+    if estimate.presence_trusted != estimate.trusted:
+        result["presence_trusted"] = estimate.presence_trusted
     return to_json_value(stored, without=("estimate",)) | {"estimate": result}
 
 
@@ -39,5 +47,8 @@ def estimate_from_json(
     if isinstance(document, dict) and isinstance(result := document.get("estimate"), dict):
         if "samples" in result:
             raise InputError(f"{where}.estimate must hold no samples, which have a file of their own")
-        document = document | {"estimate": {"log_bayes_factor": None} | result | {"samples": dict(samples)}}
+        later = {"log_bayes_factor": None, "presence_trusted": result.get("trusted")}
+        posterior = {"samples": dict(samples), "prior_sd": result.get("prior_sd")}
+        others = {name: value for name, value in result.items() if name != "prior_sd"}
+        document = document | {"estimate": later | others | {"untrusted": posterior}}
     return from_json_value(StoredEstimate, document, where, complete=True)

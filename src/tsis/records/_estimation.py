@@ -12,7 +12,7 @@ from tsis.catalog import load_probe
 from tsis.errors import RecordsError
 from tsis.hardness import HardnessPrior
 from tsis.inclusion import InclusionPrior
-from tsis.model import freeze_mappings
+from tsis.model import ContentValue, freeze_mappings
 from tsis.records._values import ESTIMATES
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ OPTIONS = {  # beside the prior
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EstimationRequest:
+class EstimationRequest(ContentValue):
     """An estimate to compute from presses of a target record.
 
     Parameters

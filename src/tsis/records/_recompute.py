@@ -32,15 +32,16 @@ class Shift:
     """Change of a parameter: posterior means and 90 % intervals in the unit of its name, and their shifts.
 
     ``moved``, ``low_shift`` and ``high_shift`` are shifts of the mean and of the ends of the interval in old standard
-    deviations; positive is upwards.
+    deviations; positive is upwards. Means and ``moved`` are None where one of the estimates does not identify the
+    parameter.
     """
 
     name: str
-    before: float
-    after: float
+    before: float | None
+    after: float | None
     interval_before: tuple[float, float]
     interval_after: tuple[float, float]
-    moved: float
+    moved: float | None
     low_shift: float
     high_shift: float
 
@@ -58,7 +59,7 @@ class Recomputation:
     same
         Whether all samples and texts are equal bit for bit.
     shifts
-        Shifts of the parameters of both.
+        Shifts of the parameters of both; none where one of the estimates is not trusted.
     causes
         Other differences: code, libraries, frames, forces, options, calibration.
     notes
@@ -171,7 +172,7 @@ def _recomputed(
 
 def _same(before: StoredEstimate, after: StoredEstimate) -> bool:
     """Whether samples and texts are equal, bit for bit."""
-    samples, new_samples = before.estimate.samples, after.estimate.samples
+    samples, new_samples = before.estimate.untrusted.samples, after.estimate.untrusted.samples
     if list(samples) != list(new_samples):
         return False
     was, now = (estimate_to_json(stored)["estimate"] for stored in (before, after))
@@ -180,22 +181,25 @@ def _same(before: StoredEstimate, after: StoredEstimate) -> bool:
 
 
 def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
-    sd = before.sd
+    if not (before.trusted and after.trusted):
+        return ()
+    sd = before.untrusted.sd
     was, now = before.interval(INTERVAL_LEVEL), after.interval(INTERVAL_LEVEL)
     means, new_means = before.mean, after.mean
+    identified = set(means) & set(new_means)
     return tuple(
         Shift(
             name=name,
-            before=means[name],
-            after=new_means[name],
+            before=means[name] if name in identified else None,
+            after=new_means[name] if name in identified else None,
             interval_before=was[name],
             interval_after=now[name],
-            moved=_in_sd(new_means[name] - means[name], sd[name]),
+            moved=_in_sd(new_means[name] - means[name], sd[name]) if name in identified else None,
             low_shift=_in_sd(now[name][0] - was[name][0], sd[name]),
             high_shift=_in_sd(now[name][1] - was[name][1], sd[name]),
         )
-        for name in before.samples
-        if name in after.samples
+        for name in before.names
+        if name in after.names
     )
 
 

@@ -14,6 +14,7 @@ from tsis.errors import InputError
 from tsis.files import SHA256
 from tsis.model import (
     INCLUSION_RANGES,
+    ContentValue,
     Estimate,
     freeze_mappings,
     require_image_numbers,
@@ -70,7 +71,7 @@ def require_moment(name: str, value: object) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Target:
+class Target(ContentValue):
     """A site that was pressed: a phantom, an object, a site on a subject.
 
     Parameters
@@ -132,7 +133,7 @@ def validated_entries(target: Target, names: Collection[str] = ("name", "truth")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredPress:
+class StoredPress(ContentValue):
     """A frame of the probe with its metadata.
 
     Parameters

@@ -32,13 +32,11 @@ from tsis.report._design import (
     searched_design,
 )
 from tsis.report._document import (
-    RESULT_SCHEMAS,
     envelope,
     estimate_document,
     estimate_messages,
     features_document,
     sd_text,
-    withheld_reason,
 )
 from tsis.report._folder import free_folder, write_folder
 from tsis.report._forms import (
@@ -88,7 +86,6 @@ __all__ = [
     "MASKED",
     "PAGE_FORMS",
     "QUICK_DEGREES",
-    "RESULT_SCHEMAS",
     "Card",
     "DesignAnalysis",
     "DesignQuestion",
@@ -156,7 +153,6 @@ __all__ = [
     "track_rows",
     "verdict",
     "verification_notes",
-    "withheld_reason",
     "write_folder",
     "write_form",
 ]

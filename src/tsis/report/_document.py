@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, fields
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.files import RESULT_SCHEMAS
 from tsis.model import INTERVAL_LEVEL
 
 if TYPE_CHECKING:
@@ -19,35 +19,7 @@ if TYPE_CHECKING:
 
 
 NEARLY = 1e-3  # probabilities closer than this to 0 or 1 are shown as a bound
-NOT_TRUSTED = "Diameter, depth and modulus are not to be trusted, for a reason named below."
 NOT_SCALAR = ("profile", "patch")
-
-
-# Results of each command; "" is that without a part.
-_RESULTS = {
-    "acquire": ("describe", "list", "record", "snapshot", "watch"),
-    "calibrate": ("", "seal", "show"),
-    "console": ("",),
-    "demo": ("",),
-    "design": ("",),
-    "detect": ("apply", "train"),
-    "doctor": ("",),
-    "examine": ("", "contacts"),
-    "hardness": ("",),
-    "logins": ("",),
-    "match": ("", "bench"),
-    "network": ("apply", "train"),
-    "optics": ("angles", "modes", "propagate", "trace"),
-    "records": ("edit", "export", "import", "list", "recompute", "send", "show", "verify"),
-    "simulate": ("", "list"),
-    "study": ("analyse", "export", "import", "new", "plan", "run", "show", "verify"),
-    "sweep": ("run", "run-plan", "verify"),
-    "track": ("",),
-}
-# Version by name; it increases when a name in the document is removed or changes its meaning.
-RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
-    {f"tsis-{command}-{part}".rstrip("-"): 1 for command, parts in _RESULTS.items() for part in parts}
-)
 
 
 def envelope(command: str, part: str = "", /, **content: Any) -> dict[str, Any]:
@@ -67,30 +39,38 @@ def envelope(command: str, part: str = "", /, **content: Any) -> dict[str, Any]:
 
 def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = None) -> dict[str, Any]:
     """An estimate as a JSON document, with the truth of each parameter where known."""
-    interval = estimate.interval(INTERVAL_LEVEL)
     parameters = {
-        name: {
-            "mean": estimate.mean[name],
-            "sd": estimate.sd[name],
-            "interval_90": list(interval[name]),
-            "prior_sd": estimate.prior_sd[name],
-            "narrowing": estimate.narrowing[name],
-            "cramer_rao_sd": _finite(estimate.cramer_rao_sd.get(name)),
-        }
-        | ({} if truth is None else {"truth": truth[name]})
-        for name in estimate.samples
+        name: _parameter(estimate, name) | ({} if truth is None else {"truth": truth[name]}) for name in estimate.names
     }
     return {
         "parameters": parameters,
-        "presence": estimate.presence,
-        "log_bayes_factor": estimate.log_bayes_factor,
-        "identifiability": estimate.identifiability,
+        "presence": estimate.printed_presence,
+        "presence_trusted": estimate.presence_trusted,
+        "log_bayes_factor": estimate.log_bayes_factor if estimate.presence_trusted else None,
+        "identifiability": estimate.printed_identifiability,
         "prior": estimate.prior,
         "trusted": estimate.trusted,
         "flags": list(estimate.flags),
-        "notes": list(estimate.notes),
+        "notes": list(estimate.printed_notes),
         "provenance": dict(estimate.provenance),
     }
+
+
+def _parameter(estimate: Estimate, name: str) -> dict[str, Any]:
+    """The numbers of a parameter; a withheld one is None, and ``withheld`` says why."""
+    withheld = estimate.withheld_reason(name)
+    numbers: dict[str, Any] = {
+        "withheld": withheld or None,
+        "mean": None if withheld else estimate.mean[name],
+        "sd": None if withheld else estimate.sd[name],
+        "prior_sd": estimate.prior_sd[name],
+        **dict.fromkeys(("interval_90", "narrowing", "cramer_rao_sd")),
+    }
+    if estimate.trusted:
+        numbers["interval_90"] = list(estimate.interval(INTERVAL_LEVEL)[name])
+        numbers["narrowing"] = estimate.narrowing[name]
+        numbers["cramer_rao_sd"] = _finite(estimate.cramer_rao_sd.get(name))
+    return numbers
 
 
 def _finite(value: float | None) -> float | None:
@@ -98,22 +78,23 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
 
-def withheld_reason(estimate: Estimate, name: str) -> str:
-    """Why the mean of a parameter must not be used; empty when it may."""
-    if not estimate.trusted:
-        return "not to be trusted"
-    return "" if estimate.identified(name) else "not identified"
-
-
 def estimate_messages(estimate: Estimate) -> tuple[str, ...]:
     """Messages on an estimate, the most important first."""
     messages = (
-        "" if estimate.presence is None else f"Probability of an inclusion: {probability_text(estimate.presence)}.",
-        estimate.identifiability if estimate.trusted else NOT_TRUSTED,
-        *estimate.notes,
+        _presence_message(estimate),
+        estimate.printed_identifiability,
+        *estimate.printed_notes,
         f"Prior: {estimate.prior}." if estimate.prior else "",
     )
     return tuple(message for message in messages if message)
+
+
+def _presence_message(estimate: Estimate) -> str:
+    if estimate.presence is None:
+        return ""
+    if not estimate.presence_trusted:
+        return "The probability of an inclusion is not to be trusted."
+    return f"Probability of an inclusion: {probability_text(estimate.presence)}."
 
 
 def probability_text(value: float) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.hardness import shore
 from tsis.model import INTERVAL_LEVEL
 from tsis.plots import contact_growth, modulus, tactile_image
-from tsis.report._document import estimate_messages, withheld_reason
+from tsis.report._document import estimate_messages
 from tsis.report._inclusion import inclusion_cards
 from tsis.report._page import Card, Page, Picture, Table, html, on_axes
 
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from tsis.hardness import ContactTable
     from tsis.model import Estimate, TactileImage
     from tsis.records import StoredEstimate
-
-
-NOT_TRUSTED = "The modulus is not to be trusted, for a reason named below."
 
 
 def hardness_report(
@@ -52,8 +49,10 @@ def hardness_page(
     """The report of a hardness estimate; parameters as `hardness_report`."""
     growth = on_axes(contact_growth, estimate, table=table)
     pictures = [
-        modulus_picture(estimate, truth_kpa),
-        _picture("Growth of the contact", growth, "Contact radius over force, of the frames and of the estimate"),
+        *([modulus_picture(estimate, truth_kpa)] if estimate.trusted else []),
+        _picture(
+            "Growth of the contact", growth, "Contact radius over force, of the frames and, if trusted, of the estimate"
+        ),
     ]
     pictures += [_frame(image) for image in images]
     return Page(
@@ -69,9 +68,8 @@ def hardness_page(
 
 def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
     """The modulus, if trusted, with the truth where known."""
-    withheld = withheld_reason(estimate, "young_kpa")
-    low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
-    interval = [f"90 % interval {low:.3g} to {high:.3g} kPa"] if estimate.trusted else []
+    withheld = estimate.withheld_reason("young_kpa")
+    interval = [f"90 % interval {_interval_text(estimate)}"] if estimate.trusted else []
     truth = [] if truth_kpa is None else [f"truth {truth_kpa:.3g} kPa"]
     return Card(
         title="Young's modulus",
@@ -82,18 +80,17 @@ def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
 
 
 def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Picture:
-    """Posterior of the modulus."""
+    """Posterior of the modulus of a trusted estimate."""
     density = on_axes(modulus, estimate, truth_kpa=truth_kpa)
     return _picture("Modulus", density, "Posterior density of the modulus with its 90 % interval")
 
 
 def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
     """Names and values for people, without the modulus of an untrusted estimate."""
-    withheld = withheld_reason(estimate, "young_kpa")
-    low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
+    withheld = estimate.withheld_reason("young_kpa")
     rows = [("Young's modulus", withheld or f"{estimate.mean['young_kpa']:.3g} kPa")]
     if estimate.trusted:
-        rows.append(("90 % interval", f"{low:.3g} to {high:.3g} kPa"))
+        rows.append(("90 % interval", _interval_text(estimate)))
     if not withheld:
         readings = shore(estimate.mean["young_kpa"])
         for name, value in (("Shore 00", readings.shore_00), ("Shore A", readings.shore_a)):
@@ -107,10 +104,15 @@ def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
 
 def hardness_notes(estimate: Estimate) -> tuple[str, ...]:
     """Messages on a hardness estimate, the most important first."""
-    messages = [estimate.identifiability if estimate.trusted else NOT_TRUSTED, *estimate.notes]
-    if not withheld_reason(estimate, "young_kpa"):
+    messages = [estimate.printed_identifiability, *estimate.printed_notes]
+    if not estimate.withheld_reason("young_kpa"):
         messages.append(f"Shore readings are converted, not measured. {shore(estimate.mean['young_kpa']).source}.")
     return (*messages, f"Prior: {estimate.prior}.")
+
+
+def _interval_text(estimate: Estimate) -> str:
+    low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
+    return f"{low:.3g} to {high:.3g} kPa"
 
 
 def _picture(title: str, draw: Any, alt: str) -> Picture:

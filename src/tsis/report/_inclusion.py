@@ -10,7 +10,7 @@ import numpy as np
 from tsis.imaging import subtract_background
 from tsis.model import INTERVAL_LEVEL
 from tsis.plots import marginal, trade_off
-from tsis.report._document import estimate_messages, probability_text, sd_text, withheld_reason
+from tsis.report._document import estimate_messages, probability_text, sd_text
 from tsis.report._frames import change_picture, force_of, frame_picture, profile_picture, surface_picture
 from tsis.report._page import Card, Page, Picture, html
 from tsis.report._relative import comparison_notes, comparison_pictures, comparison_tables
@@ -74,10 +74,10 @@ def inclusion_report(
             cards=inclusion_cards(estimate, truth),
             notes=(*estimate_messages(estimate), *(() if comparison is None else comparison_notes(comparison))),
             pictures=(
-                marginals_picture(estimate, prior, truth),
+                *((marginals_picture(estimate, prior, truth),) if estimate.trusted else ()),
                 *_image_pictures(target, reference),
                 profile_picture({"target": targets, "plain tissue": references}, ring_edges_mm),
-                trade_off_picture(estimate, truth),
+                *((trade_off_picture(estimate, truth),) if estimate.trusted else ()),
                 *(() if comparison is None else comparison_pictures(comparison)),
             ),
             tables=() if comparison is None else comparison_tables(comparison),
@@ -96,13 +96,13 @@ def _shown(
 
 def inclusion_cards(estimate: Estimate, truth: Mapping[str, float] | None = None) -> tuple[Card, ...]:
     """A card for each parameter, without a number for an untrusted estimate, and one for the presence."""
-    return (*(_card(estimate, name, truth or {}) for name in estimate.samples), *_presence_card(estimate))
+    return (*(_card(estimate, name, truth or {}) for name in estimate.names), *_presence_card(estimate))
 
 
 def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
     heading, unit = TITLES.get(name, (name, ""))
     true = [f"truth {truth[name]:.3g} {unit}"] if name in truth else []
-    withheld = withheld_reason(estimate, name)
+    withheld = estimate.withheld_reason(name)
     if not estimate.trusted:
         return Card(title=heading, value=withheld, detail="; ".join(true), doubtful=True)
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
@@ -116,62 +116,62 @@ def _spreads(estimate: Estimate, name: str, unit: str) -> str:
     """Standard deviations of posterior and prior, and the Cramér-Rao bound."""
     bound = estimate.cramer_rao_sd.get(name, float("inf"))
     limit = f", Cramér-Rao bound {sd_text(bound)}" if np.isfinite(bound) else ""
-    return f"sd {sd_text(estimate.sd[name])} {unit} (prior {sd_text(estimate.prior_sd[name])}{limit})"
+    sd = f"sd {sd_text(estimate.sd[name])} {unit} " if estimate.identified(name) else ""
+    return f"{sd}(prior {sd_text(estimate.prior_sd[name])}{limit})"
 
 
 def _presence_card(estimate: Estimate) -> tuple[Card, ...]:
     if estimate.presence is None:
         return ()
+    withheld = "" if estimate.presence_trusted else "not to be trusted"
     return (
         Card(
             title="Is there an inclusion?",
-            value=probability_text(estimate.presence),
+            value=withheld or probability_text(estimate.presence),
             detail="probability of an inclusion over plain, even tissue",
-            doubtful=estimate.presence < LIKELY,
+            doubtful=bool(withheld) or estimate.presence < LIKELY,
         ),
     )
 
 
 def marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[str, float] | None) -> Picture:
-    """Posterior of each parameter against its prior."""
+    """Posterior of each parameter of a trusted estimate against its prior."""
 
     def marginals(figure: Figure) -> None:
-        axes = figure.subplots(1, len(estimate.samples), squeeze=False)[0]
-        for name, ax in zip(estimate.samples, axes, strict=True):
+        axes = figure.subplots(1, len(estimate.names), squeeze=False)[0]
+        for name, ax in zip(estimate.names, axes, strict=True):
             marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=(truth or {}).get(name))
         axes[0].legend(frameon=False, fontsize=8)
 
-    intervals = estimate.interval(INTERVAL_LEVEL) if estimate.trusted else {}
+    intervals = estimate.interval(INTERVAL_LEVEL)
     text = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
-    warning = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if not truth else " The dashed line is the truth."
     return Picture(
-        title="What the presses told",
+        title="Posterior of each parameter",
         draw=marginals,
         size=(9.5, 2.8),
-        alt=f"Posterior of each parameter, 90 % intervals: {text or 'not to be trusted'}",
-        caption=f"{warning}Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
+        alt=f"Posterior of each parameter, 90 % intervals: {text}",
+        caption=f"Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
         wide=True,
     )
 
 
 def trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) -> Picture:
-    """Joint posteriors of all pairs of at least two parameters."""
+    """Joint posteriors of all pairs of at least two parameters of a trusted estimate."""
 
     def pairs(figure: Figure) -> None:
-        names = list(itertools.combinations(estimate.samples, 2))
+        names = list(itertools.combinations(estimate.names, 2))
         for (item, other), ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
             point = (truth[item], truth[other]) if truth and item in truth and other in truth else None
             trade_off(estimate, (item, other), ax, truth=point)
 
-    warning = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if not truth else " The cross is the truth."
     return Picture(
         title="Which parameters trade off",
         draw=pairs,
         size=(9.5, 3.0),
         alt="Joint posterior of each pair of parameters",
-        caption=f"{warning}Joint posteriors: a slanted band is a combination known better than its parts.{marked}",
+        caption=f"Joint posteriors: a slanted band is a combination known better than its parts.{marked}",
         wide=True,
     )
 

@@ -41,9 +41,13 @@ def shift_table(recomputation: Recomputation) -> Table:
     rows: list[tuple[str, ...]] = []
     for shift in recomputation.shifts:
         (low, high), (now_low, now_high) = shift.interval_before, shift.interval_after
-        means = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.moved:+.2g}")
+        means = (_text(shift.before), _text(shift.after), _text(shift.moved, "+.2g"))
         rows.append((shift.name, *means, f"{low:.3g} to {high:.3g}", f"{now_low:.3g} to {now_high:.3g}"))
     return Table(title="What moved", headings=headings, rows=tuple(rows))
+
+
+def _text(value: float | None, form: str = ".3g") -> str:
+    return "not identified" if value is None else format(value, form)
 
 
 def recomputation_document(target: Target, recomputation: Recomputation) -> dict[str, Any]:

@@ -10,7 +10,14 @@ from tsis.study._log import LOG_FILE
 from tsis.study._making import new_study, printed_targets, random_targets
 from tsis.study._plan import ANALYSED_READING, TARGETS
 from tsis.study._pressing import RunResult, press_study
-from tsis.study._tables import READING_COLUMNS, export_readings, import_readings, import_table, read_truth_table
+from tsis.study._tables import (
+    READING_COLUMNS,
+    export_readings,
+    import_readings,
+    import_table,
+    read_truth_table,
+    readings_table,
+)
 from tsis.study._unblinding import enter_analysis, unblind
 from tsis.study._values import QUANTITIES, DeviceReading, TargetTruth, require_short_name
 from tsis.study._verification import StudyVerification, is_file_name, verify_study
@@ -41,6 +48,7 @@ __all__ = [
     "random_targets",
     "read_seal",
     "read_truth_table",
+    "readings_table",
     "require_short_name",
     "unblind",
     "verify_study",

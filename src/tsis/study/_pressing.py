@@ -13,7 +13,7 @@ from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.catalog import load_probe
 from tsis.errors import InputError, MechanicsError, RecordsError
 from tsis.files import one_line
-from tsis.inclusion import UNTRUSTED_FLAGS, InclusionPrior, estimate
+from tsis.inclusion import ABSENCE_FLAG, UNTRUSTED_FLAGS, InclusionPrior, estimate
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import INTERVAL_LEVEL, require_integer
 from tsis.optics.irradiance import irradiance
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from tsis.study._values import TargetTruth
 
 
-NO_INCLUSION = "no_inclusion"  # a valid result, without sizes
 NOT_TRUSTED = "the estimate is not to be trusted"
 NOT_PRESSED = "the press could not be computed"  # the cause would reveal the truth
 
@@ -170,7 +169,7 @@ class _Rig:
                 name=code,  # the only sign of the target
             )
             evidence["kept_as"] = int(save_results(store, savable)["target"])
-        caveats = UNTRUSTED_FLAGS.intersection(result.flags) - {NO_INCLUSION}
+        caveats = UNTRUSTED_FLAGS.intersection(result.flags) - {ABSENCE_FLAG}
         if caveats or result.presence is None:
             reason = f"{NOT_TRUSTED}: {', '.join(sorted(caveats))}"
             return replace(blank, reason=reason, flags=result.flags, evidence=evidence)
@@ -180,8 +179,8 @@ class _Rig:
             return reading
         return replace(
             reading,
-            values={name: result.mean[name] for name in QUANTITIES},
-            sd={name: result.sd[name] for name in QUANTITIES},
+            values={name: result.mean[name] for name in QUANTITIES if name in result.mean},
+            sd={name: result.sd[name] for name in QUANTITIES if name in result.sd},
             interval_90=result.interval(INTERVAL_LEVEL),
         )
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
 from tsis.catalog import load_phantom
-from tsis.errors import FileInputError, InputError
+from tsis.errors import FileInputError, InputError, import_extra
 from tsis.files import (
     LARGEST_CSV_BYTES,
     CsvRow,
@@ -217,3 +218,48 @@ def export_readings(study: Study, device: str | None = None) -> bytes:
         values = [item.values.get(name) for name in QUANTITIES]
         rows.append([item.code, item.score, item.operator, item.repeat, *values])
     return table_bytes(rows)
+
+
+def readings_table(study: Study) -> Any:
+    """All readings of a study as a ``pandas.DataFrame``, a row each, without the truth.
+
+    The columns are code, device, operator, repeat, score, rank, undecided, reason and flags; and for each quantity of
+    `QUANTITIES` the value, its standard deviation ``..._sd`` and the 90 % interval ``..._low`` and ``..._high``. What a
+    device does not give is NaN. Raises `MissingExtraError` without the extra ``analysis``.
+    """
+    pandas = import_extra("pandas", feature="a table of readings", extra="analysis")
+    return pandas.DataFrame([_reading_row(reading) for reading in study.readings], columns=list(TABLE_COLUMNS))
+
+
+def _reading_row(reading: DeviceReading) -> dict[str, Any]:
+    return {
+        **{name: getattr(reading, name) for name in ("code", "device", "operator", "repeat", "undecided", "reason")},
+        **{name: _number_or_nan(getattr(reading, name)) for name in ("score", "rank")},
+        "flags": ", ".join(reading.flags),
+        **quantity_columns(reading),
+    }
+
+
+def quantity_columns(reading: DeviceReading | None) -> dict[str, float]:
+    """Value, standard deviation and 90 % interval of each quantity, NaN where a reading has none."""
+    columns: dict[str, float] = {}
+    for name in QUANTITIES:
+        low, high = (None, None) if reading is None else reading.interval_90.get(name, (None, None))
+        parts = {
+            "": None if reading is None else reading.values.get(name),
+            "_sd": None if reading is None else reading.sd.get(name),
+            "_low": low,
+            "_high": high,
+        }
+        columns |= {f"{name}{ending}": _number_or_nan(value) for ending, value in parts.items()}
+    return columns
+
+
+def _number_or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+TABLE_COLUMNS = (
+    *("code", "device", "operator", "repeat", "score", "rank", "undecided", "reason", "flags"),
+    *quantity_columns(None),
+)

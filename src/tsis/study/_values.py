@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.errors import InputError
 from tsis.files import from_json_value, to_json_value
 from tsis.model import (
+    ContentValue,
     Inclusion,
     Phantom,
     freeze_mappings,
@@ -29,7 +30,7 @@ LARGEST_VALUE = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceReading:
+class DeviceReading(ContentValue):
     """One reading of a target by a device.
 
     Parameters

@@ -11,8 +11,7 @@ import httpx
 import pytest
 import uvicorn
 
-from tsis.console._serving import listen
-from tsis.console._timeouts import TimeoutProtocol
+from tsis.console._serving import TimeoutProtocol, listen
 from tsis.console.auth import Access, AuthMiddleware, Logins
 
 if TYPE_CHECKING:

@@ -133,3 +133,12 @@ def test_the_order_of_calls_is_checked_and_stopping_ends_the_stream(tmp_path: Pa
     assert source.settings() == ()
     with pytest.raises(CameraError, match="gain cannot be set"):
         source.adjust("gain", 1.0)
+
+
+@pytest.mark.parametrize("content", [b"#EXTM3U\nother.avi\n", b"ffconcat version 1.0\nfile other.avi\n", b"\n <MPD/>"])
+def test_a_list_of_other_files_is_no_video(tmp_path: Path, content: bytes) -> None:
+    """A decoder would open what such a list names, which may be any file or address."""
+    path = tmp_path / "a.avi"
+    path.write_bytes(content)
+    with pytest.raises(FileInputError, match=r"must be a video file; got a list that names other files"):
+        VideoFile(path).open()

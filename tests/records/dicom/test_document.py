@@ -13,6 +13,7 @@ from tests.records.dicom.variants import hardness, with_estimate, with_presses
 from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.model import Estimate
 from tsis.records.dicom import dicom_files
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def test_a_parameter_that_is_not_identified_has_a_range_alone() -> None:
 
 
 def test_a_parameter_without_a_code_is_named_without_a_number() -> None:
-    estimate = replace(hardness(), samples={"slip_mm": np.array([1.0, 2.0])}, prior_sd={"slip_mm": 1.0})
+    estimate = Estimate(samples={"slip_mm": np.array([1.0, 2.0])}, prior_sd={"slip_mm": 1.0})
     dossier = with_estimate(sample_dossier(), estimate)
     assert numbers(dossier) == {}
     assert ("Parameter without a number", "other_1_mm") in texts(dossier)

@@ -11,7 +11,7 @@ import numpy as np
 from tests.records.sample import SECRET, WHEN, sample_dossier, sample_estimate
 
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
-from tsis.model import Calibration, Estimate
+from tsis.model import Calibration, Estimate, PosteriorSamples
 from tsis.records import StoredEstimate, StoredPress, Target, TargetRecord
 
 if TYPE_CHECKING:
@@ -117,8 +117,9 @@ def named(kind: str = "subject") -> TargetRecord:
     told, rng = sample_estimate(), np.random.default_rng(3)
     estimate = replace(
         told,
-        samples={**told.samples, PARAMETER: rng.normal(5, 1, 400)},
-        prior_sd={**told.prior_sd, PARAMETER: 2.0},
+        untrusted=PosteriorSamples(
+            samples={**told.samples, PARAMETER: rng.normal(5, 1, 400)}, prior_sd={**told.prior_sd, PARAMETER: 2.0}
+        ),
         identifiability=f"The frame {presses[0].name} tells all.",
         prior=f"as {NOTE} believed",
         notes=(NOTE,),

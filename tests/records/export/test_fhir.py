@@ -79,7 +79,7 @@ def test_what_may_not_be_used_is_absent_with_its_reason() -> None:
     assert young["dataAbsentReason"]["coding"][0]["code"] == "unknown"
     bound = next(part for part in young["component"] if part["code"]["coding"][0]["code"] == "cramer-rao-sd")
     assert bound["dataAbsentReason"]["coding"][0]["code"] == "positive-infinity"
-    for name, each in observed(with_estimate(sample_dossier(), trusted=False)).items():
+    for name, each in observed(with_estimate(sample_dossier(), trusted=False, presence_trusted=False)).items():
         if name != "force_n":
             assert each[0]["dataAbsentReason"]["coding"][0]["code"] == "error"
             assert not {"valueQuantity", "component"} & set(each[0])

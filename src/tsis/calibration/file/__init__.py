@@ -9,9 +9,9 @@ from tsis.calibration.file._content import (
     document_sha256,
     parse_calibration,
     read_calibration,
+    read_handwritten_calibration,
     write_calibration,
 )
-from tsis.calibration.file._handwritten import read_handwritten_calibration
 from tsis.calibration.file._value import SETTING_TOLERANCE, ProbeCalibration, require_name, require_time
 
 __all__ = [

@@ -1,7 +1,8 @@
-"""The calibration file: JSON with a version and the hash of its content."""
+"""The calibration file: JSON with a version and the hash of its content, from a session or written by hand."""
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
@@ -23,6 +24,7 @@ from tsis.files import (
 
 if TYPE_CHECKING:
     import os
+    from pathlib import Path
 
 
 CALIBRATION_FORMAT, CALIBRATION_VERSION = "tsis-calibration", 3
@@ -135,3 +137,38 @@ def _as_floats(content: Any) -> Any:
     if isinstance(content, list):
         return [_as_floats(item) for item in content]
     return float(content) if type(content) is int else content
+
+
+LARGEST_VALUES_BYTES = 2**20
+BY_HAND = ("response", "scale")  # parts that can be entered by hand
+FROM_FRAMES = ("reference", "force_line", "specification", "made", "expires")
+
+
+def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:
+    """Read values that were entered by hand, and date them from now.
+
+    Raises `FileInputError` when the file is invalid, or contains parts that only a session's frames provide.
+
+    Parameters
+    ----------
+    path
+        JSON file with name, probe, and a response or a scale.
+    days
+        Validity of the calibration, days.
+    """
+    content = read_object(path, most=LARGEST_VALUES_BYTES)
+    if measured := [name for name in FROM_FRAMES if content.get(name) is not None]:
+        raise FileInputError(
+            f"{printable_path(path)} must hold values written by hand (name, probe, camera, settings, response, "
+            f"scale); got {', '.join(measured)}, which a session's frames give and whose date cannot be renewed "
+            "(tsis calibrate)"
+        )
+    now = datetime.now(UTC).replace(microsecond=0)
+    dated: dict[str, Any] = {**content, "made": now.isoformat(), "expires": (now + timedelta(days=days)).isoformat()}
+    try:
+        calibration = from_json_value(ProbeCalibration, dated, "calibration")
+    except InputError as error:
+        raise FileInputError(f"{printable_path(path)}: {error}") from error
+    if all(getattr(calibration, part) is None for part in BY_HAND):
+        raise FileInputError(f"{printable_path(path)} must hold at least one of {', '.join(BY_HAND)}; got none")
+    return calibration

@@ -12,7 +12,7 @@ from tsis.calibration.reference import CameraReference
 from tsis.calibration.scale import PixelScale
 from tsis.calibration.specification import Specification
 from tsis.errors import CalibrationError, InputError
-from tsis.model import Calibration, require_number, require_type
+from tsis.model import Calibration, ContentValue, require_number, require_type, summary_html
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -95,7 +95,7 @@ SETTING_TOLERANCE = 1e-3  # relative rounding of settings by the camera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ProbeCalibration:
+class ProbeCalibration(ContentValue):
     """The calibration of a probe and its camera; a part that was not measured is None.
 
     Parameters
@@ -235,6 +235,17 @@ new one: tsis calibrate)
                 f"{purpose} needs the part {name!r}, which calibration {self.name!r} does not hold (tsis calibrate)"
             )
         return part
+
+    def _repr_html_(self) -> str:
+        """Probe, camera, dates, and the parts that were measured."""
+        rows = [
+            ("probe", self.probe or "unknown"),
+            ("camera", self.camera or "unknown"),
+            ("made", "simulated" if self.made is None else self.made.isoformat()),
+            ("expires", "never" if self.expires is None else self.expires.isoformat()),
+            ("parts", ", ".join(name for name in PARTS if getattr(self, name) is not None) or "none"),
+        ]
+        return summary_html(self.name or "Calibration", rows)
 
     def cited_response(self, identity: str) -> Calibration:
         """The response, named after the calibration and its hash, for the calibration's probe."""

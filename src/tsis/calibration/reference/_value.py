@@ -12,7 +12,7 @@ from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.lamps import PixelBox, ReferencePatch
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import SCALE_TOLERANCE, require_image
-from tsis.model import require_array, require_integer, require_number, require_pixel_scale, require_type
+from tsis.model import ContentValue, require_array, require_integer, require_number, require_pixel_scale, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,7 +28,7 @@ UNSEEN_DRIFT = 0.01  # of the lamps, assumed without a reference patch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CameraReference:
+class CameraReference(ContentValue):
     """The camera's frames without contact, and the differences of its pixels.
 
     Parameters

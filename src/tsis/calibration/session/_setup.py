@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from tsis.calibration.file import SETTING_TOLERANCE, require_name, require_time
 from tsis.calibration.force import LARGEST_N, STEP_N, TIPS_MM
 from tsis.errors import InputError
-from tsis.model import require_integer, require_number
+from tsis.model import ContentValue, require_integer, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -124,7 +124,7 @@ STATED = ("name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SessionSetup:
+class SessionSetup(ContentValue):
     """Setup of a calibration session.
 
     Raises `InputError` when a value has the wrong type or is outside its range.

@@ -163,6 +163,8 @@ def acquire(
     tsis.model.require_one_of("colour map", map_name, tsis.imaging.COLOUR_MAPS)
     given = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     destination = chosen_destination(save, store, kind)
+    calibrated = "" if given is None else given.calibration.probe
+    pressed_by = calibrated or (probe if camera == VIRTUAL else "")
     where = None
     if destination is not None:
         where = SnapshotDestination(destination=destination, role=role, probe=probe if camera == VIRTUAL else "")
@@ -204,6 +206,8 @@ def acquire(
                 map_name=map_name,
                 calibration=given,
                 log=log,
+                role=role,
+                probe=pressed_by,
                 where=where,
                 as_json=as_json,
             )

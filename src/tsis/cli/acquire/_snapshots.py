@@ -68,10 +68,12 @@ def take_snapshot(
     map_name: str,
     calibration: UsableCalibration | None,
     log: ForceLog | None,
+    role: str,
+    probe: str,
     where: SnapshotDestination | None = None,
     as_json: bool,
 ) -> None:
-    """Save the next frame, and print where."""
+    """Save the next frame, and print where; ``probe`` is empty where no calibration and no virtual probe names it."""
     received = _next(acquisition)
     force = None if log is None else force_then(log, received.arrived_s)
     image = received.frame.tactile_image(force_n=None if force is None else max(0.0, force.force_n))
@@ -98,7 +100,7 @@ def take_snapshot(
         when=when,
         colour=coloured,
         picture=picture,
-        about=about,
+        about={**about, "role": role, "probe": probe or None},
     )
     failure = None
     if where is not None:

@@ -92,7 +92,7 @@ def show(
     console.print(_presses(presses, total, offset))
     for stored in sorted(record.active_estimates, key=lambda item: item.made, reverse=True):
         result = stored.estimate
-        truth = target.truth if set(result.samples) <= set(target.truth) else None
+        truth = target.truth if set(result.names) <= set(target.truth) else None
         console.print(estimate_table(result, title=f"Current estimate: {stored.kind}, {stored.probe}", truth=truth))
         for estimate_message in tsis.report.estimate_messages(result):
             console.print(f"- {estimate_message}", markup=False)
@@ -137,7 +137,7 @@ def _until(calibration: ProbeCalibration) -> str:
 def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
     truth = dict(record.target.truth)
     created = [
-        _estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in record.estimates
+        _estimate(stored, truth if set(stored.estimate.names) <= set(truth) else None) for stored in record.estimates
     ]
     return tsis.report.envelope(
         "records show",

@@ -170,11 +170,14 @@ EstimateRequest = Annotated[InclusionRequest | HardnessRequest, Field(discrimina
 class ParameterItem(ItemModel):
     """Posterior of one parameter, in the unit of its name."""
 
-    mean: float
-    sd: float
-    interval_90: tuple[float, float]
+    withheld: str | None = Field(description="why the mean is withheld; null where it is not")
+    mean: float | None = Field(description="null where it is withheld")
+    sd: float | None = Field(description="null where the mean is withheld")
+    interval_90: tuple[float, float] | None = Field(description="null where the estimate is not trusted")
     prior_sd: float
-    narrowing: float = Field(description="sd over prior_sd: 1 means that the data are not informative")
+    narrowing: float | None = Field(
+        description="sd over prior_sd, 1 where the data are not informative; null where the estimate is not trusted"
+    )
     cramer_rao_sd: Measured = Field(description="least sd of any unbiased estimate; null without a bound")
     truth: float | None = Field(default=None, description="of a phantom, where known")
 
@@ -190,13 +193,16 @@ class EstimateItem(ItemModel):
     calibration: str
     supersedes: str | None
     parameters: dict[str, ParameterItem]
-    presence: float | None = Field(description="probability that there is an inclusion; null where not computed")
+    presence: float | None = Field(
+        description="probability that there is an inclusion; null where not computed or not trusted"
+    )
+    presence_trusted: bool = Field(description="whether the probability may be used")
     log_bayes_factor: float | None = Field(
         default=None, description="natural logarithm of how much better an inclusion explains the frames, not rounded"
     )
     identifiability: str = Field(description="what the data determine and what not")
     prior: str
-    trusted: bool = Field(description="false: use no number of this estimate")
+    trusted: bool = Field(description="false: the numbers of this estimate are withheld")
     flags: list[str]
     notes: list[str]
     options: dict[str, Any]

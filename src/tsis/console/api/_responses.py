@@ -28,7 +28,7 @@ def estimate_item(stored: StoredEstimate, truth: Mapping[str, float] | None = No
     """A stored estimate with the truth beside its parameters, where all of them are known."""
     fields = estimate_to_json(stored)
     provenance = fields.pop("estimate")["provenance"]
-    known = None if truth is None or not set(stored.estimate.samples) <= set(truth) else truth
+    known = None if truth is None or not set(stored.estimate.names) <= set(truth) else truth
     return EstimateItem(**{**fields, **estimate_document(stored.estimate, known), "provenance": provenance})
 
 

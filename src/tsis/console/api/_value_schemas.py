@@ -50,7 +50,6 @@ UNBOUNDED = {  # numbers that may be infinite, which JSON writes as null
     CameraState: ("frames_per_s",),
     GuardFlag: ("value", "limit"),
     Setting: ("value", "low", "high"),
-    Shift: ("moved",),
 }
 VALUES = (
     *(CameraChoice, CameraInfo, CameraState, ContactView, FrameAnalysis, GuardFlag, JobState, PressForce),

@@ -12,7 +12,7 @@ from tsis.detection._presence import presence
 from tsis.detection.classify._classes import CLASSES, ClassSplit
 from tsis.errors import InputError, import_extra
 from tsis.inclusion import PARAMETERS
-from tsis.model import LARGEST_EVIDENCE, require_array, require_integer, require_number, require_type
+from tsis.model import LARGEST_EVIDENCE, ContentValue, require_array, require_integer, require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ LARGEST = 1e6  # mm or kPa
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TargetEvidence:
+class TargetEvidence(ContentValue):
     """Estimate of one target as input of a classifier.
 
     Raises `InputError` when the samples are empty, not positive or of another shape, or the ratio is no number.
@@ -88,16 +88,16 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
     """
     result = presence(estimate, prior=prior)
     draws = require_integer("draws", draws, 1, 10**6)
-    missing = [name for name in PARAMETERS if name not in estimate.samples]
+    missing = [name for name in PARAMETERS if name not in estimate.names]
     if missing:
         raise InputError(f"estimate must hold samples of {', '.join(PARAMETERS)}; it has none of {', '.join(missing)}")
-    every = np.column_stack([estimate.samples[name] for name in PARAMETERS])
+    every = np.column_stack([estimate.untrusted.samples[name] for name in PARAMETERS])
     evenly = np.linspace(0, len(every) - 1, min(draws, len(every))).round().astype(int)
     return TargetEvidence(samples=every[evenly], log_ratio=result.log_likelihood_ratio)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrainingSet:
+class TrainingSet(ContentValue):
     """Targets of known class.
 
     Raises `InputError` when shapes do not belong together, there are more than 5,000 targets, or a value is out of its
@@ -285,6 +285,11 @@ def enough(labels: NDArray[np.int64], split: ClassSplit, least: int) -> None:
 
 
 def _fitted(training: TrainingSet, settings: ClassifierSettings) -> Any:
+    return calibrated_machine(settings).fit(training.features, training.labels)
+
+
+def calibrated_machine(settings: ClassifierSettings) -> Any:
+    """The pipeline of scikit-learn, not fitted; `MissingExtraError` without the extra ``classify``."""
     import_extra("sklearn", feature="a classifier", extra="classify")
     from sklearn.calibration import CalibratedClassifierCV
     from sklearn.model_selection import StratifiedKFold
@@ -294,5 +299,4 @@ def _fitted(training: TrainingSet, settings: ClassifierSettings) -> Any:
 
     machine = SVC(C=settings.penalty, gamma="auto" if settings.width is None else settings.width)
     parts = StratifiedKFold(settings.folds, shuffle=True, random_state=settings.seed)
-    model = CalibratedClassifierCV(make_pipeline(StandardScaler(), machine), method=settings.calibration, cv=parts)
-    return model.fit(training.features, training.labels)
+    return CalibratedClassifierCV(make_pipeline(StandardScaler(), machine), method=settings.calibration, cv=parts)

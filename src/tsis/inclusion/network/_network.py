@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model import require_array, require_number
+from tsis.model import ContentValue, require_array, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -132,7 +132,7 @@ def check_varies(name: str, values: Floats) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Span:
+class Span(ContentValue):
     """Least and greatest value of each column, scaled to -1 and 1 in a network; shapes (columns,)."""
 
     low: Floats
@@ -154,7 +154,7 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Network:
+class Network(ContentValue):
     """A trained network from outputs of a press to an inclusion, both in physical units.
 
     Attributes

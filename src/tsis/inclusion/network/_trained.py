@@ -21,7 +21,7 @@ from tsis.inclusion.network._outputs import (
 )
 from tsis.inclusion.network._training import train_repeatedly
 from tsis.mechanics.surrogate import build_surrogate
-from tsis.model import require_array, require_integer, require_number, require_same_probe, require_type
+from tsis.model import ContentValue, require_array, require_integer, require_number, require_same_probe, require_type
 
 if TYPE_CHECKING:
     import os
@@ -41,7 +41,7 @@ KEYS = {"format", "version", "notice", "tsis", "probe", "force_n", "reach_mm", "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrainedNetworks:
+class TrainedNetworks(ContentValue):
     """Networks from the three outputs of a press in kPa, mN and mm² to diameter, depth and modulus.
 
     Attributes

@@ -247,7 +247,7 @@ def train_repeatedly(
     patience: int = PATIENCE,
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Network]:
-    """Networks with different initial weights and ``validated`` different validation samples."""
+    """Networks with different initial weights and ``validated`` different validation samples, 0 for none."""
     for number in range(networks):
         order = rng.permutation(len(inputs))
         stopping, training = order[:validated], order[validated:]
@@ -255,7 +255,7 @@ def train_repeatedly(
             inputs[training],
             targets[training],
             rng=rng,
-            validation=(inputs[stopping], targets[stopping]),
+            validation=(inputs[stopping], targets[stopping]) if validated else None,
             hidden=hidden,
             method=method,
             patience=patience,

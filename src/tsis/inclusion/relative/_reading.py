@@ -11,6 +11,7 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import InputError
 from tsis.inclusion.relative._light import REFERENCE_TISSUE, UNTOUCHED
+from tsis.model import ContentValue
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,7 +56,7 @@ def notes_of(flags: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RelativeReading:
+class RelativeReading(ContentValue):
     """A number that is valid only for comparing presses; ``print`` shows it with its assumptions and flags.
 
     Attributes

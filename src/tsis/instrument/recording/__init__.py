@@ -1,6 +1,5 @@
 """Sequences of frames on disk, lossless, with an index that accounts for every frame."""
 
-from tsis.instrument.recording._index import read_recording_index
 from tsis.instrument.recording._record import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
@@ -9,6 +8,7 @@ from tsis.instrument.recording._record import (
     RECORDING_VERSION,
     FurtherColumns,
     RecordingReport,
+    read_recording_index,
     record,
 )
 from tsis.instrument.recording._sinks import VIDEO_NAME, FrameFolder, FrameSink, LosslessVideo

@@ -157,7 +157,10 @@ def surrogate_key(
 
 def mechanical_content(probe: Probe) -> dict[str, Any]:
     """All values of a probe that its presses depend on, as JSON values."""
-    return asdict(replace(probe.unlit(), name="", assumed=()))
+    content = asdict(replace(probe.unlit(), name="", assumed=()))
+    for layer in content["layers"]:
+        del layer["refractive_index"]
+    return content
 
 
 def _nonzero(factor: Any) -> Floats:

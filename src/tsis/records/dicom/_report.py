@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from tsis.records.dicom._identity import ExportIdentity
 
 
-NOT_TRUSTED = "A flag says that the model does not hold, so this estimate has no numbers that may be used."
-
-
 def estimate_group(stored: StoredEstimate, cover: ExportIdentity, sources: Sequence[Dataset]) -> Any:
     """An estimate, without numbers where it is untrusted.
 
@@ -38,7 +35,7 @@ def estimate_group(stored: StoredEstimate, cover: ExportIdentity, sources: Seque
         tracking_identifier=_tracking(f"estimate of {stored.kind}", cover, stored.id),
         method=codes.own("imaging"),
         algorithm_id=_algorithm(stored),
-        measurements=_numbers(estimate) if estimate.trusted else [],
+        measurements=_numbers(estimate),
         qualitative_evaluations=[sr.QualitativeEvaluation(name=codes.own("trusted"), value=trusted)],
         source_images=[
             sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID) for source in sources
@@ -51,15 +48,15 @@ def estimate_group(stored: StoredEstimate, cover: ExportIdentity, sources: Seque
 
 def _numbers(estimate: Estimate) -> list[Any]:
     results = []
-    for name in estimate.samples:
+    for name in estimate.names if estimate.trusted else ():
         if name in codes.PARAMETERS:
             low, high = estimate.interval(INTERVAL_LEVEL)[name]
-            moments = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])]
-            values = moments if estimate.identified(name) else []
+            moments = ((codes.MEAN, estimate.mean), (codes.STANDARD_DEVIATION, estimate.sd))
+            values = [(code, values[name]) for code, values in moments if name in values]
             values += [(codes.FIFTH_PERCENTILE, low), (codes.NINETY_FIFTH_PERCENTILE, high)]
             results += [_number(codes.PARAMETERS[name], value, derivation) for derivation, value in values]
-    if estimate.presence is not None:
-        results.append(_number((codes.PROBABILITY, codes.UNITLESS, "presence"), estimate.presence, None))
+    if estimate.printed_presence is not None:
+        results.append(_number((codes.PROBABILITY, codes.UNITLESS, "presence"), estimate.printed_presence, None))
     return results
 
 
@@ -76,13 +73,10 @@ def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[s
 
 def _statements(estimate: Estimate) -> list[tuple[str, str]]:
     """Texts by our codes; the message on identifiability contains numbers, so an untrusted estimate has another."""
-    numbered = {name for name in codes.PARAMETERS if estimate.trusted and estimate.identified(name)}
-    messages = [("no-number", name) for name in estimate.samples if name not in numbered]
+    numbered = {name for name in estimate.names if name in codes.PARAMETERS and not estimate.withheld_reason(name)}
+    messages = [("no-number", name) for name in estimate.names if name not in numbered]
     messages += [("flag", flag) for flag in estimate.flags]
-    if estimate.trusted:
-        messages.append(("identifiability", estimate.identifiability))
-    else:
-        messages.append(("identifiability", NOT_TRUSTED))
+    messages.append(("identifiability", estimate.printed_identifiability))
     messages.append(("prior", estimate.prior))
     return [(name, message) for name, message in messages if message.strip()]
 

@@ -105,7 +105,7 @@ def estimate_rows(record: TargetRecord) -> list[Sequence[Any]]:
 def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> Iterator[list[Any]]:
     result = stored.estimate
     numbers = _numbers(result)
-    for name in result.samples:
+    for name in result.names:
         yield [
             number,
             in_force,
@@ -116,9 +116,9 @@ def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> I
             *numbers[name],
             result.identified(name),
             result.trusted,
-            _float(result.presence) if result.trusted else None,
+            _float(result.printed_presence),
             " ".join(result.flags),
-            " ".join(result.notes),
+            " ".join(result.printed_notes),
             stored.probe,
             " ".join(stored.presses),
             stored.calibration,
@@ -136,7 +136,7 @@ def _numbers(estimate: Estimate) -> dict[str, list[Any]]:
     for name, prior in estimate.prior_sd.items():
         bound = estimate.cramer_rao_sd.get(name)
         least = "infinite" if bound == math.inf else _float(bound)
-        rows[name] = [mean[name], sd[name], *interval[name], _float(prior), least, narrowing[name]]
+        rows[name] = [mean.get(name), sd.get(name), *interval[name], _float(prior), least, narrowing[name]]
     return rows
 
 

@@ -110,7 +110,7 @@ def estimate_observations(
     if identified:
         common["issued"] = stored.made.isoformat(timespec="seconds")
     results = []
-    for name in stored.estimate.samples:
+    for name in stored.estimate.names:
         frame = _frame_of(name, unit_text(name), subject, device, when, identified=identified)
         results.append(frame | common | _value(stored, name))
     if stored.estimate.presence is not None:
@@ -147,19 +147,20 @@ def _value(stored: StoredEstimate, name: str) -> Resource:
     parts = [
         component("interval-low", f"{interval}, lower end ({tail:.0%} quantile)", name, low),
         component("interval-high", f"{interval}, upper end ({1 - tail:.0%} quantile)", name, high),
-        component("sd", "Standard deviation of the posterior", name, result.sd[name]),
         component("prior-sd", "Standard deviation of the prior", name, result.prior_sd[name]),
     ]
     if name in result.cramer_rao_sd:
         bound = result.cramer_rao_sd[name]
         parts.append(component("cramer-rao-sd", "Least standard deviation of any unbiased estimate", name, bound))
-    if not result.identified(name):
+    if result.identified(name):
+        parts.append(component("sd", "Standard deviation of the posterior", name, result.sd[name]))
+    else:
         return {"dataAbsentReason": absent("unknown", UNIDENTIFIED), "component": parts}
     return {"valueQuantity": quantity(name, result.mean[name]), "component": parts}
 
 
 def _presence(stored: StoredEstimate, presence: float) -> Resource:
-    if not stored.estimate.trusted:
+    if not stored.estimate.presence_trusted:
         return {"dataAbsentReason": absent("error", UNTRUSTED)}
     return {"valueQuantity": quantity("presence", presence)}
 

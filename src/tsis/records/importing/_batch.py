@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import select
 
 from tsis.calibration.file import calibration_sha256
-from tsis.errors import FileInputError, InputError
+from tsis.errors import InputError
 from tsis.files import file_error, free_to_json, printable_path
 from tsis.instrument import read_image
 from tsis.model import freeze_mappings
@@ -19,7 +18,7 @@ from tsis.records._values import StoredPress
 from tsis.records.store import calibration_table, frame_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from tsis.calibration.file import ProbeCalibration
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 
 
 MOST_FRAMES = 100_000  # of one import
-LONGEST_FILE_NAME = 255  # bytes, as file systems take them
 
 
 def no_calibration(_cited: str) -> ProbeCalibration | None:
@@ -167,32 +165,6 @@ def inspect_file(path: Path, *, full_scale: float | None = None) -> dict[str, An
         "frame": hashlib.sha256(frame_bytes(image)).hexdigest(),
         "full_scale": full_scale,
     }
-
-
-@contextmanager
-def written_by(command: str, path: Path) -> Iterator[None]:
-    """Convert errors of the values in a file that a command writes to `FileInputError`."""
-    try:
-        yield
-    except FileInputError:
-        raise
-    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
-        fault = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
-        raise file_error(path, f"must be as {command} wrote it; {fault}") from error
-
-
-def own_file(folder: Path, name: str) -> Path:
-    """The file of this name in a folder; `FileInputError` for names that lead elsewhere, and for links."""
-    path = folder / name
-    if not _is_safe_name(name) or name in ("", ".", ".."):
-        raise file_error(folder, f"must name files of its own; it names {name!r:.80}")
-    if path.is_symlink():
-        raise file_error(path, "must be a file of its own; it is a link that leads elsewhere")
-    return path
-
-
-def _is_safe_name(name: str) -> bool:
-    return name.isprintable() and len(name.encode()) <= LONGEST_FILE_NAME and not any(mark in name for mark in "/\\")
 
 
 def modification_time(path: Path) -> datetime:

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError
-from tsis.files import file_error, from_json_value, read_bytes, read_object
+from tsis.files import file_error, from_json_value, own_file, read_bytes, read_object
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
@@ -25,7 +25,6 @@ from tsis.records.importing._batch import (
     cited_calibration,
     inspect_file,
     modification_time,
-    own_file,
 )
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from tsis.__about__ import CALIBRATION_FILE
 from tsis.calibration.file import read_calibration
 from tsis.catalog import load_probe
 from tsis.errors import InputError
-from tsis.files import file_error, from_json_value, read_object
+from tsis.files import file_error, from_json_value, own_file, read_object, require_known_schema, written_by
 from tsis.model import grey_sha256
 from tsis.records._provenance import environment
 from tsis.records.importing._batch import (
@@ -18,9 +18,7 @@ from tsis.records.importing._batch import (
     RequestedEstimate,
     inspect_file,
     modification_time,
-    own_file,
     read_frame,
-    written_by,
 )
 from tsis.records.store import frame_bytes
 
@@ -92,6 +90,7 @@ def result_folder(folder: Path, progress: Callable[[], None]) -> ImportBatch:
     """
     source = own_file(folder, RESULT)
     document = read_object(source)
+    require_known_schema(document, str(source))
     with written_by("tsis demo", source):
         return _batch(folder, document, progress)
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import FileInputError, InputError
-from tsis.files import file_error, from_json_value, printable_name, printable_path, read_object
-from tsis.instrument import SIDECAR_FORMAT, SIDECAR_VERSION
+from tsis.files import file_error, from_json_value, own_file, printable_name, printable_path, read_object, written_by
+from tsis.instrument import RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION
 from tsis.model import require_integer, require_one_of
 from tsis.records._values import ROLES
 from tsis.records.importing._batch import (
@@ -19,8 +19,6 @@ from tsis.records.importing._batch import (
     IncomingPress,
     cited_calibration,
     inspect_file,
-    own_file,
-    written_by,
 )
 from tsis.records.importing._importing import import_batches
 
@@ -30,9 +28,6 @@ if TYPE_CHECKING:
 
     from tsis.calibration import UsableCalibration
     from tsis.records.store import Store
-
-
-RAW = ("-raw.bmp", "-raw.png")
 
 
 def sidecar_of(path: Path) -> Path | None:
@@ -104,7 +99,7 @@ def _snapshot(
         raise InputError(f"version must be {SIDECAR_VERSION}; got {document['version']!r:.20}")
     target = require_integer("target", document["target"], 1, LARGEST_TARGET)
     hashes: dict[str, Any] = document["sha256"]
-    ending = next((item for item in RAW if item in hashes), None)
+    ending = next((item for item in RAW_ENDINGS if item in hashes), None)
     if ending is None:
         raise InputError(f"sha256 must tell of a raw frame; got {sorted(hashes)!r:.80}")
     raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")

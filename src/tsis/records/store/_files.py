@@ -164,11 +164,12 @@ def samples_bytes(estimate: Estimate) -> bytes:
     >>> samples_of(content)
     {'depth_mm': array([4., 5.])}
     """
-    parameters = [[name, int(values.size)] for name, values in estimate.samples.items()]
+    samples = estimate.untrusted.samples
+    parameters = [[name, int(values.size)] for name, values in samples.items()]
     if (reason := _unsound(parameters)) is not None:
         raise InputError(f"samples must be of at most {MOST_PARAMETERS} parameters and {MOST_SAMPLES}; got {reason}")
     header = json.dumps({"parameters": parameters}, separators=(",", ":")).encode() + b"\n"
-    rest = header + b"".join(np.ascontiguousarray(sample, _DOUBLE).tobytes() for sample in estimate.samples.values())
+    rest = header + b"".join(np.ascontiguousarray(sample, _DOUBLE).tobytes() for sample in samples.values())
     return FORMAT + hashlib.sha256(rest).hexdigest().encode() + b"\n" + rest
 
 

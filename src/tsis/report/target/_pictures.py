@@ -88,7 +88,7 @@ def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
     estimate, truth = stored.estimate, record.target.truth
     if stored.kind == "hardness":
         return Gallery(pictures=(modulus_picture(estimate, truth.get("young_kpa")),))
-    joint = (trade_off_picture(estimate, truth),) if len(estimate.samples) > 1 else ()
+    joint = (trade_off_picture(estimate, truth),) if len(estimate.names) > 1 else ()
     prior = _prior(stored)
     if prior is None:
         return Gallery(pictures=joint, notes=("The stored prior has no form in which the posteriors can be drawn.",))
@@ -98,7 +98,7 @@ def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
 def _prior(stored: StoredEstimate) -> InclusionPrior | None:
     """The prior of the estimate, or None where the record has another kind of prior."""
     reported = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}
-    if not isinstance(reported, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.samples):
+    if not isinstance(reported, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.names):
         return None
     fields: dict[str, Any] = {
         str(name): tuple(value) if isinstance(value, list) else value for name, value in reported.items()

@@ -8,7 +8,7 @@ import numpy as np
 
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
 from tsis.report._calibration import content_rows
-from tsis.report._document import sd_text, withheld_reason
+from tsis.report._document import sd_text
 from tsis.report._hardness import hardness_rows
 from tsis.report._inclusion import TITLES
 from tsis.report._page import Table
@@ -72,7 +72,7 @@ def _active_estimate(record: TargetRecord, stored: StoredEstimate) -> Table:
         values = (*hardness_rows(stored.estimate), *true)
         return Table(title=title, headings=("quantity", "value"), rows=values)
     headings = ("quantity", "mean", "90 % interval", "sd", "prior sd", "least sd (Cramér-Rao)")
-    names = (*stored.estimate.samples, *(name for name in truth if name not in stored.estimate.samples))
+    names = (*stored.estimate.names, *(name for name in truth if name not in stored.estimate.names))
     rows = tuple(_parameter_row(stored.estimate, name, truth) for name in names)
     return Table(title=title, headings=(*headings, "truth") if truth else headings, rows=rows)
 
@@ -80,9 +80,9 @@ def _active_estimate(record: TargetRecord, stored: StoredEstimate) -> Table:
 def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) -> tuple[str, ...]:
     text, unit = parameter_label(name)
     given = () if not truth else (measure(truth[name], unit) if name in truth else "not known",)
-    if name not in estimate.samples:
+    if name not in estimate.names:
         return (text, "not estimated", "", "", "", "", *given)
-    uncertainty = withheld_reason(estimate, name)
+    uncertainty = estimate.withheld_reason(name)
     if not estimate.trusted:
         return (text, uncertainty, "", "", "", "", *given)
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
@@ -91,7 +91,7 @@ def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) ->
         text,
         uncertainty or f"{estimate.mean[name]:.3g} {unit}",
         f"{low:.3g} to {high:.3g} {unit}",
-        sd_text(estimate.sd[name]),
+        sd_text(estimate.sd[name]) if estimate.identified(name) else "",
         sd_text(estimate.prior_sd[name]),
         sd_text(bound) if np.isfinite(bound) else "none known",
         *given,
@@ -133,13 +133,12 @@ def history_tables(record: TargetRecord) -> tuple[Table, ...]:
 
 def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
     estimate = stored.estimate
-    reported = "; ".join(_value_text(estimate, name) for name in estimate.samples)
     return (
         time_text(stored.made),
         stored.id[:SHORT],
         stored.kind,
         str(stored.environment.get("tsis", "not known")),
-        reported if estimate.trusted else "not to be trusted",
+        "; ".join(_value_text(estimate, name) for name in estimate.names) if estimate.trusted else "not to be trusted",
         str(len(stored.presses)),
         stored.supersedes[:SHORT] if stored.supersedes else "none",
     )
@@ -148,5 +147,5 @@ def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
 def _value_text(estimate: Estimate, name: str) -> str:
     text, unit = parameter_label(name)
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
-    mean = withheld_reason(estimate, name) or f"{estimate.mean[name]:.3g} {unit}".strip()
+    mean = estimate.withheld_reason(name) or f"{estimate.mean[name]:.3g} {unit}".strip()
     return f"{text} {mean} ({low:.3g} to {high:.3g})"

@@ -1,7 +1,7 @@
 """Analysis of a study: readings against the truth, for each device."""
 
 from tsis.study.analysis._agreement import Agreement, AgreementValue
-from tsis.study.analysis._analysis import DeviceComparison, StudyAnalysis, analyse
+from tsis.study.analysis._analysis import DeviceComparison, StudyAnalysis, analyse, results_table
 from tsis.study.analysis._device import FEW, DeviceAnalysis, SizeErrors
 from tsis.study.analysis._results import DeviceResults, TargetResult
 
@@ -16,4 +16,5 @@ __all__ = [
     "StudyAnalysis",
     "TargetResult",
     "analyse",
+    "results_table",
 ]

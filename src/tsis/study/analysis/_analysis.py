@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tsis.detection import bland_altman, bootstrap_compare_detectors, compare_detectors
-from tsis.errors import InputError, RecordsError
+from tsis.errors import InputError, RecordsError, import_extra
 from tsis.study._folder import read_seal
+from tsis.study._tables import quantity_columns
 from tsis.study._values import QUANTITIES
 from tsis.study._verification import verify_study
 from tsis.study.analysis._device import device_analysis
@@ -141,3 +143,30 @@ def analyse(study: Study, *, progress: Callable[[int, int], None] | None = None)
         devices=tuple(devices),
         comparisons=tuple(comparisons),
     )
+
+
+def results_table(analysis: StudyAnalysis) -> Any:
+    """Every target of every device as a ``pandas.DataFrame``: its truth, and the first reading of it.
+
+    The columns are device, code, label, has_inclusion, the true values ``true_...``, score, called (whether the score
+    reaches the device's threshold), undecided and unread, and value, standard deviation and 90 % interval of each
+    quantity as in `tsis.study.readings_table`. Raises `MissingExtraError` without the extra ``analysis``.
+    """
+    pandas = import_extra("pandas", feature="a table of results", extra="analysis")
+    rows = [
+        {
+            "device": device.results.device,
+            "code": item.code,
+            "label": item.truth.label,
+            "has_inclusion": item.truth.has_inclusion,
+            **{f"true_{name}": item.truth.values.get(name, math.nan) for name in QUANTITIES},
+            "score": math.nan if item.score is None else item.score,
+            "called": device.results.calls(item),
+            "undecided": item.reading is not None and item.score is None,
+            "unread": item.reading is None,
+            **quantity_columns(item.reading),
+        }
+        for device in analysis.devices
+        for item in device.results.targets
+    ]
+    return pandas.DataFrame(rows)

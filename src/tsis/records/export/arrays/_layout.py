@@ -133,11 +133,12 @@ def _write_estimate(tree: Tree, location: str, stored: StoredEstimate, *, in_for
         "in_force": in_force,
         "flags": json.dumps(list(result.flags)),
     }
-    if result.trusted and result.presence is not None:
-        head["presence"] = float(result.presence)
+    if result.printed_presence is not None:
+        head["presence"] = float(result.printed_presence)
     tree.group(location, head)
     summary = _summary(result) if result.trusted else {}
-    for name, values in result.samples.items():
+    group = "samples" if result.trusted else "untrusted"
+    for name, values in result.untrusted.samples.items():
         attributes: dict[str, Attribute] = {
             "quantity": name,
             "units": unit_of(name),
@@ -146,7 +147,7 @@ def _write_estimate(tree: Tree, location: str, stored: StoredEstimate, *, in_for
             "identified": result.identified(name),
             **summary.get(name, {}),
         }
-        write_array(tree, f"{location}/samples/{_link(name)}", values, attributes)
+        write_array(tree, f"{location}/{group}/{_link(name)}", values, attributes)
     _document(tree, f"{location}/document", estimate_to_json(stored))
 
 
@@ -155,13 +156,12 @@ def _summary(estimate: Estimate) -> dict[str, dict[str, Attribute]]:
     mean, sd, interval = estimate.mean, estimate.sd, estimate.interval(INTERVAL_LEVEL)
     summary: dict[str, dict[str, Attribute]] = {
         name: {
-            "mean": mean[name],
-            "sd": sd[name],
+            **({"mean": mean[name], "sd": sd[name]} if estimate.identified(name) else {}),
             "interval_level": INTERVAL_LEVEL,
             "interval_low": interval[name][0],
             "interval_high": interval[name][1],
         }
-        for name in estimate.samples
+        for name in estimate.names
     }
     for name, bound in estimate.cramer_rao_sd.items():
         summary[name]["cramer_rao_sd"] = "infinity" if bound == math.inf else float(bound)

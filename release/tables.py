@@ -1,0 +1,44 @@
+"""The tables that ship with the package, so that no first answer waits for them: `make tables`.
+
+They are what the catalog's probes need at default settings: the contact tables of the hardness estimate, and for the
+inclusion estimate the light on the lit face and the surrogate of its presses. Each is what the product itself computes
+and caches. `tests/files/test_shipped_tables.py` computes them again and compares.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+
+import numpy as np
+
+import tsis
+from tsis.catalog import list_probes
+from tsis.files import shipped_tables
+from tsis.hardness import build_contact_table
+from tsis.virtual import VirtualProbe
+
+FORCES_N = (0.5, 1.0)
+
+
+def main() -> None:
+    """Delete the shipped tables and compute them anew, in some minutes."""
+    folder = shipped_tables()
+    shutil.rmtree(folder, ignore_errors=True)
+    os.environ["TSIS_CACHE_DIR"] = str(folder)
+    compute_tables()
+
+
+def compute_tables() -> None:
+    """Ask for everything that needs a table, as a user does."""
+    for name in list_probes():
+        build_contact_table(tsis.load_probe(name))
+    virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(0))
+    phantom = tsis.load_phantom("size-8")
+    images = [virtual.press(phantom, force_n=force) for force in FORCES_N]
+    reference = [virtual.press(phantom.without_inclusion(), force_n=force) for force in FORCES_N]
+    tsis.inclusion.estimate(images, probe=virtual.probe, calibration=virtual.calibration, reference=reference)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""Names and versions of the JSON results, and the refusal of those of a newer version."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import FileInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+# Results of each command; "" is that without a part.
+_RESULTS = {
+    "acquire": ("describe", "list", "record", "snapshot", "watch"),
+    "calibrate": ("", "seal", "show"),
+    "console": ("",),
+    "demo": ("",),
+    "design": ("",),
+    "detect": ("apply", "train"),
+    "doctor": ("",),
+    "examine": ("", "contacts"),
+    "hardness": ("",),
+    "logins": ("",),
+    "match": ("", "bench"),
+    "network": ("apply", "train"),
+    "optics": ("angles", "modes", "propagate", "trace"),
+    "records": ("edit", "export", "import", "list", "recompute", "send", "show", "verify"),
+    "simulate": ("", "list"),
+    "study": ("analyse", "export", "import", "new", "plan", "run", "show", "verify"),
+    "sweep": ("run", "run-plan", "verify"),
+    "track": ("",),
+}
+# Version by name; it increases when a name in the document is removed or changes its meaning.
+RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
+    {f"tsis-{command}-{part}".rstrip("-"): 1 for command, parts in _RESULTS.items() for part in parts}
+)
+
+
+def require_known_schema(document: Mapping[str, Any], source: str) -> None:
+    """Refuse a JSON result of a newer version than this program reads; ``source`` names it in the message.
+
+    Results without a schema are those of version 0.1.0, which had none.
+
+    Raises
+    ------
+    FileInputError
+        When the schema is unknown or newer.
+
+    Examples
+    --------
+    >>> require_known_schema({"schema": {"name": "tsis-demo", "version": 9}}, "result.json")
+    Traceback (most recent call last):
+    ...
+    tsis.errors.FileInputError: result.json must be of tsis-demo up to version 1; got version 9: update tsis to read it
+    """
+    schema = document.get("schema")
+    if schema is None:
+        return
+    fields = schema if isinstance(schema, dict) else {}
+    name, version = str(fields.get("name")), fields.get("version")
+    if name not in RESULT_SCHEMAS or type(version) is not int or version < 1:
+        raise FileInputError(
+            f"{source} must name a schema of a result of tsis; got {name!r:.60}, version {version!r:.20}"
+        )
+    if version > RESULT_SCHEMAS[name]:
+        raise FileInputError(
+            f"{source} must be of {name} up to version {RESULT_SCHEMAS[name]}; got version {version}: update tsis to "
+            "read it"
+        )

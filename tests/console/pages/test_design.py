@@ -1,0 +1,145 @@
+"""Design: what is typed is the probe that is drawn, saved and analysed, and wrong fields stop all three."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.console.pages.simulated import at_console
+from tests.waiting import HANGS_S
+
+from tsis.catalog import load_probe, parse_probe
+from tsis.report import DesignQuestion, analyse_designs, compared_designs
+
+if TYPE_CHECKING:
+    from tests.console.pages.simulated import Operator
+
+    from tsis.console.services import Instrument
+
+
+def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("2 mm of 140 kPa, 3 mm of 80 kPa, 5 mm of 34 kPa, glass; 4 lamps")
+        await operator.types("Layer 2, modulus", "60")
+        await operator.sees("3 mm of 60 kPa")
+        for wrong, message in (
+            ("-3", "modulus must lie in"),
+            ("soft", "modulus must be a number"),
+            ("", "modulus must be a number"),
+        ):
+            await operator.types("Layer 2, modulus", wrong)
+            await operator.sees(f"Layer 2: {message}", "Not drawn while a field is wrong.", "3 mm of 60 kPa")
+        await operator.clicks("Compute the errors")
+        await operator.hears("modulus must be a number, as 2 or 0.5; got ''")
+        await operator.clicks("Save the probe")
+        await operator.hears("modulus must be a number, as 2 or 0.5; got ''")
+        assert (await operator.requested("/jobs"))["jobs"] == []
+        await operator.types("Layer 2, modulus", "70")
+        await operator.sees("3 mm of 70 kPa")
+        await operator.misses("Not drawn while a field is wrong.")
+        await operator.types("Radius of the dome / mm", "11")
+        await operator.sees("radius of the dome must lie in [12")
+        await operator.clicks("Domed")
+        await operator.sees("flat; from the tissue up")
+        await operator.types("Height / mm", "99")
+        await operator.sees("height of a lamp must lie in [0, 13]")
+        await operator.types("Height / mm", "4")
+        await operator.types("How many", "6.5")
+        await operator.sees("lamps must be a whole number in [1, 36]; got 6.5")
+        await operator.types("How many", "6")
+        await operator.sees("; 6 lamps")
+
+    at_console(lit, script, "/design")
+
+
+def test_layers_are_added_moved_and_taken_out(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("2 mm of 140 kPa, 3 mm of 80 kPa, 5 mm of 34 kPa, glass")
+        await operator.clicks("Add a layer at the glass")
+        await operator.sees("5 mm of 34 kPa, 2 mm of 50 kPa, glass")
+        await operator.clicks("Move layer 4 to the tissue")
+        await operator.sees("2 mm of 50 kPa, 5 mm of 34 kPa, glass")
+        await operator.clicks("Move layer 1 to the glass")
+        await operator.sees("up 3 mm of 80 kPa, 2 mm of 140 kPa")
+        for left in ("up 2 mm of 140 kPa, 2 mm of 50", "up 2 mm of 50 kPa, 5 mm", "up 5 mm of 34 kPa, glass"):
+            await operator.clicks("Take layer 1 out")
+            await operator.sees(left)
+        assert not operator.enabled("Take layer 1 out")
+
+    at_console(lit, script, "/design")
+
+
+def test_the_saved_probe_is_the_typed_one_and_the_draft_stays_with_the_tab(lit: Instrument) -> None:
+    saved: list[str] = []
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Seen from the side")
+        await operator.chooses("Start from", "tsis-2011")
+        await operator.sees("flat; from the tissue up")
+        await operator.types("Layer 1, thickness", "3.5")
+        await operator.sees("3.5 mm of")
+        await operator.clicks("Save the probe")
+        saved.append((await operator.user.download.next(timeout=HANGS_S)).text)
+        await operator.clicks("About")
+        await operator.sees("Research use only", "Versions")
+        await operator.clicks("Design")
+        await operator.sees("3.5 mm of")
+        assert operator.field("Start from") == "tsis-2011"
+        other = await operator.other("/design")
+        await other.sees("2 mm of 140 kPa, 3 mm of 80 kPa")
+
+    at_console(lit, script, "/design")
+    ((name, entry),) = tomllib.loads(saved[0]).items()
+    start = load_probe("tsis-2011")
+    layers = (replace(start.layers[0], thickness_mm=3.5), *start.layers[1:])
+    assert parse_probe(name, entry) == replace(start, layers=layers, name="tsis-2011 (changed)")
+
+
+def test_wrong_questions_begin_nothing(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("Seen from the side")
+        for field, typed, message in (
+            ("Forces / N", "0,8", "force must lie in"),
+            ("Forces / N", "hard", "force must be a number"),
+            ("Forces / N", "1 1 1 1 1 1 1 1 1", "forces must be at most 8; got 9"),
+            ("Frames of each", "0", "frames must lie in [1, "),
+            ("Frames of each", "1.5", "frames must be a whole number; got 1.5"),
+        ):
+            before = operator.field(field)
+            await operator.types(field, typed)
+            await operator.sees(message)
+            await operator.clicks("Compute the errors")
+            await operator.hears(message)
+            await operator.types(field, before)
+        await operator.clicks("Search better layers and forces, for minutes")
+        await operator.types("Stacks to try", "0")
+        await operator.sees("stacks to try must lie in [1, ")
+        assert (await operator.requested("/jobs"))["jobs"] == []
+
+    at_console(lit, script, "/design")
+
+
+def test_the_answer_is_that_of_the_library(lit: Instrument) -> None:
+    question = DesignQuestion(probe=load_probe("tsis-2011"), forces_n=(0.8,), compared=("reference",))
+    expected = analyse_designs(question, compared_designs(question)).designs
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Seen from the side")
+        await operator.chooses("Start from", "tsis-2011")
+        await operator.types("Forces / N", "0.8")
+        for aspect in ("other forces", "more frames of each press"):
+            await operator.clicks(aspect)
+        await operator.clicks("Compute the errors")
+        await operator.sees("Save the result")
+        rows = operator.texts[operator.texts.index("h / mm") :]
+        for design in expected:
+            shown = float(rows[rows.index(design.protocol.name) + 2])
+            assert shown == pytest.approx(design.information.rmse["depth_mm"], abs=0.005)
+        await operator.clicks("Save the result")
+        document = json.loads((await operator.user.download.next(timeout=HANGS_S)).text)
+        assert [item["name"] for item in document["designs"]] == [design.protocol.name for design in expected]
+
+    at_console(lit, script, "/design")

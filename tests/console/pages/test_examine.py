@@ -1,0 +1,256 @@
+"""Examine: what an operator does there is what scripts read of the instrument, and what is wrong changes nothing."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+from tests.console.filled_store import ESTIMATED
+from tests.console.pages.simulated import at_console
+from tests.console.services.instruments import ANN, BOB, gauge
+from tests.records.sample import sample_dossier
+
+from tsis.files import target_folder
+
+if TYPE_CHECKING:
+    from tests.console.pages.simulated import Operator
+    from tests.console.services.lit_camera import World
+
+    from tsis.console.services import Instrument
+
+
+async def started(operator: Operator) -> None:
+    await operator.clicks("Start")
+    await operator.sees("aravis:lit: ")
+
+
+def test_start_and_stop_are_one_button(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("camera stopped", "The camera is stopped.", "live image of the probe: no frames")
+        await started(operator)
+        await operator.sees("frames/s, 0 dropped, 64 x 48 pixels", "contact around column 32, row 24")
+        assert (await operator.requested("/state"))["camera"]["running"] is True
+        await operator.clicks("Stop")
+        await operator.sees("camera stopped", "Start")
+        assert (await operator.requested("/state"))["camera"]["running"] is False
+
+    at_console(lit, script)
+
+
+def test_a_snapshot_is_a_press_of_the_target_with_the_typed_force(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("No presses of this target yet.")
+        await started(operator)
+        await operator.types("Target", "20")
+        await operator.types("Force", "0.8")
+        await operator.sees("0.80 N", "as typed", "Target 20")
+        await operator.chooses("Pressed on", "on the target")
+        await operator.clicks("Snapshot")
+        await operator.hears("Saved for target 20: on the target, 0.8 N")
+        await operator.sees("1 press", "0.8 N")
+        await operator.chooses("Pressed on", "on plain tissue")
+        await operator.types("Force", "")
+        await operator.sees("force not measured")
+        operator.presses_key("snapshot")
+        await operator.hears("Saved for target 20: on plain tissue, force not measured")
+        await operator.sees("2 presses")
+        saved = (await operator.requested("/targets/20/presses"))["presses"]
+        assert [(press["role"], press["force_n"]) for press in saved] == [("target", 0.8), ("plain", None)]
+
+    at_console(lit, script)
+    assert len(list((lit.terms.workspace / target_folder(20)).glob("*.json"))) == 2
+
+
+def test_keys_and_buttons_go_from_target_to_target(lit: Instrument) -> None:
+    async def shown(operator: Operator, number: str) -> None:
+        await operator.until(lambda: operator.field("Target") == number, f"the target is not {number}")
+        assert (await operator.requested("/state"))["target"] == int(number)
+
+    async def script(operator: Operator) -> None:
+        operator.presses_key("step", 1)
+        await shown(operator, "2")
+        await operator.clicks("Target after")
+        await shown(operator, "3")
+        operator.presses_key("step", -1)
+        await shown(operator, "2")
+        await operator.clicks("Target before")
+        await shown(operator, "1")
+
+    at_console(lit, script)
+
+
+def test_wrong_numbers_are_refused_and_the_old_ones_stay(lit: Instrument) -> None:
+    async def refused(operator: Operator, field: str, typed: str, message: str) -> None:
+        before = operator.field(field)
+        await operator.types(field, typed)
+        await operator.hears(message)
+        await operator.until(lambda: operator.field(field) == before, f"{field} shows {operator.field(field)!r}")
+
+    async def script(operator: Operator) -> None:
+        await started(operator)
+        await operator.types("Force", "1.5")
+        await operator.sees("1.50 N")
+        for typed, message in {
+            "abc": "target must be a number, as 2 or 0.5; got 'abc'",
+            "": "target must be a number, as 2 or 0.5; got ''",
+            "0": "target must lie in [1, 99999]; got 0",
+            "2.5": "target must be a whole number; got 2.5",
+            "1e999": "target must be a whole number; got inf",
+            "<img src=x>": "target must be a number, as 2 or 0.5; got '<img src=x>'",
+        }.items():
+            await refused(operator, "Target", typed, message)
+        await refused(operator, "Force", "-1", "force must lie in [0, ")
+        await refused(operator, "Force", "hard", "force must be a number, as 2 or 0.5; got 'hard'")
+        state = await operator.requested("/state")
+        assert (state["target"], state["force_n"]) == (1, 1.5)
+        await operator.types("Force", "")  # which says that it is not known
+        await operator.sees("force not measured")
+        assert (await operator.requested("/state"))["force_n"] is None
+
+    at_console(lit, script)
+
+
+def test_a_force_of_a_gauge_is_shown_in_place_of_a_typed_one(lit: Instrument) -> None:
+    lit.control.take(ANN, "Ann")
+    lit.use_gauge(gauge(0.8), by=ANN)
+    lit.start(by=ANN)
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("0.80 N", "from the gauge")
+
+    at_console(lit, script)
+
+
+def test_settings_change_the_camera_within_its_range(lit: Instrument, world: World) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.clicks("Settings", ui.tab)
+        await operator.sees("Start the camera to adjust it.")
+        await started(operator)
+        await operator.sees("0 to 24 dB")
+        await operator.types("Gain", "7.5")
+        await operator.until(lambda: world.cameras[-1].adjusted[-1:] == [7.5], "the camera's gain is another")
+        await operator.types("Gain", "25")
+        await operator.hears("gain must lie in [0, 24]; got 25")
+        await operator.until(lambda: operator.field("Gain") == "7.5", "the refused number is still there")
+        await operator.clicks("Minimal")
+        await operator.until(lambda: operator.field("Gain") == "0", "the preset is not shown")
+        assert (await operator.requested("/camera/settings"))["settings"][0]["value"] == 0.0
+        await operator.clicks("Default")
+        await operator.until(lambda: operator.field("Gain") == "2", "the preset is not shown")
+        assert world.cameras[-1].adjusted == [7.5, 0.0, 2.0]
+
+    at_console(lit, script)
+
+
+def test_a_sequence_is_recorded_whole_and_wrong_lengths_begin_none(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.clicks("Sequence", ui.tab)
+        await operator.sees("Every frame is saved unchanged")
+        await operator.clicks("Record")
+        await operator.hears("the camera must run to record a sequence; it is stopped (start it)")
+        await started(operator)
+        for typed, unit, message in (
+            ("soon", "seconds", "length must be a number, as 2 or 0.5; got 'soon'"),
+            ("0", "seconds", "seconds must lie in"),
+            ("2.5", "frames", "frames must be a whole number; got 2.5"),
+            ("0", "frames", "frames must lie in [1, "),
+        ):
+            await operator.types("Length", typed)
+            await operator.chooses("Unit of the length", unit)
+            await operator.clicks("Record")
+            await operator.hears(message)
+        await operator.types("Length", "5")
+        await operator.clicks("Record")
+        await operator.sees("Sequence of target 1: 5 frames in ")
+        (job,) = (await operator.requested("/jobs"))["jobs"]
+        report = (await operator.requested(f"/jobs/{job['identity']}"))["result"]["report"]
+        assert (report["kept"], report["ended_by"]) == (5, "")
+
+    at_console(lit, script)
+    folder = lit.terms.workspace / target_folder(1) / "sequence"
+    assert len(list(folder.glob("*.png"))) == 5
+    assert json.loads((folder / "recording.json").read_text())["target"] == 1
+
+
+def test_a_camera_that_goes_away_is_said_in_every_place(lit: Instrument, world: World) -> None:
+    async def script(operator: Operator) -> None:
+        await started(operator)
+        world.plugged = False
+        await operator.sees("camera away", "force not measured")
+        assert "No flags." not in operator.texts
+        assert (await operator.requested("/state"))["camera"]["lost"] is True
+        world.plugged = True
+        await operator.sees("interrupted once", "contact around column 32, row 24")
+
+    at_console(lit, script)
+
+
+def test_of_two_operators_one_commands_and_the_other_watches(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        other = await operator.other()
+        await other.sees("browser 1 holds the camera; you watch.", "You watch: take the camera")
+        await operator.until(lambda: operator.enabled("Start"), "who holds the camera can not start it")
+        assert not other.enabled("Start")
+        assert not other.enabled("Snapshot")
+        await started(operator)
+        other.presses_key("snapshot")
+        await other.hears("the camera is held by browser 1; watch, or take it over")
+        await other.clicks("Take the camera")
+        await other.sees("browser 1 holds the camera and may be in the middle of something.")
+        await other.clicks("Take it over")
+        await operator.sees("browser 2 holds the camera; you watch.")
+        await operator.hears("browser 2 took the camera over; you watch now.")
+        await other.clicks("Stop")
+        await operator.sees("camera stopped")
+        await other.clicks("Release the camera")
+        await other.sees("Take the camera")
+
+    at_console(lit, script)
+
+
+def test_an_estimate_without_a_calibration_is_refused_and_a_stored_one_shown(lit: Instrument) -> None:
+    stored = lit.store.import_target(sample_dossier()).target.number
+    assert stored == ESTIMATED
+
+    async def script(operator: Operator) -> None:
+        await operator.clicks("Estimate", ui.button)
+        await operator.hears("target must be a number that this store of phantoms holds; got 1")
+        await operator.types("Target", str(stored))
+        await operator.sees(f"Target {stored}")
+        (current,) = (await operator.requested(f"/targets/{stored}/estimates"))["estimates"]
+        mean = current["parameters"]["diameter_mm"]["mean"]
+        await operator.sees("Diameter", f"{mean:.3g} mm")
+
+    at_console(lit, script)
+
+
+def test_the_relief_follows_the_live_image(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await started(operator)
+        assert not any("relief" in text for text in operator.texts)
+        await operator.clicks("3-D")
+        await operator.sees("relief of the live image: contact around column 32, row 24")
+        await operator.clicks("3-D")
+        await operator.misses("relief")
+
+    at_console(lit, script)
+
+
+def test_jobs_are_listed_and_only_the_owner_ends_them(lit: Instrument) -> None:
+    lit.control.take(BOB, "Bob", held_s=600.0)
+
+    async def script(operator: Operator) -> None:
+        lit.begin_sequence(seconds=600.0, by=BOB)
+        await operator.sees("Jobs: ")
+        await operator.clicks(operator.named("Jobs: ")[0])
+        await operator.clicks("End sequence of target 1")
+        await operator.hears("only the camera's owner may end jobs; take the camera first")
+        lit.control.release(BOB)
+        await operator.clicks("Take the camera")
+        await operator.sees("Release the camera")
+        await operator.clicks("End sequence of target 1")
+        await operator.sees("done", " frames in ")
+
+    lit.start(by=BOB)
+    at_console(lit, script)

@@ -1,0 +1,282 @@
+"""Records: what the pages of a store show, change and refuse, beside what the store and its API hold."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.console.filled_store import ESTIMATED, HARD, MANY, PRESSES, fill
+from tests.console.pages.simulated import at_console
+from tests.console.services.instruments import lit_instrument
+from tests.records.sample import sample_dossier
+
+from tsis.records.export.bundle import read_bundle, write_bundle
+from tsis.records.store import open_store
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.console.pages.simulated import Operator
+
+    from tsis.console.services import Instrument
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a store of three targets, for tests to copy."""
+    folder = tmp_path_factory.mktemp("filled") / "store"
+    fill(folder)
+    return folder
+
+
+@pytest.fixture
+def filled(store: Path, tmp_path: Path) -> Iterator[Instrument]:
+    """An instrument with a store of its own of three targets."""
+    shutil.copytree(store, tmp_path / "store")
+    with lit_instrument(tmp_path) as created:
+        yield created
+
+
+def test_an_empty_store_says_how_to_begin(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("0 targets (phantoms), 0 presses", "Nothing is saved yet.")
+
+    at_console(lit, script, "/records")
+
+
+def test_the_list_is_searched_narrowed_and_ordered(filled: Instrument) -> None:
+    async def numbers(operator: Operator, *expected: int) -> None:
+        await operator.until(lambda: [int(row[0]) for row in operator.rows] == list(expected), f"not {expected}")
+
+    async def script(operator: Operator) -> None:
+        total = sum(item["presses"] for item in (await operator.requested("/targets"))["targets"])
+        await operator.sees(f"3 targets (phantoms), {total} presses")
+        await numbers(operator, ESTIMATED, MANY, HARD)
+        await operator.types("Search number or name", "MANY")
+        await numbers(operator, MANY)
+        assert operator.rows[0][1:4] == ("many presses", str(PRESSES), "0")
+        await operator.types("Search number or name", "nobody")
+        await numbers(operator)
+        await operator.types("Search number or name", "")
+        await operator.chooses("Show", "not estimated")
+        await numbers(operator, MANY)
+        await operator.chooses("Show", "all")
+        operator.orders(sortBy="presses", descending=True, page=1, rowsPerPage=25)
+        await numbers(operator, MANY, ESTIMATED, HARD)
+        operator.orders(sortBy=["presses"], descending="yes", page=-3, rowsPerPage=7)  # which no table asks for
+        await numbers(operator, ESTIMATED, MANY, HARD)
+
+    at_console(filled, script, "/records")
+
+
+@pytest.mark.parametrize(("number", "message"), [("99", "99"), ("none", "none")])
+def test_a_target_that_is_not_there_is_said(filled: Instrument, number: str, message: str) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("target must be ", f"got {message!r}" if message == "none" else f"got {message}")
+        await operator.clicks("All targets")
+        await operator.sees("3 targets")
+
+    at_console(filled, script, f"/records/{number}")
+
+
+def test_presses_come_a_sheet_at_a_time_and_two_are_compared(filled: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees(f"1 to 24 of {PRESSES}", "Compare two (0 chosen)", "No estimate yet.")
+        assert not operator.enabled("Earlier")
+        saved = (await operator.requested(f"/targets/{MANY}/presses?limit=100"))["presses"]
+        assert len(operator.named("Open the press ")) == 24
+        for name in operator.named("Choose the press ")[:2]:
+            await operator.clicks(name)
+        await operator.sees("Compare two (2 chosen)")
+        await operator.clicks("Compare two (2 chosen)")
+        await operator.sees("bring both to the same light", "centroid")
+        await operator.clicks("Close the comparison")
+        await operator.misses("bring both to the same light")
+        await operator.clicks("Later")
+        await operator.sees(f"25 to {PRESSES} of {PRESSES}")
+        assert not operator.enabled("Later")
+        assert len(operator.named("Open the press ")) == PRESSES - 24
+        assert len(saved) == PRESSES
+
+    at_console(filled, script, f"/records/{MANY}")
+
+
+def test_a_target_is_edited_and_wrong_values_are_refused(filled: Instrument) -> None:
+    truth = "True values, one on a line: diameter_mm=10"
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Target 3: size-10", "true Diameter d", "10 mm")
+        await operator.clicks("Edit")
+        await operator.sees(f"Edit target {ESTIMATED}")
+        assert operator.field("Name") == "size-10"
+        for typed, message in (
+            ("diameter_mm=wide", "wide"),
+            ("diameter_mm", "diameter_mm"),
+            ("depth_mm=-1", "depth_mm"),
+        ):
+            await operator.types(truth, typed, enter=False)
+            await operator.clicks("Save")
+            await operator.hears(message)
+        await operator.types(truth, "diameter_mm=11.5\n\ndepth_mm=5", enter=False)
+        await operator.types("Name", "size 11.5")
+        await operator.types("Note", "measured again", enter=False)
+        await operator.clicks("Save")
+        await operator.hears("Target 3 is version 2 now.")
+        await operator.sees("Target 3: size 11.5", "11.5 mm", "measured again")
+        stored = (await operator.requested(f"/targets/{ESTIMATED}"))["target"]
+        assert (stored["name"], stored["note"]) == ("size 11.5", "measured again")
+        assert stored["truth"] == {"diameter_mm": 11.5, "depth_mm": 5.0}
+
+    at_console(filled, script, f"/records/{ESTIMATED}")
+
+
+def test_of_two_editors_the_later_one_decides(filled: Instrument) -> None:
+    async def conflict(operator: Operator, name: str) -> None:
+        await operator.clicks("Edit")
+        await operator.sees("Edit target 3")
+        filled.store.edit_target(filled.store.target(ESTIMATED), name=name)
+        await operator.types("Note", "mine", enter=False)
+        await operator.clicks("Save")
+        await operator.sees(f", is “{name}” now.", "Overwrite with mine")
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Target 3: size-10")
+        await conflict(operator, "of another")
+        await operator.clicks("Take what is there now")
+        await operator.misses("Overwrite with mine")
+        assert (operator.field("Name"), operator.field("Note")) == ("of another", "bench")
+        await operator.clicks("Cancel")
+        await operator.misses("Edit target 3")
+        await operator.sees("Target 3: of another")
+        await conflict(operator, "a third")
+        await operator.clicks("Overwrite with mine")
+        await operator.hears("Target 3 is version 4 now.")
+        stored = (await operator.requested(f"/targets/{ESTIMATED}"))["target"]
+        assert (stored["name"], stored["note"]) == ("of another", "mine")
+
+    at_console(filled, script, f"/records/{ESTIMATED}")
+
+
+def test_a_press_is_opened_and_its_force_corrected(filled: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("4 presses")
+        (name,) = (item for item in operator.named("Open the press on the target, 0.7 N"))
+        await operator.clicks(name)
+        await operator.sees("frame", "150 × 96 px", "0.12 × 0.14 mm per pixel", "tsis-2011")
+        for typed, message in (("hard", "force must be"), ("-2", "force must lie in")):
+            await operator.types("Force in newtons; empty where unknown", typed)
+            await operator.clicks("Save")
+            await operator.hears(message)
+        await operator.types("Force in newtons; empty where unknown", "0.75")
+        await operator.clicks("Save")
+        await operator.hears("The press is version 2 now.")
+        await operator.until(lambda: bool(operator.named("Open the press on the target, 0.75 N")), "the force is old")
+        saved = (await operator.requested(f"/targets/{ESTIMATED}/presses"))["presses"]
+        assert [press["force_n"] for press in saved] == [0.75, 1.0, 0.7, 1.0]
+
+    at_console(filled, script, f"/records/{ESTIMATED}")
+
+
+def test_a_hardness_is_recomputed_to_the_stored_number(filled: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        (before,) = (await operator.requested(f"/targets/{HARD}/estimates"))["estimates"]
+        await operator.sees(f"{before['parameters']['young_kpa']['mean']:.3g} kPa")
+        await operator.clicks("Recompute")
+        await operator.sees("The current estimates are recomputed from the stored frames.")
+        await operator.clicks("dry run: show changes, store nothing")
+        await operator.clicks("Recompute")
+        await operator.sees("Hardness: ")
+        assert len((await operator.requested(f"/targets/{HARD}/estimates"))["estimates"]) == 1
+        await operator.clicks("Close")
+        await operator.misses("Hardness: ")
+
+    at_console(filled, script, f"/records/{HARD}")
+
+
+def test_an_estimate_of_presses_of_nothing_fails_in_one_sentence(filled: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("Nothing was estimated yet.")
+        await operator.clicks("Estimate")
+        await operator.sees("the newest press of each role and force")
+        await operator.clicks("Estimate")
+        await operator.until(lambda: bool(operator.alerts), "no failure is shown")
+        (alert,) = operator.alerts
+        assert "\n" not in alert
+        assert "Traceback" not in alert
+
+    at_console(filled, script, f"/records/{MANY}")
+
+
+def test_a_bundle_is_imported_once_and_other_files_are_refused(lit: Instrument, tmp_path: Path) -> None:
+    with open_store(tmp_path / "other") as other:
+        target = other.import_target(sample_dossier()).target
+        write_bundle(other.record(target), tmp_path / "bundle.zip")
+    content = (tmp_path / "bundle.zip").read_bytes()
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Nothing is saved yet.")
+        await operator.clicks("Import a bundle")
+        await operator.sees("A bundle is the zip file that the export of a target writes.")
+        await operator.uploads("Zip file of a bundle", "b.zip", content[: len(content) // 2])
+        await operator.until(lambda: bool(operator.alerts), "no refusal is shown")
+        assert "bundle.zip" in operator.alerts[0]
+        assert "tsis-import-" not in operator.alerts[0]  # the folder of the copy is nobody's business
+        await operator.clicks("Import a bundle")
+        await operator.uploads("Zip file of a bundle", "b.zip", content)
+        await operator.sees("Open target 3", "1 target (phantoms), 4 presses")
+        await operator.clicks("Import a bundle")
+        await operator.uploads("Zip file of a bundle", "b.zip", content)
+        await operator.sees("1 target (phantoms), 4 presses")
+        await operator.clicks("Open target 3")
+        await operator.sees("Target 3: size-10")
+
+    at_console(lit, script, "/records")
+    assert len(lit.store.targets()) == 1
+
+
+def test_a_store_is_verified_and_a_changed_one_is_not_sound(filled: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("3 targets")
+        await operator.clicks("Verify the store")
+        await operator.sees("Close")
+        sound = " ".join(operator.texts)
+        await operator.clicks("Close")
+        frame = max((filled.store.folder / "files").rglob("*.png"), key=lambda file: file.stat().st_size)
+        frame.chmod(0o600)
+        frame.write_bytes(frame.read_bytes()[:-1])
+        await operator.clicks("Verify the store")
+        await operator.sees(frame.stem[:16])
+        assert frame.stem[:16] not in sound
+
+    at_console(filled, script, "/records")
+
+
+def test_an_export_is_fetched_by_the_browser_from_an_address_that_gives_it(filled: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        fetched: list[str] = []
+
+        def fetch(found: re.Match[str]) -> str:
+            fetched.append(json.loads(found[1]))
+            return "" if len(fetched) > 1 else "the disk is full"
+
+        operator.user.javascript_rules[re.compile(r"\s*const answer = await fetch\((.*?)\);")] = fetch
+        await operator.sees("Target 3: size-10")
+        await operator.clicks("Export")
+        await operator.sees("Export target 3", "This form masks nothing")
+        await operator.clicks("Export")
+        await operator.hears("the disk is full")
+        await operator.chooses("Form", "Bundle: everything, for another store")
+        await operator.clicks("Export")
+        await operator.hears("Exported as bundle: the browser saves the file.")
+        await operator.misses("Export target 3")
+        assert fetched == ["/files/export/3/csv", "/files/export/3/bundle"]
+        response = await operator.http.get(fetched[-1])
+        (filled.terms.workspace / "b.zip").write_bytes(response.raise_for_status().content)
+
+    filled.terms.workspace.mkdir(exist_ok=True)
+    at_console(filled, script, f"/records/{ESTIMATED}")
+    assert read_bundle(filled.terms.workspace / "b.zip").target.name == "size-10"

@@ -1,0 +1,188 @@
+"""Study: a blind study made, read, verified and unblinded on its pages, beside its folder and log."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from nicegui import ui
+from tests.console.pages.simulated import at_console
+from tests.study.made import HEADINGS, made_study, table
+from tests.waiting import HANGS_S
+
+from tsis.study import open_study
+
+if TYPE_CHECKING:
+    from tests.console.pages.simulated import Operator
+
+    from tsis.console.services import Instrument
+    from tsis.study import Study
+
+TRUTH = ("detection-", "blank-", "printed")
+
+
+@pytest.fixture
+def study(lit: Instrument) -> Study:
+    """A study of four targets that nobody has read yet, in the workspace of the console."""
+    (lit.terms.workspace / "studies").mkdir(parents=True)
+    return made_study(lit.terms.workspace / "studies" / "trial", present=2, blank=2)
+
+
+async def imports(operator: Operator, content: str, *, device: str, threshold: str = "0.5") -> None:
+    if "Entered by" not in operator.texts:
+        await operator.clicks("Import readings")
+    await operator.types("Device", device)
+    await operator.types("Threshold", threshold)
+    await operator.types("Entered by", "Ada")
+    await operator.uploads("CSV file of readings", "r.csv", content.encode())
+
+
+def test_a_study_is_made_from_the_form_and_wrong_fields_make_none(lit: Instrument) -> None:
+    folder = lit.terms.workspace / "studies"
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("There is no study yet.")
+        fields = {"Name": "trial", "With an inclusion": "2", "Blanks": "3", "Forces": "1", "Seed": "3"}
+        for name, text in fields.items():
+            await operator.types(name, text)
+        await operator.types("Made by", "Ben")
+        for field, typed, message in (
+            ("Name", "", "name"),
+            ("Name", "../other", "name"),
+            ("With an inclusion", "two", "targets with an inclusion must be a number, as 2 or 0.5; got 'two'"),
+            ("With an inclusion", "2.5", "targets with an inclusion must be a whole number; got '2.5'"),
+            ("Blanks", "-1", "blanks must lie in"),
+            ("Forces", "0,8", "force"),
+            ("Threshold", "high", "threshold must be a number, as 2 or 0.5; got 'high'"),
+            ("Repeats", "0", "repeats must lie in [1, 1000]; got 0"),
+            ("Seed", "-3", "seed must lie in [0, "),
+        ):
+            before = operator.field(field)
+            await operator.types(field, typed)
+            await operator.clicks("Make the study")
+            await operator.hears(message)
+            await operator.types(field, before)
+        assert not folder.exists() or list(folder.iterdir()) == []
+        await operator.clicks("Make the study")
+        await operator.sees("Study trial", "Nothing was read yet.", "blinded")
+        plan = open_study(folder / "trial").plan
+        await operator.until(
+            lambda: operator.rows == [(str(at), code, "left") for at, code in enumerate(plan.codes, 1)], "other codes"
+        )
+        assert (len(plan.codes), plan.forces_n, plan.seed) == (5, (1.0,), 3)
+        assert not any(word in text for word in TRUTH for text in operator.texts)
+        await operator.clicks("All studies")
+        await operator.sees("trial", "blinded")
+
+    at_console(lit, script, "/study")
+
+
+def test_readings_are_imported_whole_or_not_at_all_and_exported_again(lit: Instrument, study: Study) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("Study trial")
+        content = table(study)
+        for damaged, device, threshold, message in (
+            (content, "", "0.5", "device"),
+            (content, "palpation", "low", "threshold must be a number"),
+            (HEADINGS + "\nnobody,0.5,Cleo,1,,,\n", "palpation", "0.5", "nobody"),
+            (content.replace("score", "value", 1), "palpation", "0.5", "score"),
+            ("", "palpation", "0.5", "r.csv"),
+        ):
+            await imports(operator, damaged, device=device, threshold=threshold)
+            await operator.hears(message)
+            assert open_study(study.folder).readings == ()
+        await imports(operator, content, device="palpation")
+        await operator.hears("4 readings entered.")
+        await operator.sees("palpation", "threshold 0.5", "Cleo: 4 of 4 read")
+        await operator.until(lambda: {row[-1] for row in operator.rows} == {"read"}, "not all are read")
+        await operator.clicks("Export readings of palpation")
+        response = await operator.user.download.next(timeout=HANGS_S)
+        assert sorted(line.split(",")[:3] for line in response.text.split()) == sorted(
+            line.split(",")[:3] for line in content.split()
+        )
+
+    at_console(lit, script, "/study/trial")
+
+
+def test_it_is_verified_against_its_log_and_a_head_from_elsewhere(lit: Instrument, study: Study) -> None:
+    head = study.chain.head
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Study trial", head[:16])
+        await operator.clicks("Verify")
+        await operator.sees("The study is as it was written, all 1 line of its log.", f"Head of the log: {head}")
+        await operator.types("Head that was saved elsewhere", "0" * 12)
+        await operator.clicks("Compare")
+        await operator.sees("The study is NOT as it was written: it differs in 1 place.")
+        await operator.types("Head that was saved elsewhere", head)
+        await operator.clicks("Compare")
+        await operator.sees("The study is as it was written")
+        await operator.clicks("Close")
+        await operator.misses("Head of the log: ")
+        log = study.folder / "log.jsonl"
+        log.write_bytes(log.read_bytes().replace(b"maker", b"faker"))
+        await operator.clicks("Verify")
+        await operator.sees("NOT as it was written")
+
+    at_console(lit, script, "/study/trial")
+
+
+def test_it_is_unblinded_once_with_readings_and_then_shows_the_truth(lit: Instrument, study: Study) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("Study trial")
+        await operator.clicks("Unblind and analyse")
+        await operator.sees("The seal is opened:", "The study has 0 readings.")
+        await operator.clicks("Unblind and analyse")
+        await operator.hears("a study must have a reading before it is unblinded")
+        await operator.clicks("Cancel")
+        whole = table(study)
+        await imports(operator, "\n".join(whole.splitlines()[:-1]) + "\n", device="palpation")
+        await operator.hears("3 readings entered.")
+        await operator.clicks("Unblind and analyse")
+        await operator.sees("palpation lacks 1 of 4 targets.")
+        await operator.types("Done by", "Ada")
+        await operator.clicks("Unblind and analyse")
+        await operator.hears("although")
+        await operator.clicks("although incomplete")
+        await operator.clicks("Unblind and analyse")
+        await operator.sees("Results of the study", "Analyse again")
+        await operator.sees("Report", "To know")
+        opened = open_study(study.folder)
+        assert opened.unblinded is not None
+        await operator.until(lambda: "code" not in operator.rows[0], "no truth is shown")
+        truth = {row[1]: " ".join(row) for row in operator.rows}
+        assert set(truth) == set(study.plan.codes)
+        assert not any(name == "Import readings" for name in operator.named("Import"))
+        page = await operator.http.get("/files/study/trial/report.html")
+        assert page.status_code == 200
+
+    at_console(lit, script, "/study/trial")
+
+
+@pytest.mark.parametrize("name", ["nobody", "tr%C3%A4um"])
+def test_a_study_that_is_not_there_is_said(lit: Instrument, name: str) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.until(lambda: bool(operator.alerts), "no refusal is shown")
+        assert "Unblind and analyse" not in operator.texts
+
+    at_console(lit, script, f"/study/{name}")
+
+
+def test_a_damaged_study_is_listed_with_what_is_wrong(lit: Instrument, study: Study) -> None:
+    (study.folder / "study.json").write_text("{}")
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("trial", "study.json")
+
+    at_console(lit, script, "/study")
+
+
+def test_the_virtual_probe_reads_for_a_named_operator_only(lit: Instrument, study: Study) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("Study trial")
+        await operator.types("Operator", " ")
+        await operator.clicks("Run on the virtual probe", ui.button)
+        await operator.hears("operator")
+        assert open_study(study.folder).readings == ()
+
+    at_console(lit, script, "/study/trial")

@@ -1,0 +1,61 @@
+"""The tables that ship with the package are found, and are what the package computes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from release import tables
+from tsis.files import read_cached_arrays, shipped_tables
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SHIPPED = {f"{path.parent.name}/{path.name}" for path in shipped_tables().glob("*/*")}
+
+
+@pytest.fixture(autouse=True)
+def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def test_a_first_answer_computes_no_table(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def solve(*_: object, **__: object) -> None:
+        pytest.fail("a table is solved though it ships with the package: run `make tables`")
+
+    monkeypatch.setattr("tsis.hardness._table._solve", solve)
+    monkeypatch.setattr("tsis.mechanics.surrogate._full_contact._solve", solve)
+    monkeypatch.setattr("tsis.optics.irradiance._trace._traced", solve)
+    tables.compute_tables()
+    assert not empty_cache.exists(), "nothing was missing, so nothing was cached"
+
+
+def test_the_users_cache_comes_first(empty_cache: Path) -> None:
+    kind, key = min(SHIPPED).split("/")
+    shipped = read_cached_arrays(kind, key)
+    assert shipped is not None
+    own = empty_cache / kind / key
+    own.parent.mkdir(parents=True)
+    own.write_bytes(b"damaged")
+    again = read_cached_arrays(kind, key)
+    assert again is not None
+    assert all(np.array_equal(again[name], shipped[name]) for name in shipped)
+
+
+@pytest.mark.slow
+def test_the_package_computes_what_it_ships(tmp_path: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shipped = {name: read_cached_arrays(*name.split("/")) for name in SHIPPED}
+    monkeypatch.setattr("tsis.files._cache.shipped_tables", lambda: tmp_path / "none")
+    tables.compute_tables()
+    assert {f"{path.parent.name}/{path.name}" for path in empty_cache.glob("*/*")} == SHIPPED
+    for name, arrays in shipped.items():
+        computed = read_cached_arrays(*name.split("/"))
+        assert arrays is not None
+        assert computed is not None
+        for field in arrays:
+            np.testing.assert_allclose(
+                computed[field], arrays[field], rtol=1e-6, atol=1e-9 * np.abs(arrays[field]).max(), err_msg=name
+            )
