@@ -11,7 +11,6 @@ import pytest
 from tsis.matching import METHODS, register
 
 
-@pytest.mark.xfail(strict=True, reason="the transform of a registration is a local function, which pickle refuses")
 @pytest.mark.parametrize("method", METHODS)
 def test_a_registration_pickles(method: str) -> None:
     rng = np.random.default_rng(0)

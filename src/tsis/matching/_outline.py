@@ -5,6 +5,7 @@ Where both sets sample one curve with equally many points, all their alignments 
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 LIKELIEST = 24  # alignments that are returned, those first that are likelier than their neighbours
 AMPLITUDE, SIGMA = 0.1, SIGMAS[1]  # of the field that ranks the alignments
 MOST_POINTS = 400
+MOVED = 0.25  # root-mean-square radii
 
 
 def outline_alignments(field: SmoothField, target: Floats) -> list[Integers]:
@@ -46,6 +48,30 @@ def outline_alignments(field: SmoothField, target: Floats) -> list[Integers]:
         matches[here] = orders[number]
         alignments.append(matches)
     return alignments
+
+
+def self_resemblance(field: SmoothField) -> float:
+    """Least loss of an alignment of the source's outline with itself that moves it by more than `MOVED`.
+
+    It is about zero for a shape with a symmetry, and infinite where the source is no single curve.
+    """
+    points = field.points
+    if points.shape[1] != 2 or len(points) > MOST_POINTS:
+        return math.inf
+    order, closed = curve_order(points)
+    if not len(order):
+        return math.inf
+    along = points[order]
+    if closed:
+        shifts = np.arange(len(order))[:, None] + np.arange(len(order))
+        aligned = along[shifts % len(order)]
+    else:
+        aligned = np.stack([along, along[::-1]])
+    far = np.sqrt(((aligned - along) ** 2).sum(axis=2).mean(axis=1)) > MOVED
+    if not far.any():
+        return math.inf
+    precision = _precision(field, order)
+    return float(np.einsum("sid,ij,sjd->s", aligned[far], precision, aligned[far], optimize=True).min())
 
 
 def curve_order(points: Floats) -> tuple[Integers, bool]:

@@ -20,7 +20,7 @@ from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
 from tsis.matching._posterior import pose_posterior
 from tsis.matching._rotation import WIDEST_DEG
 from tsis.matching._spline import spread_out
-from tsis.matching._trust import RELIABLE, is_sound, probability_right, trust_features
+from tsis.matching._trust import RELIABLE, is_collapsed, is_sound, probability_right
 from tsis.model import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -215,9 +215,6 @@ def _match(
             f"{len(sample[0]):,} and {len(sample[1]):,} drawn from them were matched"
         )
 
-    def move(points: Floats, /) -> Floats:
-        return end.outward(fit.move(start.inward(points)))
-
     registration = Registration(
         method=method,
         moved=source,
@@ -226,10 +223,22 @@ def _match(
         confidence=confidence,
         reliable=confidence >= RELIABLE,
         notes=tuple(notes),
-        move=move,
+        move=_Framed(start=start, end=end, move=fit.move),
         alternatives=tuple(_outward(pose, here, end) for pose in posterior.alternatives()),
     )
     return replace(registration, moved=registration.transform(source))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Framed:
+    """A map of normalised points in the units of the sets."""
+
+    start: NormalFrame
+    end: NormalFrame
+    move: Move
+
+    def __call__(self, points: Floats, /) -> Floats:
+        return self.end.outward(self.move(self.start.inward(points)))
 
 
 def confidence_and_posterior(
@@ -262,9 +271,9 @@ def _confidence(fit: MatchFit, posterior: PosePosterior, source: Floats) -> floa
     """Calibrated probability of a fit of normalised points; 0 without enough matches, and for folded or flat maps."""
     moved = fit.move(source)
     few = np.count_nonzero(fit.matches != UNMATCHED) < source.shape[1] + 2
-    if few or not is_sound(fit.move, source):
+    if few or is_collapsed(posterior) or not is_sound(fit.move, source):
         return 0.0
-    return probability_right(trust_features(posterior, moved))
+    return probability_right(posterior, moved)
 
 
 def _outward(pose: Pose, source: Floats, end: NormalFrame) -> Alternative:

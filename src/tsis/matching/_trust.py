@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.matching._outline import self_resemblance
 from tsis.matching._pose_evidence import size_and_stretch
+from tsis.matching._posterior import distance
 
 if TYPE_CHECKING:
     from tsis.matching._fit import Floats, Move
@@ -21,20 +23,50 @@ if TYPE_CHECKING:
 STEP = 1e-3  # of the numerical gradient of a map
 MOST_FOLDED, MOST_STRETCH = 0.1, 1.4  # fraction of folded points, and log ratio of singular values, of a sound map
 RELIABLE = 0.999  # least probability of a reliable answer
-FEATURES = ("constant", "odds", "negative odds", "unpaired", "spare", "sigma", "odds x unpaired")
-WEIGHTS = (0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+MOST_RESEMBLANCE = 1e4
+MOST_NOISE, LEAST_NOISE = 0.5, -3.0  # log of the standard deviation in spacings, in the calibration
+FARTHEST = 0.05  # root-mean-square radii: an answer this far from the best map is judged as that map
+COLLAPSED = -0.05  # unpaired fraction below which points of one set share partners
+MOST_SPARE = 0.75  # of the calibration: three outliers an inlier
+MOST_UNSUPPORTED = 0.99
+WEIGHTS = (
+    *(1.19, 1.199, -0.2653, -10.82, -0.753, 1.84, -1.994, 1.609),
+    *(-0.02673, 10.31, 0.2871, 3.045, -0.3052),
+    *(-4.126, -0.7008, -2.284, 2.216, -0.3521),
+)
 
 
 def trust_features(posterior: PosePosterior, moved: Floats) -> Floats:
-    """What the probability depends on, shape (7,), for an answer's points, shape (n, d)."""
+    """What the probability depends on, shape (18,), for an answer's points, shape (n, d).
+
+    It grows with the posterior odds of the answer and with what a wrong alignment of the source's outline with itself
+    would cost. It falls with points without partner, noise, and distance from the best map. Squares and products follow.
+    """
     odds, best = posterior.log_odds(moved), posterior.best
+    gain, loss = math.log1p(max(odds, 0.0)), math.log1p(max(-odds, 0.0))
     if best is None:
-        return np.array([1.0, 0.0, -400.0, 1.0, 1.0, 0.0, 0.0])
-    sizes = len(moved), len(posterior.search.target)
+        return _expanded(0.0, loss, 1.0, 1.0, 0.0, 1.0, 0.0)
+    search = posterior.search
+    sizes = len(moved), len(search.target)
     unpaired, spare = 1 - best.paired / min(sizes), 1 - best.paired / max(sizes)
-    gain = math.log1p(max(odds, 0.0))
-    noise = math.log(best.sigma / posterior.search.step)
-    return np.array([1.0, gain, min(odds, 0.0), unpaired, max(spare, 0.0), noise, gain * unpaired])
+    noise = float(np.clip(math.log(best.sigma / search.step), LEAST_NOISE, MOST_NOISE))
+    resemblance = 1 - math.log1p(min(self_resemblance(search.field), MOST_RESEMBLANCE)) / math.log1p(MOST_RESEMBLANCE)
+    far = math.log(max(distance(best.moved, moved) / FARTHEST, 1.0))
+    return _expanded(gain, loss, abs(unpaired), min(max(spare, 0.0), MOST_SPARE), noise, resemblance, far)
+
+
+def _expanded(
+    gain: float, loss: float, unpaired: float, spare: float, noise: float, resemblance: float, far: float
+) -> Floats:
+    squares = [gain**2, spare**2, noise**2, resemblance**2, far**2]
+    products = [resemblance * spare, resemblance * gain, gain * spare, gain * unpaired, gain * noise]
+    return np.array([1.0, gain, loss, unpaired, spare, noise, resemblance, far, *squares, *products])
+
+
+def is_collapsed(posterior: PosePosterior) -> bool:
+    """Whether points of one set share partners in the best map."""
+    best = posterior.best
+    return best is None or best.paired > (1 - COLLAPSED) * min(len(best.moved), len(posterior.search.target))
 
 
 def is_sound(move: Move, source: Floats) -> bool:
@@ -49,6 +81,13 @@ def is_sound(move: Move, source: Floats) -> bool:
     return bool(np.mean(np.linalg.det(gradient) <= 0) <= MOST_FOLDED)
 
 
-def probability_right(features: Floats) -> float:
-    """Probability that the error is at most 0.1 of the unit box."""
-    return float(1 / (1 + math.exp(-float(np.clip(features @ np.array(WEIGHTS), -50.0, 50.0)))))
+def probability_right(posterior: PosePosterior, moved: Floats) -> float:
+    """Probability that an answer's points, shape (n, d), are right: their error is at most 0.1 of the unit box.
+
+    It is at most the probability that the sets are related, and `MOST_UNSUPPORTED` without posterior odds of `RELIABLE`.
+    """
+    features = trust_features(posterior, moved)
+    chance = float(1 / (1 + math.exp(-float(np.clip(features @ np.array(WEIGHTS), -50.0, 50.0)))))
+    chance *= 1 - math.exp(min(posterior.unrelated, 0.0))
+    supported = posterior.log_odds(moved) >= math.log(RELIABLE / (1 - RELIABLE))
+    return chance if supported else min(chance, MOST_UNSUPPORTED)
