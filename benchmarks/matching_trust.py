@@ -15,8 +15,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from benchmarks.matching_trust_shapes import DEGRADATIONS, FAMILIES, Generator, trust_trial
 
-from benchmarks.matching_trust_shapes import DEGRADATIONS, FAMILIES, trust_trial
 from tsis.compiled import one_blas_thread
 from tsis.matching import METHODS
 from tsis.matching.trials import TrustCase, fit_trust, trust_case
@@ -25,7 +25,7 @@ WRONG, RIGHT, RIVALRY = 0.1, 0.02, 0.01  # errors, and the probability of other 
 OURS = "tprl"
 
 
-def run_cases(generator: str, *, seed: int, count: int, rows: Path) -> list[TrustCase]:
+def run_cases(generator: Generator, *, seed: int, count: int, rows: Path) -> list[TrustCase]:
     """All cases of our method, and of one rival in turn, with those that the file already holds."""
     cases = _read(rows)
     done = {(case.trial, case.method) for case in cases}
@@ -52,7 +52,10 @@ def _read(rows: Path) -> list[TrustCase]:
 
 def trust_table(cases: list[TrustCase]) -> list[str]:
     """A Markdown row for each method: cases, wrong, confidently wrong, reliable, withheld though right."""
-    lines = ["| method | cases | wrong | confidently wrong | reliable | withheld though right |", "|---|---|---|---|---|---|"]
+    lines = [
+        "| method | cases | wrong | confidently wrong | reliable | withheld though right |",
+        "|---|---|---|---|---|---|",
+    ]
     for method in METHODS:
         own = [case for case in cases if case.method == method]
         wrong = [case for case in own if case.error > WRONG]
@@ -76,9 +79,8 @@ def cell_table(cases: list[TrustCase]) -> list[str]:
         wrong = [case for case in own if case.error > WRONG]
         error, seconds = np.median([case.error for case in own]), np.median([case.seconds for case in own])
         counts = (len(wrong), sum(case.reliable for case in wrong), sum(case.reliable for case in own))
-        lines.append(
-            f"| {family} | {degradation} | {len(own)} | {error:.4f} | {' | '.join(map(str, counts))} | {1e3 * seconds:.0f} |"
-        )
+        numbers = " | ".join(map(str, counts))
+        lines.append(f"| {family} | {degradation} | {len(own)} | {error:.4f} | {numbers} | {1e3 * seconds:.0f} |")
     return lines
 
 

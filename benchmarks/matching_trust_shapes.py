@@ -140,7 +140,11 @@ def clutter_trial(number: int, *, clustered: bool, seed: int, ratio: float = 3.0
     truth = np.argsort(shuffle)[: len(shape)]
     kind = "clustered" if clustered else "uniform"
     return Trial(
-        source=shape, target=clean[shuffle], target_clean=clean[shuffle], truth=truth, name=f"test/clutter/{kind}/{number}"
+        source=shape,
+        target=clean[shuffle],
+        target_clean=clean[shuffle],
+        truth=truth,
+        name=f"test/clutter/{kind}/{number}",
     )
 
 
@@ -166,7 +170,9 @@ def _polar(radius: Floats, count: int, rng: np.random.Generator, *, narrowest: f
 
 def _harmonics(orders: range, size: float, rng: np.random.Generator) -> Floats:
     order = np.array(orders)
-    return np.asarray(rng.normal(0, size, len(order)) @ np.cos(order[:, None] * ANGLE + rng.uniform(0, 7, (len(order), 1))))
+    return np.asarray(
+        rng.normal(0, size, len(order)) @ np.cos(order[:, None] * ANGLE + rng.uniform(0, 7, (len(order), 1)))
+    )
 
 
 def _fourier_oval(count: int, rng: np.random.Generator) -> Floats:
@@ -215,7 +221,7 @@ def _gear(count: int, rng: np.random.Generator) -> Floats:
     height = rng.uniform(0.15, 0.5) * (1 + rng.normal(0, varied, teeth))
     width, flat = rng.uniform(0.5, 1.0) * np.pi / teeth, rng.integers(1, 4)
     away = np.angle(np.exp(1j * (ANGLE[:, None] - position)))
-    radius = 1 + np.exp(-np.abs(away / width) ** (2 * flat)) @ height
+    radius = 1 + np.exp(-(np.abs(away / width) ** (2 * flat))) @ height
     return _polar(radius, count, rng, narrowest=0.65)
 
 

@@ -1,6 +1,7 @@
 """Alignments of two outlines point by point: every start on a closed one, both directions of an open one.
 
-Where both sets sample one curve with equally many points, all their alignments are few enough to be compared at once.
+Short edges join the points to curves, along which pairs slide by whole points. Where both sets sample one curve with
+equally many points, all their alignments are few enough to be compared at once.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from tsis.matching._chain import successors
 from tsis.matching._fit import UNMATCHED
 from tsis.matching._pose_evidence import SIGMAS, WIDTHS
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 LIKELIEST = 24  # alignments that are returned, those first that are likelier than their neighbours
 AMPLITUDE, SIGMA = 0.1, SIGMAS[1]  # of the field that ranks the alignments
 MOST_POINTS = 400
+NEIGHBOURS = 5
+LONGEST = 3.0  # median distances of neighbours: a longer gap separates two curves
 MOVED = 0.25  # root-mean-square radii
 
 
@@ -103,3 +106,69 @@ def _precision(field: SmoothField, rows: Integers) -> Floats:
     inverse = np.linalg.inv(covariance)
     across = inverse @ span
     return np.asarray(inverse - across @ np.linalg.solve(span.T @ across, across.T))
+
+
+def successors(points: Floats) -> Integers:
+    """Index of the next point along the curve of each point, shape (n,), -1 at an end.
+
+    Short edges join first, at most two at a point (the greedy heuristic of the travelling salesman).
+
+    Examples
+    --------
+    >>> successors(np.column_stack([np.arange(4.0), np.zeros(4)])).tolist()
+    [1, 2, 3, -1]
+    """
+    count = len(points)
+    found = KDTree(points).query(points, k=min(NEIGHBOURS, count))
+    length, index = np.asarray(found[0]), np.asarray(found[1])
+    start = np.repeat(np.arange(count), length.shape[1] - 1)
+    length, end = length[:, 1:].ravel(), index[:, 1:].ravel()
+    short = (length <= LONGEST * np.median(length[:: index.shape[1] - 1])) & (start != end)
+    order = np.flatnonzero(short)[np.argsort(length[short], kind="stable")]
+    joined: list[list[int]] = [[] for _ in range(count)]
+    piece = list(range(count))
+    members = [[number] for number in range(count)]
+    for a, b in zip(start[order].tolist(), end[order].tolist(), strict=True):
+        if len(joined[a]) > 1 or len(joined[b]) > 1 or b in joined[a]:
+            continue
+        if piece[a] == piece[b]:
+            if len(members[piece[a]]) < count / 4:
+                continue  # only a large piece closes
+        else:
+            here, there = piece[a], piece[b]
+            for member in members[there]:
+                piece[member] = here
+            members[here] += members[there]
+        joined[a].append(b)
+        joined[b].append(a)
+    return _directed(joined)
+
+
+def _directed(joined: list[list[int]]) -> Integers:
+    following = np.full(len(joined), UNMATCHED, dtype=np.int64)
+    seen = np.zeros(len(joined), dtype=bool)
+    ends = sorted(range(len(joined)), key=lambda number: len(joined[number]))
+    for start in ends:
+        at = start
+        while not seen[at]:
+            seen[at] = True
+            ahead = [number for number in joined[at] if not seen[number]]
+            if ahead:
+                following[at] = ahead[0]
+                at = ahead[0]
+            elif start in joined[at] and len(joined[start]) > 1:
+                following[at] = start
+    return following
+
+
+def slid(matches: Integers, following: Integers, steps: int) -> Integers:
+    """Matches after each point took the match of the point ``steps`` ahead; negative steps go back."""
+    ahead = following
+    if steps < 0:
+        ahead = np.full(len(following), UNMATCHED)
+        linked = np.flatnonzero(following != UNMATCHED)
+        ahead[following[linked]] = linked
+    result = matches
+    for _ in range(abs(steps)):
+        result = np.where(ahead == UNMATCHED, UNMATCHED, result[ahead])
+    return np.asarray(result)

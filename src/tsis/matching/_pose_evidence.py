@@ -160,7 +160,7 @@ def unrelated_evidence(target: Floats) -> float:
     box = float(np.log(np.ptp(target, axis=0)).sum())
     _, volume = np.linalg.slogdet(np.cov(target, rowvar=False, bias=True))
     cloud = 0.5 * (dimension * math.log(2 * math.pi * math.e) + float(volume))
-    return float(betaln(1, count + 1)) - count * min(box, cloud)
+    return float(betaln(1, count + 1) - count * min(box, cloud))
 
 
 def size_and_stretch(matrix: Floats) -> tuple[float, float]:

@@ -14,10 +14,9 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
-from tsis.matching._chain import slid, successors
 from tsis.matching._field_annealing import annealed_map, balanced_pairs
 from tsis.matching._fit import UNMATCHED
-from tsis.matching._outline import outline_alignments
+from tsis.matching._outline import outline_alignments, slid, successors
 from tsis.matching._pairing import assign, spacing
 from tsis.matching._pose_evidence import SIGMAS, PoseEvidence, SmoothField, hard_evidence, soft_evidence
 from tsis.matching._poses import poses, rotations, whitening
@@ -58,7 +57,6 @@ class PoseSearch:
     def source(self) -> Floats:
         """The source's points, shape (n, d)."""
         return self.field.points
-
 
     @classmethod
     def of(cls, source: Floats, target: Floats) -> PoseSearch:

@@ -17,8 +17,7 @@ from tsis.matching import _tprl as tprl
 from tsis.matching import _tps_rpm as tps_rpm
 from tsis.matching._fit import UNMATCHED, Booleans, Floats, Integers, NormalFrame, require_points, transformed_in_blocks
 from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
-from tsis.matching._posterior import pose_posterior
-from tsis.matching._rotation import WIDEST_DEG
+from tsis.matching._posterior import WIDEST_DEG, pose_posterior
 from tsis.matching._spline import spread_out
 from tsis.matching._trust import RELIABLE, is_collapsed, is_sound, probability_right
 from tsis.model import require_array, require_number, require_one_of, require_type
@@ -223,15 +222,15 @@ def _match(
         confidence=confidence,
         reliable=confidence >= RELIABLE,
         notes=tuple(notes),
-        move=_Framed(start=start, end=end, move=fit.move),
+        move=_FramedMove(start=start, end=end, move=fit.move),
         alternatives=tuple(_outward(pose, here, end) for pose in posterior.alternatives()),
     )
     return replace(registration, moved=registration.transform(source))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Framed:
-    """A map of normalised points in the units of the sets."""
+class _FramedMove:
+    """A map of normalised points, between points in the units of the sets."""
 
     start: NormalFrame
     end: NormalFrame

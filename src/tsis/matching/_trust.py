@@ -27,20 +27,23 @@ MOST_RESEMBLANCE = 1e4
 MOST_NOISE, LEAST_NOISE = 0.5, -3.0  # log of the standard deviation in spacings, in the calibration
 FARTHEST = 0.05  # root-mean-square radii: an answer this far from the best map is judged as that map
 COLLAPSED = -0.05  # unpaired fraction below which points of one set share partners
+COMPLETE, PRECISE = 0.03, -1.5  # fraction without partner, and log noise in spacings, below which sets are complete
 MOST_SPARE = 0.75  # of the calibration: three outliers an inlier
 MOST_UNSUPPORTED = 0.99
 WEIGHTS = (
-    *(1.19, 1.199, -0.2653, -10.82, -0.753, 1.84, -1.994, 1.609),
-    *(-0.02673, 10.31, 0.2871, 3.045, -0.3052),
-    *(-4.126, -0.7008, -2.284, 2.216, -0.3521),
+    *(1.858, 0.9785, -0.01826, -8.72, -9.845, 0.4002, -3.576, 1.516),
+    *(0.05564, 13.08, 0.07881, 3.216, -0.1813),
+    *(-1.04, -0.554, 0.08514, 1.797, 0.09075),
+    *(-0.511, 1.73, -0.1397, -1.068, -1.89),
 )
 
 
 def trust_features(posterior: PosePosterior, moved: Floats) -> Floats:
-    """What the probability depends on, shape (18,), for an answer's points, shape (n, d).
+    """What the probability depends on, shape (23,), for an answer's points, shape (n, d).
 
     It grows with the posterior odds of the answer and with what a wrong alignment of the source's outline with itself
-    would cost. It falls with points without partner, noise, and distance from the best map. Squares and products follow.
+    would cost. It falls with points without partner, noise, and distance from the best map. Squares and products
+    follow, and terms for sets whose points all have partners.
     """
     odds, best = posterior.log_odds(moved), posterior.best
     gain, loss = math.log1p(max(odds, 0.0)), math.log1p(max(-odds, 0.0))
@@ -60,7 +63,9 @@ def _expanded(
 ) -> Floats:
     squares = [gain**2, spare**2, noise**2, resemblance**2, far**2]
     products = [resemblance * spare, resemblance * gain, gain * spare, gain * unpaired, gain * noise]
-    return np.array([1.0, gain, loss, unpaired, spare, noise, resemblance, far, *squares, *products])
+    complete = unpaired < COMPLETE and spare < COMPLETE and noise < PRECISE
+    alone = [1.0, gain, loss, resemblance, far] if complete else [0.0] * 5
+    return np.array([1.0, gain, loss, unpaired, spare, noise, resemblance, far, *squares, *products, *alone])
 
 
 def is_collapsed(posterior: PosePosterior) -> bool:
@@ -84,10 +89,12 @@ def is_sound(move: Move, source: Floats) -> bool:
 def probability_right(posterior: PosePosterior, moved: Floats) -> float:
     """Probability that an answer's points, shape (n, d), are right: their error is at most 0.1 of the unit box.
 
-    It is at most the probability that the sets are related, and `MOST_UNSUPPORTED` without posterior odds of `RELIABLE`.
+    It is at most the probability that the sets are related. It is at most `MOST_UNSUPPORTED` without posterior odds of
+    `RELIABLE`, or where the source's outline could as well lie on itself in another way, as that of a symmetric shape.
     """
     features = trust_features(posterior, moved)
     chance = float(1 / (1 + math.exp(-float(np.clip(features @ np.array(WEIGHTS), -50.0, 50.0)))))
     chance *= 1 - math.exp(min(posterior.unrelated, 0.0))
-    supported = posterior.log_odds(moved) >= math.log(RELIABLE / (1 - RELIABLE))
+    odds = min(posterior.log_odds(moved), 0.5 * self_resemblance(posterior.search.field))
+    supported = odds >= math.log(RELIABLE / (1 - RELIABLE))
     return chance if supported else min(chance, MOST_UNSUPPORTED)

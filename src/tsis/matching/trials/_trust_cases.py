@@ -10,8 +10,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from tsis.matching._fit import NormalFrame
-from tsis.matching._registration import RELIABLE, confidence_and_posterior
-from tsis.matching._trust import is_sound, trust_features
+from tsis.matching._registration import confidence_and_posterior
+from tsis.matching._trust import RELIABLE, is_sound, trust_features
 from tsis.matching.trials._trials import matching_error
 
 if TYPE_CHECKING:
