@@ -37,7 +37,8 @@ ANNEALED, FOLLOWED, PROPOSED = 10, 6, 3  # starts annealed with a field, of them
 FIELD_WIDTHS, FIELD_AMPLITUDES = (0.5, 0.9), (0.05, 0.2)
 AFFINE_SD = 0.3
 SOFT_ROUNDS, BALANCINGS = 4, 10
-GATES = (1.5, 1.2, 0.9, 0.7, 0.5, 0.4, 0.3, 0.3)  # largest distance of a pair, in spacings
+GATES = (1.5, 1.2, 0.9, 0.7, 0.5, 0.4, 0.3, 0.3, 0.5, 0.5, 0.5, 0.5)  # largest distance of a pair, in spacings
+LEAST_VARIANCE = 2 * SIGMAS[1] ** 2  # of a pair's distance
 REJECTED = 9.0  # medians of the squared distance beyond which a pair is dropped
 SLIDES, MOST_SLIDES = (-2, -1, 1, 2), 6
 BEHIND = 1.5  # log evidence per point that a map may lie behind the best and still be refined
@@ -141,7 +142,7 @@ def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:
         rows = np.flatnonzero(matches != UNMATCHED)
         away = ((moved[rows] - search.target[matches[rows]]) ** 2).sum(axis=1)
         if len(rows):
-            matches[rows[away > REJECTED * max(float(np.median(away)), 1e-6)]] = UNMATCHED
+            matches[rows[away > REJECTED * max(float(np.median(away)), LEAST_VARIANCE)]] = UNMATCHED
         if last is not None and np.array_equal(matches, last):
             continue
         last = matches

@@ -95,6 +95,10 @@ def _result(
             rms_after=after,
             confidence=registration.confidence,
             reliable=registration.reliable,
+            alternatives=[
+                {"rotation_deg": pose.rotation_deg, "probability": pose.probability, "moved": pose.moved}
+                for pose in registration.alternatives
+            ],
             matches=matches,
             trust=registration.trust,
             moved=registration.moved,
