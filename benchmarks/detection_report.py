@@ -25,8 +25,8 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.detection import brier_interval, brier_score, recalibration, reliability_curve
 from tsis.detection.classify import ClassifierSettings, ClassSplit, TargetEvidence, cross_validate
 from tsis.errors import InputError
-from tsis.inclusion import ABSENCE_FLAG, NEARLY_CERTAIN, UNTRUSTED_FLAGS
-from tsis.model import Inclusion
+from tsis.inclusion import NEARLY_CERTAIN, UNTRUSTED_FLAGS
+from tsis.model import ABSENCE_FLAG, Inclusion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -97,8 +97,8 @@ def judge(task: Task) -> dict[str, Any]:
     return line | probe | seconds | {
         "presence": found.presence,
         "evidence": found.log_bayes_factor,
-        "mean": [found.mean[name] for name in tsis.inclusion.PARAMETERS],
-        "sd": [found.sd[name] for name in tsis.inclusion.PARAMETERS],
+        "mean": [found.untrusted.mean[name] for name in tsis.inclusion.PARAMETERS],
+        "sd": [found.untrusted.sd[name] for name in tsis.inclusion.PARAMETERS],
         "samples": np.round(told.samples, 3).tolist(),
         "trusted": found.trusted,
         "flags": list(found.flags),

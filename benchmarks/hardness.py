@@ -74,10 +74,11 @@ def case_of(
             found = estimate(images, probe=probe, calibration=rig.calibration, reference=reference)
         except TsisError as error:
             return {"refused": str(error)}
+        posterior = found.untrusted
         return {
-            "mean": found.mean["young_kpa"],
-            "half": found.interval(0.5)["young_kpa"],
-            "most": found.interval(0.9)["young_kpa"],
+            "mean": posterior.mean["young_kpa"],
+            "half": posterior.interval(0.5)["young_kpa"],
+            "most": posterior.interval(0.9)["young_kpa"],
             "trusted": found.trusted,
             "flags": found.flags,
             "seconds": time.perf_counter() - started,

@@ -180,7 +180,7 @@ def row(answer: Answer) -> list[str]:
     """Truth, mean and 90 % interval of each parameter, and flags; or the refusal."""
     if isinstance(answer.said, str):
         return [answer.condition, "", "", "", answer.said]
-    interval, mean = answer.said.interval(0.9), answer.said.mean
+    interval, mean = answer.said.untrusted.interval(0.9), answer.said.untrusted.mean
     cells = []
     for name in PARAMETERS:
         low, high = interval[name]

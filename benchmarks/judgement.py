@@ -31,12 +31,12 @@ def compared(result: Estimate, truth: Inclusion) -> dict[str, Any]:
     rank lies within L / 2 of one half, and over many cases the ranks of honest samples are uniform.
     """
     true = {name: float(getattr(truth, name)) for name in PARAMETERS}
-    below = {name: float(np.mean(result.samples[name] < value)) for name, value in true.items()}
-    ties = {name: float(np.mean(result.samples[name] == value)) for name, value in true.items()}
+    below = {name: float(np.mean(result.untrusted.samples[name] < value)) for name, value in true.items()}
+    ties = {name: float(np.mean(result.untrusted.samples[name] == value)) for name, value in true.items()}
     return {
         "truth": [true[name] for name in PARAMETERS],
-        "mean": [result.mean[name] for name in PARAMETERS],
-        "sd": [result.sd[name] for name in PARAMETERS],
+        "mean": [result.untrusted.mean[name] for name in PARAMETERS],
+        "sd": [result.untrusted.sd[name] for name in PARAMETERS],
         "rank": [below[name] + ties[name] / 2 for name in PARAMETERS],
         "trusted": result.trusted,
         "flags": list(result.flags),

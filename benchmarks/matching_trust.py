@@ -47,7 +47,7 @@ def run_cases(generator: Generator, *, seed: int, count: int, rows: Path) -> lis
 def _read(rows: Path) -> list[TrustCase]:
     lines = rows.read_text(encoding="utf-8").splitlines() if rows.exists() else []
     records = [json.loads(line) for line in lines]
-    return [TrustCase(**{**record, "features": tuple(record["features"])}) for record in records]
+    return [TrustCase(**{**record, "measures": tuple(record["measures"])}) for record in records]
 
 
 def trust_table(cases: list[TrustCase]) -> list[str]:
@@ -108,9 +108,9 @@ def main() -> None:
     chosen = parser.parse_args()
     cases = run_cases(chosen.generator, seed=chosen.seed, count=chosen.cases, rows=chosen.rows)
     if chosen.calibrate:
-        sound = [case for case in cases if case.features]
+        sound = [case for case in cases if case.measures]
         right = np.array([float(case.error <= WRONG) for case in sound])
-        print(", ".join(f"{weight:.4g}" for weight in fit_trust(np.array([case.features for case in sound]), right)))
+        print(", ".join(f"{weight:.4g}" for weight in fit_trust(np.array([case.measures for case in sound]), right)))
         return
     for table in (trust_table(cases), cell_table(cases), reliability_table(cases)):
         print("\n".join(table), end="\n\n")

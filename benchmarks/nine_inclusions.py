@@ -71,7 +71,7 @@ def posterior_mean(protocol: Protocol, seed: int, number: int, repeat: int) -> l
     found = estimate(
         case.frames, probe=protocol.probe, calibration=case.calibration, reference=case.references, prior=prior
     )
-    return [found.mean[name] for name in PARAMETERS]
+    return [found.untrusted.mean[name] for name in PARAMETERS]
 
 
 def run(

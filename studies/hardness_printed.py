@@ -89,7 +89,7 @@ class Result:
 
     def contact_kpa(self, name: str) -> NDArray[np.float64]:
         """Means of the estimates by contact mechanics."""
-        return np.array([one.mean["young_kpa"] for one in self.contact[name]])
+        return np.array([one.untrusted.mean["young_kpa"] for one in self.contact[name]])
 
     def contact_error(self, name: str) -> float:
         """Mean relative error of contact mechanics."""
@@ -97,7 +97,7 @@ class Result:
 
     def held(self, name: str) -> int:
         """How many 90 % intervals of contact mechanics hold the modulus."""
-        ends = [one.interval(0.9)["young_kpa"] for one in self.contact[name]]
+        ends = [one.untrusted.interval(0.9)["young_kpa"] for one in self.contact[name]]
         return sum(low <= SPHERES[name].young_kpa <= high for low, high in ends)
 
     def calibrated(self, known: str, name: str, choice: str) -> NDArray[np.float64]:

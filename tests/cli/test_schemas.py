@@ -14,6 +14,7 @@ from tests.cli.published import faults, published
 
 import tsis
 from tsis.cli._output import print_json
+from tsis.errors import FileInputError
 from tsis.files import RESULT_SCHEMAS
 from tsis.report import envelope
 
@@ -55,10 +56,12 @@ def test_a_result_of_a_newer_version_is_refused(kept: Path, run_tsis: RunTsis, t
     result.write_text(json.dumps(newer))
     finished = run_tsis("records", "import", "demo", "--store", "new")
     assert finished.code == 2
-    assert "result.json must be of tsis-demo up to version 1; got version 2: update tsis to read it" in " ".join(
+    assert "result.json' must be of tsis-demo up to version 1; got version 2: update tsis to read it" in " ".join(
         finished.err.split()
     )
     assert not any((tmp_path / "new").rglob("*.png"))
+    with pytest.raises(FileInputError, match="up to version 1; got version 2: update tsis to read it"):
+        tsis.load_frames(tmp_path / "demo")
 
 
 def test_a_name_that_nobody_described_is_a_fault() -> None:

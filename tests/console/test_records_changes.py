@@ -176,8 +176,8 @@ def test_an_estimate_is_computed_again(console: RunningConsole, browser: Browser
         assert len(estimates_of(console, HARD)) == 1, "it is the same"
         with open_store(console.store) as store:
             press = store.presses(store.target(HARD))[0]
-            store.edit_press(press, force_n=0.8)
-        page.get_by_text("0.8 N").first.wait_for()
+            store.edit_press(press, force_n=0.71)
+        page.get_by_text("0.71 N").first.wait_for()
         page.get_by_role("button", name="Recompute").click()
         page.get_by_role("switch", name=re.compile("^dry run")).click()
         page.get_by_role("dialog").get_by_role("button", name="Recompute").click()

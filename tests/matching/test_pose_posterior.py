@@ -20,7 +20,7 @@ from tsis.matching._pose_evidence import (
     hard_evidence,
     size_and_stretch,
 )
-from tsis.matching._trust import is_sound
+from tsis.matching._posterior import is_sound
 
 
 def _outline(*radii: float, count: int = 80) -> np.ndarray:

@@ -85,6 +85,17 @@ def test_another_estimator_is_told_with_how_far_it_moved_and_why(store: Store, m
     assert verify_store(store).sound
 
 
+def test_an_estimate_that_lost_its_trust_says_so_without_shifts(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = stored_object(store)
+    changed_estimator(monkeypatch, by_kpa=1.0, flag="model_does_not_hold")
+    (again,) = recompute(store, target)
+    assert again.flags_gained == ("model_does_not_hold",)
+    assert again.before.estimate.trusted
+    assert not again.after.estimate.trusted
+    assert again.stored
+    assert again.shifts == ()
+
+
 def test_the_same_result_of_other_code_is_the_same_and_not_stored(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,7 +154,8 @@ def test_an_edited_force_is_an_input_that_changed(store: Store) -> None:
     (again,) = recompute(store, target)
     assert not again.same
     assert f"the inputs changed: force_n of {press.name}: 1.2 -> 1.3" in again.causes
-    assert again.shifts == () or again.after.estimate.trusted
+    assert not again.after.estimate.trusted
+    assert again.shifts == ()
     assert again.stored
     (settled,) = recompute(store, target)
     assert settled.same

@@ -57,6 +57,20 @@ def test_a_notebook_ends_in_its_number(programs: Path, tmp_path: Path, path: Pat
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
 
 
+def test_saved_frames_are_examined(programs: Path, tmp_path: Path) -> None:
+    run(programs, tmp_path, "demo", "--out", "demo")
+    forces = ("0.5", "1")
+    frames = [f"demo/target-{force}N.png" for force in forces]
+    options = [
+        *(text for force in forces for text in ("--force-n", force)),
+        *(text for force in forces for text in ("--reference-press", f"demo/reference-{force}N.png")),
+        *("--calibration", "demo/calibration.json", "--scale-mm", "0.0336,0.0392", "--json"),
+    ]
+    found = json.loads(run(programs, tmp_path, "examine", *frames, *options))["estimate"]["parameters"]["diameter_mm"]
+    made = json.loads((tmp_path / "demo" / "result.json").read_text())["estimate"]["parameters"]["diameter_mm"]
+    assert found["interval_90"] == made["interval_90"]
+
+
 def test_points_are_matched(programs: Path, tmp_path: Path) -> None:
     points = [(x, y) for x in range(6) for y in range(x + 2)]
     (tmp_path / "a.csv").write_text("".join(f"{x},{y}\n" for x, y in points))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import copy
 import io
 import json
 import logging
+import pickle
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -151,6 +153,7 @@ def target_text(estimate: Estimate) -> str:
 
 
 def target_pdf(estimate: Estimate, folder: Path) -> str:
+    folder.mkdir(exist_ok=True)
     return "\n".join(sheets(pdf(target_page(stored(estimate))), folder))
 
 
@@ -163,6 +166,7 @@ def dicom(estimate: Estimate) -> str:
 
 
 def attributes_hdf5(estimate: Estimate, folder: Path) -> str:
+    folder.mkdir(exist_ok=True)
     write_hdf5(stored(estimate), folder / "target.h5")
     said: list[str] = []
     with h5py.File(folder / "target.h5") as file:
@@ -171,6 +175,7 @@ def attributes_hdf5(estimate: Estimate, folder: Path) -> str:
 
 
 def attributes_zarr(estimate: Estimate, folder: Path) -> str:
+    folder.mkdir(exist_ok=True)
     write_zarr(stored(estimate), folder / "target.zarr")
     nodes = zarr.open_group(folder / "target.zarr", mode="r").members(max_depth=None)
     return "\n".join(f"{name} {dict(node.attrs)}" for name, node in nodes)
@@ -237,6 +242,40 @@ def test_an_untrusted_estimate_prints_no_number(name: str, tmp_path: Path, caplo
     with caplog.at_level(logging.DEBUG, "tsis"):
         printed = OUTPUTS[name](estimate, tmp_path) + caplog.text
     assert not printed_of(numbers(estimate) | ends(estimate) | texts_of(PRESENCE), printed)
+
+
+@pytest.mark.parametrize("name", NAMES_OF_OUTPUTS)
+def test_notes_of_earlier_versions_print_no_withheld_presence(name: str, tmp_path: Path) -> None:
+    flags = ("inclusion_uncertain", "off_axis")
+    notes = (f"Whether there is an inclusion is uncertain: probability {PRESENCE:.2g}.", "Off the axis.")
+    estimate = replace(planted(trusted=False, flags=flags), notes=notes)
+    assert not printed_of({f"{PRESENCE:.2g}"}, OUTPUTS[name](estimate, tmp_path))
+    more_notes = replace(estimate, notes=(*notes, "The modulus lies in 52.1 to 87.9 kPa."))
+    assert not printed_of({f"{PRESENCE:.2g}", "52.1"}, OUTPUTS[name](more_notes, tmp_path / "again"))
+
+
+@pytest.mark.parametrize("flags", [("off_axis",), ("no_inclusion",), ()])
+def test_a_presence_is_trusted_without_an_inclusion_alone(flags: tuple[str, ...]) -> None:
+    trusted = planted(trusted=True)
+    assert trusted.presence_trusted
+    again = replace(trusted, trusted=False, flags=flags)
+    assert again.presence_trusted == (flags == ("no_inclusion",))
+    assert (f"{PRESENCE:.3g}" in again._repr_html_()) == again.presence_trusted
+
+
+def test_values_by_parameter_keep_withholding() -> None:
+    mean: Any = planted(trusted=True, flags=("young_kpa_not_identified",)).mean
+    assert mean.get("young_kpa") is None
+    with pytest.raises(UnknownNameError):
+        mean.get("typo")
+    for again in (mean.copy(), copy.deepcopy(mean), pickle.loads(pickle.dumps(mean))):
+        assert again == mean
+        with pytest.raises(NotIdentifiedError):
+            again["young_kpa"]
+    with pytest.raises(TypeError):
+        mean["young_kpa"] = 1.0
+    with pytest.raises(TypeError):
+        mean | {}
 
 
 @pytest.mark.parametrize("name", NAMES_OF_OUTPUTS)

@@ -19,6 +19,7 @@ from tsis.files import (
     printable_path,
     read_bytes,
     read_object,
+    require_known_schema,
     written_by,
 )
 from tsis.instrument import RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION, read_image
@@ -182,6 +183,7 @@ def _ready(
 def _of_demo(folder: Path, source: Path) -> Iterator[_SavedFrame]:
     """Frames of ``tsis demo`` as its result lists them."""
     document = read_object(source)
+    require_known_schema(document, printable_path(source))
     if document.get("command") != "demo":
         raise file_error(
             source,

@@ -15,7 +15,7 @@ from tsis.cli._options import AsJson
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
-from tsis.errors import InputError, TsisError, import_extra
+from tsis.errors import InputError, UntrustedError, import_extra
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -75,7 +75,7 @@ def train(
                     raise InputError(f"--none must list targets without an inclusion; target {target.number} has one")
                 try:
                     readings.append(_evidence(records.record(target, limit=0)))
-                except InputError as error:
+                except (InputError, UntrustedError) as error:
                     left_out.append(f"Target {target.number} is left out: {error}.")
                     continue
                 true: dict[str, Any] = {
@@ -144,18 +144,18 @@ def apply(
 def _evidence_of(records: Store, number: int) -> TargetEvidence:
     try:
         return _evidence(records.record(records.target(number), limit=0))
-    except InputError as error:
-        raise InputError(f"target {number}: {error}") from error
+    except (InputError, UntrustedError) as error:
+        raise type(error)(f"target {number}: {error}") from error
 
 
 def _evidence(record: TargetRecord) -> TargetEvidence:
-    """The current estimate; `InputError` where none may be used."""
+    """The current estimate; `InputError` where there is none, `UntrustedError` where it has no presence to trust."""
     results = [stored.estimate for stored in record.active_estimates if stored.kind == "inclusion"]
     if not results:
         raise InputError("it has no estimate of an inclusion")
     try:
         return tsis.detection.classify.target_evidence(results[0])
-    except TsisError as error:
+    except InputError as error:
         raise InputError(str(error).rstrip(".")) from error
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import expit, logit
 
 from tsis.errors import InputError
-from tsis.inclusion import ABSENCE_FLAG, UNTRUSTED_FLAGS
+from tsis.inclusion import presence_caveats
 from tsis.model import LARGEST_EVIDENCE, Estimate, require_number, require_type
 
 PREVALENCE = (1e-9, 1 - 1e-9)  # range
@@ -135,7 +135,7 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
     return PresenceProbability(
         probability=estimate.presence,
         prior=stated if prior is None else prior,  # type: ignore[arg-type]
-        caveats=tuple(flag for flag in estimate.flags if flag in UNTRUSTED_FLAGS and flag != ABSENCE_FLAG),
+        caveats=tuple(flag for flag in estimate.flags if flag in presence_caveats(estimate.flags)),
         evidence=estimate.log_bayes_factor,
     )
 

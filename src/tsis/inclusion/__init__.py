@@ -8,10 +8,9 @@ from tsis.inclusion._binary import binary_image
 from tsis.inclusion._estimate import estimate, read_frames
 from tsis.inclusion._frames import depletion_per_n, ring_edges, ring_light
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
-from tsis.inclusion._verdict import ABSENCE_FLAG, INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS
+from tsis.inclusion._verdict import INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS, presence_caveats
 
 __all__ = [
-    "ABSENCE_FLAG",
     "INCLUSION_FLAGS",
     "NEARLY_CERTAIN",
     "PARAMETERS",
@@ -20,6 +19,7 @@ __all__ = [
     "binary_image",
     "depletion_per_n",
     "estimate",
+    "presence_caveats",
     "read_frames",
     "ring_edges",
     "ring_light",

@@ -21,7 +21,6 @@ from tsis.inclusion._frames import (
 )
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._verdict import (
-    ABSENCE_FLAG,
     UNTRUSTED_FLAGS,
     cramer_rao_sd,
     findings,
@@ -29,6 +28,7 @@ from tsis.inclusion._verdict import (
     misfit_chance,
     misfit_finding,
     position_findings,
+    presence_caveats,
 )
 from tsis.inclusion.checks import InclusionPosition, image_findings, inclusion_position
 from tsis.inclusion.posterior import (
@@ -165,7 +165,7 @@ def estimate(
         log_bayes_factor=result.log_bayes_factor,
         identifiability=NOT_TRUSTED if causes else identifiability(result, prior),
         prior=str(prior),
-        presence_trusted=not causes - {ABSENCE_FLAG},
+        presence_trusted=not presence_caveats(causes),
         trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),
         notes=tuple(note for _, note in flagged),

@@ -10,9 +10,11 @@ import scipy
 
 from tsis.inclusion._prior import PARAMETERS, Floats
 from tsis.inclusion.posterior import least_sd
-from tsis.model import NOT_IDENTIFIED, probability_bound
+from tsis.model import ABSENCE_FLAG, NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from tsis.inclusion._prior import InclusionPrior
     from tsis.inclusion.checks import InclusionPosition
     from tsis.inclusion.posterior import InclusionPosterior, Profiles
@@ -25,7 +27,6 @@ OFF_AXIS_MM = 3.0  # limit of the off-axis model
 NEARLY_CERTAIN = 0.95  # probability of an inclusion below which presence is flagged
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}
 NAMES = {"diameter_mm": "diameter", "depth_mm": "depth", "young_kpa": "modulus"}
-ABSENCE_FLAG = "no_inclusion"  # concerns the parameters of an inclusion, not its probability
 UNTRUSTED_FLAGS = frozenset(  # the model is not valid, or nothing can be measured
     (
         "model_does_not_fit",
@@ -36,6 +37,11 @@ UNTRUSTED_FLAGS = frozenset(  # the model is not valid, or nothing can be measur
         ABSENCE_FLAG,
     )
 )
+
+
+def presence_caveats(flags: Iterable[str]) -> frozenset[str]:
+    """The flags for which the probability of an inclusion is not to be trusted."""
+    return UNTRUSTED_FLAGS.intersection(flags) - {ABSENCE_FLAG}
 
 
 def findings(posterior: InclusionPosterior, prior: InclusionPrior, data: Profiles) -> list[Finding]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.distance import cdist
-from scipy.special import betaln, gammaln, logsumexp
+from scipy.special import betaln, gammaln
 
 from tsis.matching._fit import UNMATCHED
 from tsis.matching._spline import spread_out
@@ -63,9 +63,11 @@ class PoseEvidence:
     affine: Floats  # shape (d + 1, d)
     kernel_weights: Floats  # of the field's control points, shape (c, d)
     width: float  # of the kernel
+    amplitude: float  # standard deviation of the displacement, in radii of the target
     sigma: float  # standard deviation of a coordinate, in radii of the target
     paired: int  # points with a partner
     moved: Floats  # the source's points, shape (n, d)
+    matches: Integers  # index of each point's partner, of soft pairs the heaviest, shape (n,)
 
 
 def gaussian_kernel(points: Floats, control: Floats, width: float) -> Floats:
@@ -84,7 +86,8 @@ def soft_evidence(field: SmoothField, target: Floats, pairs: Floats) -> PoseEvid
     scatter = float((soft @ (target**2).sum(axis=1)).sum() - (partners**2).sum())
     some = soft[soft > 1e-9]
     entropy = float((np.maximum(1 - some, 1e-300) * np.log(np.maximum(1 - some, 1e-300)) - some * np.log(some)).sum())
-    return _evidence(field, rows, partners, target, scatter=max(scatter, 0.0), entropy=entropy)
+    matches = np.where(sums > PAIRED, pairs.argmax(axis=1), UNMATCHED)
+    return _evidence(field, rows, partners, target, matches, scatter=max(scatter, 0.0), entropy=entropy)
 
 
 def hard_evidence(
@@ -97,7 +100,7 @@ def hard_evidence(
     rows = np.flatnonzero(matches != UNMATCHED)
     if len(rows) <= field.points.shape[1] + 1:
         return None
-    return _evidence(field, rows, target[matches[rows]], target, scatter=0.0, entropy=0.0, width=width)
+    return _evidence(field, rows, target[matches[rows]], target, matches, scatter=0.0, entropy=0.0, width=width)
 
 
 def _evidence(
@@ -105,6 +108,7 @@ def _evidence(
     rows: Integers,
     partners: Floats,
     target: Floats,
+    matches: Integers,
     *,
     scatter: float,
     entropy: float,
@@ -132,13 +136,14 @@ def _evidence(
         logs.append(log - 0.5 * dimension * (np.log(spread).sum(axis=2) + flat * np.log(sigmas[..., 0])))
     stacked = np.array(logs)
     best, number, level = np.unravel_index(int(np.argmax(stacked)), stacked.shape)
+    top = float(stacked[best, number, level])
     _, normal, right = frees[best]
     ridge = (SIGMAS[level] / AMPLITUDES[number]) ** 2
     bends = np.linalg.solve(normal + ridge * np.eye(len(normal)), right)
     factor, weights = field.factors[chosen[best]], field.weights[chosen[best]]
     affine = np.linalg.solve(triangle, basis.T @ (partners - factor[rows] @ bends))
     freedom = (count - dimension - 1) * dimension
-    log_density = float(logsumexp(stacked)) - math.log(len(WIDTHS) * stacked[0].size)
+    log_density = top + math.log(float(np.exp(stacked - top).sum())) - math.log(len(WIDTHS) * stacked[0].size)
     log_density -= freedom * (0.5 * math.log(2 * math.pi) + math.log(size))
     return PoseEvidence(
         log=log_density
@@ -148,9 +153,11 @@ def _evidence(
         affine=affine,
         kernel_weights=weights @ bends,
         width=WIDTHS[chosen[best]],
+        amplitude=AMPLITUDES[number] * size,
         sigma=SIGMAS[level] * size,
         paired=count,
         moved=affine[0] + field.points @ affine[1:] + factor @ bends,
+        matches=matches,
     )
 
 

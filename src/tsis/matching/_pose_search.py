@@ -14,13 +14,14 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
-from tsis.matching._field_annealing import annealed_map, balanced_pairs
+from tsis.matching import _refinement as refinement
+from tsis.matching._annealing import START, Cooling, anneal, annealed_map, balanced_pairs
 from tsis.matching._fit import UNMATCHED
 from tsis.matching._outline import outline_alignments, slid, successors
 from tsis.matching._pairing import assign, spacing
 from tsis.matching._pose_evidence import SIGMAS, PoseEvidence, SmoothField, hard_evidence, soft_evidence
-from tsis.matching._poses import poses, rotations, whitening
-from tsis.matching._spline import spread_indices
+from tsis.matching._relaxation import poses, rotations, whitening
+from tsis.matching._spline import spline_basis, spread_indices
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -74,13 +75,87 @@ def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEv
     """Maps by falling evidence; slid neighbours are among them."""
     aligned = sorted(_aligned_maps(search), key=lambda item: -item.log)
     if aligned and complete(search, aligned[0]):
-        return aligned
+        better = refinement.grown(search.field, search.target, search.step, aligned[0])
+        return aligned if better is aligned[0] else [better, *aligned]
     maps = [item for moved in _annealed_maps(search) if (item := settled(search, moved)) is not None]
-    found = _refined(search, maps, aligned)
-    if not found or not complete(search, found[0]):
-        proposed = [item for moved in _proposed_maps(search, rng) if (item := settled(search, moved)) is not None]
-        found = _refined(search, proposed, found)
-    return found
+    found = _improved(search, _refined(search, maps, aligned))
+    if found and complete(search, found[0]):
+        return found
+    proposed = [item for moved in _proposed_maps(search, rng) if (item := settled(search, moved)) is not None]
+    more = _refined(search, proposed, found)
+    return more if found and more[0] is found[0] else _improved(search, more)
+
+
+def _improved(search: PoseSearch, found: list[PoseEvidence]) -> list[PoseEvidence]:
+    """All maps, and those that growth, order along curves and shifts make of the likeliest."""
+    if not found:
+        return found
+    result = list(found)
+    curves = refinement.chains(search.following)
+    ranking = refinement.Ranking.of(search.field, search.target)
+    done = [_followed(search, item) for item in distinct(found, IMPROVED_DISTANCE)[:IMPROVED]]
+    top = max(done, key=lambda item: item.log)
+    for matches in refinement.shifted(curves, ranking, top):
+        item = hard_evidence(search.field, search.target, matches, width=top.width)
+        if item is not None:
+            done += [item, _followed(search, item)]
+    top = max(done, key=lambda item: item.log)
+    for _ in range(MOST_SEGMENTS):
+        items = [
+            item
+            for order, closed in curves
+            if len(order) > 5
+            for matches in refinement.segment_shifts(order, closed, ranking, top)
+            if (item := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
+        ]
+        best = max(items, key=lambda item: item.log, default=top)
+        if best.log <= top.log + 0.01:
+            break
+        top = _followed(search, best)
+        done += [*items, top]
+    if len(search.target) > DENSER * len(search.source):
+        for item in _target_slid_maps(search, top):
+            done.append(item)
+            top = max(top, item, key=lambda item: item.log)
+    done.append(refinement.repatched(search.field, search.target, search.step, top))
+    return sorted([*result, *done], key=lambda item: -item.log)
+
+
+def _target_slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
+    """Maps whose pairs slid along the curves of the denser target."""
+    ahead = successors(search.target)
+    back = np.full(len(ahead), UNMATCHED)
+    linked = np.flatnonzero(ahead != UNMATCHED)
+    back[ahead[linked]] = linked
+    top = found
+    for direction in (ahead, back):
+        for _ in range(MOST_TARGET_SLIDES):
+            matches = np.where(top.matches == UNMATCHED, UNMATCHED, direction[top.matches])
+            item = hard_evidence(search.field, search.target, matches, width=top.width)
+            if item is None:
+                break
+            item = _followed(search, item)
+            if item.log <= top.log + 0.01:
+                break
+            top = item
+            yield item
+
+
+def _followed(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
+    """The map that growth and order along curves reach."""
+    for _ in range(3):
+        before = item.log
+        item = refinement.grown(search.field, search.target, search.step, item)
+        item = refinement.chained(search.field, search.target, search.step, search.following, item)
+        if item.log < before + 0.5:
+            break
+    return item
+
+
+COOLING, COLDEST, COOLED = 0.85, 0.35, 3
+MOST_SEGMENTS, MOST_TARGET_SLIDES = 8, 4
+DENSER = 1.2  # ratio of the sets' sizes beyond which pairs also slide along the target's curves
+IMPROVED, IMPROVED_DISTANCE = 3, 0.1
 
 
 def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
@@ -218,9 +293,12 @@ def _annealed_maps(search: PoseSearch) -> Iterator[Floats]:
 
 
 def _proposed_maps(search: PoseSearch, rng: np.random.Generator) -> Iterator[Floats]:
-    """Moved source points of the poses that relaxation labelling proposes, annealed with a field."""
+    """Moved source points: a spline annealed from the identity, and poses of relaxation labelling with a field."""
     source, target = search.source, search.target
     rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
+    basis = spline_basis(source, control=source[rows])
+    cooling = Cooling(factor=COOLING, start=START, end=(COLDEST * search.step) ** 2, rounds=COOLED)
+    yield basis.design @ anneal(basis, basis.rest, target, cooling)
     sample = np.ascontiguousarray(target[columns])
     design, ridge = _annealing_design(source, rows)
     here = np.ascontiguousarray(design[rows])

@@ -10,16 +10,15 @@ import numpy as np
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
+from tsis.matching import _annealing as tps_rpm
 from tsis.matching import _cpd as cpd
+from tsis.matching import _posterior as tprl
 from tsis.matching import _rpm_lns as rpm_lns
 from tsis.matching import _shape_context as shape_context
-from tsis.matching import _tprl as tprl
-from tsis.matching import _tps_rpm as tps_rpm
 from tsis.matching._fit import UNMATCHED, Booleans, Floats, Integers, NormalFrame, require_points, transformed_in_blocks
 from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
-from tsis.matching._posterior import WIDEST_DEG, pose_posterior
+from tsis.matching._posterior import RELIABLE, WIDEST_DEG, is_collapsed, is_sound, pose_posterior, probability_right
 from tsis.matching._spline import spread_out
-from tsis.matching._trust import RELIABLE, is_collapsed, is_sound, probability_right
 from tsis.model import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tsis.matching._fit import MatchFit, MatchMethod, Move
-    from tsis.matching._posterior import Pose, PosePosterior
+    from tsis.matching._posterior import LikelyPose, PosePosterior
 
 
 FEWEST = 4  # points: three in the plane fit any affine map
@@ -275,7 +274,7 @@ def _confidence(fit: MatchFit, posterior: PosePosterior, source: Floats) -> floa
     return probability_right(posterior, moved)
 
 
-def _outward(pose: Pose, source: Floats, end: NormalFrame) -> Alternative:
+def _outward(pose: LikelyPose, source: Floats, end: NormalFrame) -> Alternative:
     """A pose of normalised points in the target's unit."""
     moved = end.outward(transformed_in_blocks(pose.move, source))
     return Alternative(moved=moved, rotation_deg=pose.rotation_deg, probability=pose.probability)

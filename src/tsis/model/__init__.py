@@ -3,6 +3,7 @@
 from tsis.model._calibration import Calibration, LightMap
 from tsis.model._content import ContentValue
 from tsis.model._estimate import (
+    ABSENCE_FLAG,
     IMPROBABLE,
     LARGEST_EVIDENCE,
     NO_UNIT,
@@ -12,6 +13,7 @@ from tsis.model._estimate import (
     Estimate,
     label_of,
     probability_bound,
+    probability_text,
     unit_of,
 )
 from tsis.model._html import summary_html
@@ -46,6 +48,7 @@ from tsis.model._require import (
 )
 
 __all__ = [
+    "ABSENCE_FLAG",
     "FOUR_LEDS",
     "IMPROBABLE",
     "INCLUSION_RANGES",
@@ -83,6 +86,7 @@ __all__ = [
     "interpolation_matrix",
     "label_of",
     "probability_bound",
+    "probability_text",
     "require_array",
     "require_ascending",
     "require_image_numbers",

@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 
 
 NOT_TRUSTED = "The numbers of this estimate are not to be trusted, for a reason named below."
+ABSENCE_FLAG = "no_inclusion"  # concerns the parameters of an inclusion, not its probability
+PRESENCE_FLAGS = ("inclusion_uncertain", ABSENCE_FLAG)
 NOT_IDENTIFIED_FLAG = "_not_identified"  # after the name of the parameter
 IMPROBABLE = 1e-4  # p-value of the model below which results say so
 NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which a parameter is not identified
 LARGEST_EVIDENCE = 1e12
+NEARLY = 1e-3  # probabilities closer than this to 0 or 1 are shown as a bound
 LEAST_CHANCE = 1e-99  # smallest printed probability
 
 
@@ -36,6 +39,13 @@ def probability_bound(chance: float) -> str:
     ('1e-14', '1e-99')
     """
     return f"1e{np.ceil(np.log10(max(chance, LEAST_CHANCE))):+03.0f}"
+
+
+def probability_text(value: float) -> str:
+    """The text of a probability, never 0 or 1."""
+    if value > 1 - NEARLY:
+        return f"above {1 - NEARLY:g}"
+    return f"below {NEARLY:g}" if value < NEARLY else f"{value:.3g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, init=False, repr=False)
@@ -54,8 +64,8 @@ class Estimate(ContentValue):
     presence
         Probability that an inclusion is present; None where not computed.
     presence_trusted
-        Whether ``presence`` may be used; by default where the estimate is trusted. Tissue without an inclusion has no
-        numbers to trust, but a presence.
+        Whether ``presence`` may be used; by default where the estimate is trusted. An estimate that is not trusted has
+        a presence to trust only under the flag ``"no_inclusion"``.
     log_bayes_factor
         Natural logarithm of the Bayes factor of presence, unrounded: it ranks targets whose probabilities are near 1.
     identifiability
@@ -121,6 +131,7 @@ class Estimate(ContentValue):
         untrusted: PosteriorSamples | None = None,
     ) -> None:
         if untrusted is not None:
+            require_type("untrusted", untrusted, PosteriorSamples)
             samples = untrusted.samples if samples is None else samples
             prior_sd = untrusted.prior_sd if prior_sd is None else prior_sd
         if samples is None or prior_sd is None:
@@ -129,7 +140,7 @@ class Estimate(ContentValue):
             "untrusted": PosteriorSamples(samples=samples, prior_sd=prior_sd),
             "cramer_rao_sd": cramer_rao_sd,
             "presence": presence,
-            "presence_trusted": trusted if presence_trusted is None else presence_trusted,
+            "presence_trusted": _presence_trusted(presence_trusted, trusted, flags),
             "log_bayes_factor": log_bayes_factor,
             "identifiability": identifiability,
             "prior": prior,
@@ -174,7 +185,7 @@ class Estimate(ContentValue):
     @property
     def samples(self) -> Mapping[str, NDArray[np.float64]]:
         """Equally weighted posterior samples of each parameter, shape (n,)."""
-        return MappingProxyType(ParameterValues(self._trusted_posterior().samples))
+        return ParameterValues(self._trusted_posterior().samples)
 
     @property
     def mean(self) -> Mapping[str, float]:
@@ -205,17 +216,22 @@ class Estimate(ContentValue):
 
     def withheld_reason(self, name: str) -> str:
         """Why the mean of a parameter is withheld; empty where it is not."""
+        identified = self.identified(name)
         if not self.trusted:
             return "not to be trusted"
-        return "" if self.identified(name) else "not identified"
+        return "" if identified else "not identified"
 
     @property
     def printed_notes(self) -> tuple[str, ...]:
         """The notes; of an untrusted estimate those without withheld numbers."""
-        if self.trusted or len(self.notes) != len(self.flags):
+        if self.trusted:
             return self.notes
+        if len(self.notes) != len(self.flags):
+            return ()
+        # earlier versions wrote the presence into their notes
+        withheld = () if self.presence_trusted else PRESENCE_FLAGS
         pairs = zip(self.flags, self.notes, strict=True)
-        return tuple(note for flag, note in pairs if not flag.endswith(NOT_IDENTIFIED_FLAG))
+        return tuple(note for flag, note in pairs if not (flag.endswith(NOT_IDENTIFIED_FLAG) or flag in withheld))
 
     @property
     def printed_identifiability(self) -> str:
@@ -229,7 +245,7 @@ class Estimate(ContentValue):
 
     def __repr__(self) -> str:
         if not self.trusted:
-            return f"Estimate(not trusted: {', '.join(self.flags)}; of {', '.join(self.names)})"
+            return f"Estimate(not trusted: {', '.join(self.flags) or 'no flag'}; of {', '.join(self.names)})"
         intervals = (f"{name}={low:.3g}..{high:.3g}" for name, (low, high) in self.interval().items())
         return f"Estimate(90 %: {', '.join(intervals)}; flags: {', '.join(self.flags) or 'none'})"
 
@@ -239,15 +255,13 @@ class Estimate(ContentValue):
     def _trusted_posterior(self) -> PosteriorSamples:
         if self.trusted:
             return self.untrusted
-        raise UntrustedError(
-            " ".join(
-                (
-                    f"this estimate must not be used, because it is not trusted ({', '.join(self.flags)}).",
-                    *self.printed_notes,
-                    "Its attribute untrusted gives the numbers all the same.",
-                )
-            )
+        flags = ", ".join(self.flags) or "no flag"
+        parts = (
+            f"this estimate must not be used, because it is not trusted ({flags}).",
+            *self.printed_notes,
+            "Its attribute untrusted gives the numbers all the same.",
         )
+        raise UntrustedError(" ".join(parts))
 
     def to_arviz(self) -> Any:
         """The posterior for ArviZ: an ``InferenceData`` before its release 1, else a ``DataTree``.
@@ -275,9 +289,8 @@ class Estimate(ContentValue):
     def _repr_html_(self) -> str:
         """The means and intervals that are not withheld, and the flags."""
         rows = [(f"{label_of(name)} / {unit_of(name)}", *self._cells(name)) for name in self.prior_sd]
-        if (chance := self.printed_presence) is not None:
-            bound = "above 0.999" if chance > 0.999 else "below 0.001" if chance < 0.001 else ""
-            rows.append(("probability of an inclusion", bound or f"{chance:.3g}"))
+        if self.printed_presence is not None:
+            rows.append(("probability of an inclusion", probability_text(self.printed_presence)))
         rows.append(("flags", ", ".join(self.flags) or "none"))
         return summary_html("Estimate", rows, headings=("", "mean", "90 % interval"), result=True)
 
@@ -288,6 +301,13 @@ class Estimate(ContentValue):
             return (withheld,)
         low, high = self.interval()[name]
         return withheld or f"{self.mean[name]:.3g}", f"{low:.3g} to {high:.3g}"
+
+
+def _presence_trusted(stated: bool | None, trusted: bool, flags: tuple[str, ...]) -> bool:
+    """Whether a presence may be used; an untrusted estimate without the flag of absence never has one."""
+    if stated is None or not (trusted or ABSENCE_FLAG in flags):
+        return trusted
+    return stated
 
 
 UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_deg": "deg"}  # as UCUM writes them

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -101,6 +101,23 @@ class ParameterValues(dict[str, Value]):
     def __init__(self, values: Mapping[str, Value] = MappingProxyType({}), withheld: Collection[str] = ()) -> None:
         super().__init__({name: value for name, value in values.items() if name not in withheld})
         self.withheld = frozenset(withheld)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """The value; ``default`` for a parameter whose value is withheld."""
+        return default if name in self.withheld else self[name]
+
+    def copy(self) -> ParameterValues[Value]:
+        """An equal mapping, which withholds the same."""
+        return ParameterValues(self, self.withheld)
+
+    def __or__(self, other: Any) -> Any:
+        raise TypeError("values of an estimate do not support |, because the result would withhold nothing")
+
+    def __setitem__(self, name: str, value: Value) -> None:
+        raise TypeError("values of an estimate do not support item assignment: build another Estimate")
+
+    def __reduce__(self) -> tuple[type[ParameterValues[Value]], tuple[dict[str, Value], frozenset[str]]]:
+        return ParameterValues, (dict(self), self.withheld)
 
     def __missing__(self, name: str) -> Value:
         require_one_of("parameter", name, [*self, *self.withheld])

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
 from tsis.files import from_json_value, to_json_value
+from tsis.inclusion import presence_caveats
+from tsis.model import ABSENCE_FLAG
 from tsis.records._values import StoredEstimate
 
 if TYPE_CHECKING:
@@ -32,9 +34,15 @@ def estimate_to_json(stored: StoredEstimate) -> dict[str, Any]:
     # Earlier estimates lack these; their hash must not change.
     if estimate.log_bayes_factor is not None:
         result["log_bayes_factor"] = float(estimate.log_bayes_factor)
-    if estimate.presence_trusted != estimate.trusted:
+    if estimate.presence_trusted != _presence_trusted(estimate.trusted, estimate.flags):
         result["presence_trusted"] = estimate.presence_trusted
     return to_json_value(stored, without=("estimate",)) | {"estimate": result}
+
+
+def _presence_trusted(trusted: Any, flags: Any) -> Any:
+    """Whether the presence of an estimate may be used that does not say so: "no inclusion" alone is an answer."""
+    listed = flags if isinstance(flags, (list, tuple)) else ()  # whoever forged them is refused when they are read
+    return trusted or (ABSENCE_FLAG in listed and not presence_caveats(map(str, listed)))
 
 
 def estimate_from_json(
@@ -47,7 +55,10 @@ def estimate_from_json(
     if isinstance(document, dict) and isinstance(result := document.get("estimate"), dict):
         if "samples" in result:
             raise InputError(f"{where}.estimate must hold no samples, which have a file of their own")
-        later = {"log_bayes_factor": None, "presence_trusted": result.get("trusted")}
+        later = {
+            "log_bayes_factor": None,
+            "presence_trusted": _presence_trusted(result.get("trusted"), result.get("flags")),
+        }
         posterior = {"samples": dict(samples), "prior_sd": result.get("prior_sd")}
         others = {name: value for name, value in result.items() if name != "prior_sd"}
         document = document | {"estimate": later | others | {"untrusted": posterior}}

@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.files import RESULT_SCHEMAS
-from tsis.model import INTERVAL_LEVEL
+from tsis.model import INTERVAL_LEVEL, probability_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from tsis.model import Estimate
 
 
-NEARLY = 1e-3  # probabilities closer than this to 0 or 1 are shown as a bound
 NOT_SCALAR = ("profile", "patch")
 
 
@@ -95,13 +94,6 @@ def _presence_message(estimate: Estimate) -> str:
     if not estimate.presence_trusted:
         return "The probability of an inclusion is not to be trusted."
     return f"Probability of an inclusion: {probability_text(estimate.presence)}."
-
-
-def probability_text(value: float) -> str:
-    """The text of a probability, never 0 or 1."""
-    if value > 1 - NEARLY:
-        return f"above {1 - NEARLY:g}"
-    return f"below {NEARLY:g}" if value < NEARLY else f"{value:.3g}"
 
 
 def sd_text(value: float) -> str:

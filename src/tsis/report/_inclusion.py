@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging import subtract_background
-from tsis.model import INTERVAL_LEVEL
+from tsis.model import INTERVAL_LEVEL, probability_text
 from tsis.plots import marginal, trade_off
-from tsis.report._document import estimate_messages, probability_text, sd_text
+from tsis.report._document import estimate_messages, sd_text
 from tsis.report._frames import change_picture, force_of, frame_picture, profile_picture, surface_picture
 from tsis.report._page import Card, Page, Picture, html
 from tsis.report._relative import comparison_notes, comparison_pictures, comparison_tables

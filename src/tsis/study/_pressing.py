@@ -13,7 +13,7 @@ from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.catalog import load_probe
 from tsis.errors import InputError, MechanicsError, RecordsError
 from tsis.files import one_line
-from tsis.inclusion import ABSENCE_FLAG, UNTRUSTED_FLAGS, InclusionPrior, estimate
+from tsis.inclusion import InclusionPrior, estimate, presence_caveats
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import INTERVAL_LEVEL, require_integer
 from tsis.optics.irradiance import irradiance
@@ -169,7 +169,7 @@ class _Rig:
                 name=code,  # the only sign of the target
             )
             evidence["kept_as"] = int(save_results(store, savable)["target"])
-        caveats = UNTRUSTED_FLAGS.intersection(result.flags) - {ABSENCE_FLAG}
+        caveats = presence_caveats(result.flags)
         if caveats or result.presence is None:
             reason = f"{NOT_TRUSTED}: {', '.join(sorted(caveats))}"
             return replace(blank, reason=reason, flags=result.flags, evidence=evidence)

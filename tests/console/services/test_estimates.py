@@ -198,8 +198,9 @@ def test_hardness_of_a_sphere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             reference=[raw_image(remaining[2])],
             **radii,
         )
-        results = job.result.estimate
-        np.testing.assert_allclose(results.samples["young_kpa"], directly.samples["young_kpa"], rtol=1e-9)
+        assert job.result.estimate.flags == directly.flags
+        results = job.result.estimate.untrusted  # at 0.9 N it clips
+        np.testing.assert_allclose(results.samples["young_kpa"], directly.untrusted.samples["young_kpa"], rtol=1e-9)
         low, high = results.interval(0.9)["young_kpa"]
         assert low <= remaining[0].target.truth["young_kpa"] <= high
 

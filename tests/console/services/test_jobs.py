@@ -88,7 +88,7 @@ def test_what_comes_after_a_job_comes_however_it_ended(jobs: Jobs) -> None:
     assert "queued" in over
     failing = jobs.begin("failing", lambda job: 1 // 0, after=lambda: over.append("failing"))
     assert done(failing) == "failed"
-    assert over[-1] == "failing"
+    assert "failing" in over
     assert done(jobs.begin("whole", lambda job: 1, after=lambda: 1 // 0)) == "done"
 
 

@@ -18,6 +18,7 @@ from tsis.calibration.response import fit_response
 from tsis.calibration.scale import scale_from_dots
 from tsis.calibration.session._setup import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
 from tsis.calibration.specification import edge_width, frame_rate, specification_sheet
+from tsis.compiled import one_blas_thread
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.files import printable_path
 from tsis.model import require_number
@@ -151,6 +152,13 @@ def calibrate(
         When a file of the session is missing or damaged.
     """
     require_number("days", days, 1, 3650)
+    with one_blas_thread():  # sums of several threads depend on their number, and files are compared by their hash
+        return _calibrated(session, days, progress)
+
+
+def _calibrated(
+    session: SessionFolder, days: float, progress: Callable[[int, int], None]
+) -> tuple[ProbeCalibration, SessionResult]:
     terms, steps = session.terms(), {step.name: step for step in session.plan()}
     if missing := session.missing():
         raise CalibrationError(

@@ -202,7 +202,7 @@ class EstimateItem(ItemModel):
     )
     identifiability: str = Field(description="what the data determine and what not")
     prior: str
-    trusted: bool = Field(description="false: the numbers of this estimate are withheld")
+    trusted: bool = Field(description="false: the numbers of this estimate are withheld, and null here")
     flags: list[str]
     notes: list[str]
     options: dict[str, Any]

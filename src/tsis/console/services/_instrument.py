@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -11,16 +12,15 @@ from tsis.console.services._active_calibration import ActiveCalibrationCheck
 from tsis.console.services._camera import CameraController
 from tsis.console.services._control import Commands, ControlLock
 from tsis.console.services._estimates import estimate_target, estimate_title, require_estimable
-from tsis.console.services._jobs import Jobs
+from tsis.console.services._jobs import RUNNING, Jobs
 from tsis.console.services._reading import StoreCheck, force_at, gauge_force, trouble_messages
-from tsis.console.services._search import CameraSearch
 from tsis.console.services._sequences import SequenceRequest, begin_sequence
 from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
 from tsis.imaging import COLOUR_MAPS
-from tsis.instrument import connect
+from tsis.instrument import CameraListing, connect, find_cameras
 from tsis.model import require_integer, require_one_of
 from tsis.records import recompute
 from tsis.records.store import open_store
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from tsis.calibration import UsableCalibration
     from tsis.console.services._frame_analysis import FrameAnalysis, PressForce
-    from tsis.console.services._jobs import Job
+    from tsis.console.services._jobs import Job, JobState
     from tsis.console.services._snapshots import SavedPress
     from tsis.console.services._subject import CameraChoice
     from tsis.console.services._terms import InstrumentSettings
@@ -303,3 +303,36 @@ class Instrument:
 
     def _force(self, frame: ReceivedFrame) -> PressForce | None:
         return force_at(frame, self._gauge, self.camera_controller.force_n)
+
+
+SEARCH_TITLE = "search for cameras"
+
+
+class CameraSearch:
+    """Searches as a job; a call during a search returns the running job.
+
+    ``findings`` are those of the last search; None before the first is over.
+    """
+
+    def __init__(self, jobs: Jobs) -> None:
+        self._jobs, self._lock = jobs, threading.Lock()
+        self._job: Job | None = None
+        self.findings: CameraListing | None = None
+
+    def state(self) -> JobState | None:
+        """State of the running or last search; None before the first."""
+        job = self._job
+        return None if job is None else job.state()
+
+    def begin(self) -> Job:
+        """Begin a search, or join the running one."""
+        with self._lock:
+            if self._job is None or self._job.state().status != RUNNING:
+                self._job = self._jobs.begin(SEARCH_TITLE, self._searched)
+            return self._job
+
+    def _searched(self, job: Job) -> CameraListing:
+        self.findings = findings = find_cameras()
+        number = len(findings.cameras)
+        job.say({0: "No camera answered.", 1: "1 camera answered."}.get(number, f"{number} cameras answered."))
+        return findings

@@ -10,7 +10,7 @@ import numpy as np
 from tsis.detection._inputs import choice
 from tsis.detection._presence import presence
 from tsis.detection.classify._classes import CLASSES, ClassSplit
-from tsis.errors import InputError, import_extra
+from tsis.errors import InputError, UntrustedError, import_extra
 from tsis.inclusion import PARAMETERS
 from tsis.model import LARGEST_EVIDENCE, ContentValue, require_array, require_integer, require_number, require_type
 
@@ -75,7 +75,9 @@ class TargetEvidence(ContentValue):
 def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | None = None) -> TargetEvidence:
     """Input of a classifier from an estimate.
 
-    Raises `InputError` when it has no probability of an inclusion, or no samples of diameter, depth and modulus.
+    Raises `InputError` when it has no probability of an inclusion, or no samples of diameter, depth and modulus, and
+    `UntrustedError` when that probability is not to be trusted. Of tissue without an inclusion the posterior describes
+    inclusions that could remain undetected; a classifier uses it all the same.
 
     Parameters
     ----------
@@ -87,6 +89,11 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
         As for `tsis.detection._presence`.
     """
     result = presence(estimate, prior=prior)
+    if not estimate.presence_trusted:
+        raise UntrustedError(
+            f"estimate must have a presence to be trusted; it is flagged {', '.join(estimate.flags)}: press the target "
+            "again"
+        )
     draws = require_integer("draws", draws, 1, 10**6)
     missing = [name for name in PARAMETERS if name not in estimate.names]
     if missing:

@@ -4,7 +4,16 @@ from tsis.matching.trials._distort import Distortion, Family, Trial, distort, pu
 from tsis.matching.trials._methods import OWN_METHODS, PEERS, RIVAL_METHODS, BenchmarkMethod
 from tsis.matching.trials._runs import TRIAL_ROW_HEAD, TrialRow, read_trial_rows, run_trials
 from tsis.matching.trials._shapes import SHAPES, even_texture, strokes
-from tsis.matching.trials._summary import FAILURE_RMS, ErrorRatio, TrialSummary, summarise, summarise_pooled
+from tsis.matching.trials._summary import (
+    FAILURE_RMS,
+    ErrorRatio,
+    TrialSummary,
+    TrustCase,
+    fit_trust,
+    summarise,
+    summarise_pooled,
+    trust_case,
+)
 from tsis.matching.trials._trials import (
     FAMILIES,
     HIDDEN_FRACTIONS,
@@ -18,7 +27,6 @@ from tsis.matching.trials._trials import (
     matching_error,
     public_trials,
 )
-from tsis.matching.trials._trust_cases import TrustCase, fit_trust, trust_case
 
 __all__ = [
     "FAILURE_RMS",

@@ -159,13 +159,13 @@ manifest.json   SHA-256 and size in bytes of every file
 
 Comma-separated values after RFC 4180: UTF-8, lines end in CR LF, cells are quoted where they must be, decimals have a
 point. Headings hold the unit; in estimates.csv the column "unit" says it row by row. An empty cell says that nobody
-measured it. Times are ISO 8601 with their offset from UTC.
+measured it, or that the number is withheld. Times are ISO 8601 with their offset from UTC.
 
 Text that a spreadsheet could take for a formula, because it begins with = + - @ or a tab, has an apostrophe in front,
 and so has text that begins with an apostrophe: take one away to have what was entered. Numbers are never changed.
 
 Where "trusted" is no, the model did not hold, and there is no result: the cells are empty. Where "identified" is no,
-the data told hardly more than was believed before, and the mean says little: use the interval.
+the data add hardly anything to the prior, and the cells of mean and sd are empty: use the interval.
 """
 
 

@@ -9,7 +9,15 @@ from tsis.__about__ import CALIBRATION_FILE
 from tsis.calibration.file import read_calibration
 from tsis.catalog import load_probe
 from tsis.errors import InputError
-from tsis.files import file_error, from_json_value, own_file, read_object, require_known_schema, written_by
+from tsis.files import (
+    file_error,
+    from_json_value,
+    own_file,
+    printable_path,
+    read_object,
+    require_known_schema,
+    written_by,
+)
 from tsis.model import grey_sha256
 from tsis.records._provenance import environment
 from tsis.records.importing._batch import (
@@ -90,7 +98,7 @@ def result_folder(folder: Path, progress: Callable[[], None]) -> ImportBatch:
     """
     source = own_file(folder, RESULT)
     document = read_object(source)
-    require_known_schema(document, str(source))
+    require_known_schema(document, printable_path(source))
     with written_by("tsis demo", source):
         return _batch(folder, document, progress)
 

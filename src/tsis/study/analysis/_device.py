@@ -90,14 +90,13 @@ def size_errors(device_results: DeviceResults) -> tuple[SizeErrors, ...]:
 
 
 def _of(device_results: DeviceResults, quantity: str) -> SizeErrors | None:
-    pairs = [
-        (item, item.reading) for item in device_results.detected if item.reading and quantity in item.reading.values
-    ]
+    detected = [(item, item.reading) for item in device_results.detected if item.reading]
+    pairs = [(item, reading) for item, reading in detected if quantity in reading.values]
     if not pairs:
         return None
     inside = [
         reading.interval_90[quantity][0] <= target.truth.values[quantity] <= reading.interval_90[quantity][1]
-        for target, reading in pairs
+        for target, reading in detected
         if quantity in reading.interval_90
     ]
     return SizeErrors(
@@ -106,7 +105,7 @@ def _of(device_results: DeviceResults, quantity: str) -> SizeErrors | None:
         read=np.array([reading.values[quantity] for _, reading in pairs]),
         true=np.array([target.truth.values[quantity] for target, _ in pairs]),
         covered=Proportion(successes=sum(inside), trials=len(inside)) if inside else None,
-        not_identified=sum(f"{quantity}_not_identified" in reading.flags for _, reading in pairs),
+        not_identified=sum(f"{quantity}_not_identified" in reading.flags for _, reading in detected),
     )
 
 

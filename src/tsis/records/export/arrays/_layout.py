@@ -148,7 +148,8 @@ def _write_estimate(tree: Tree, location: str, stored: StoredEstimate, *, in_for
             **summary.get(name, {}),
         }
         write_array(tree, f"{location}/{group}/{_link(name)}", values, attributes)
-    _document(tree, f"{location}/document", estimate_to_json(stored))
+    place = location if result.trusted else f"{location}/{group}"
+    _document(tree, f"{place}/document", estimate_to_json(stored))
 
 
 def _summary(estimate: Estimate) -> dict[str, dict[str, Attribute]]:
