@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from tsis.matching import _posterior as tprl
-from tsis.matching._fit import UNMATCHED, NormalFrame
-from tsis.matching._pairing import spacing
+from tsis.matching._fit import UNMATCHED, NormalFrame, spacing
 from tsis.matching._pose_evidence import AMPLITUDES, SIGMAS, SmoothField, gaussian_kernel, hard_evidence
 from tsis.matching._pose_search import PoseSearch, _followed, settled
 from tsis.matching._refinement import Ranking, chained, chains, grown, predicted, repatched, segment_shifts, shifted

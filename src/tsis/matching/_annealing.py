@@ -22,8 +22,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
-from tsis.matching._fit import Floats, Integers, MatchFit, ridge_solution
-from tsis.matching._pairing import nearest_pairs, spacing
+from tsis.matching._fit import Floats, Integers, MatchFit, nearest_pairs, ridge_solution, spacing
 from tsis.matching._spline import spline_basis, spread_order, spread_out
 
 if TYPE_CHECKING:

@@ -16,9 +16,8 @@ from scipy.spatial.distance import cdist
 
 from tsis.matching import _refinement as refinement
 from tsis.matching._annealing import START, Cooling, anneal, annealed_map, balanced_pairs
-from tsis.matching._fit import UNMATCHED
+from tsis.matching._fit import UNMATCHED, assign, spacing
 from tsis.matching._outline import outline_alignments, slid, successors
-from tsis.matching._pairing import assign, spacing
 from tsis.matching._pose_evidence import SIGMAS, PoseEvidence, SmoothField, hard_evidence, soft_evidence
 from tsis.matching._relaxation import poses, rotations, whitening
 from tsis.matching._spline import spline_basis, spread_indices

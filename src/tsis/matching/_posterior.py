@@ -16,9 +16,8 @@ import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.special import i0e, logsumexp
 
-from tsis.matching._fit import UNMATCHED, MatchFit
+from tsis.matching._fit import UNMATCHED, MatchFit, assign, nearest_pairs
 from tsis.matching._outline import self_resemblance
-from tsis.matching._pairing import assign, nearest_pairs
 from tsis.matching._pose_evidence import PoseEvidence, gaussian_kernel, size_and_stretch, unrelated_evidence
 from tsis.matching._pose_search import PoseSearch, distinct, search_poses, settled
 from tsis.matching._spline import spline_basis

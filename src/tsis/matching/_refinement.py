@@ -14,8 +14,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
-from tsis.matching._fit import UNMATCHED
-from tsis.matching._pairing import assign
+from tsis.matching._fit import UNMATCHED, assign
 from tsis.matching._pose_evidence import SIGMAS, WIDTHS, PoseEvidence, hard_evidence
 from tsis.matching._spline import spread_indices
 

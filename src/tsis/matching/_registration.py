@@ -15,8 +15,18 @@ from tsis.matching import _cpd as cpd
 from tsis.matching import _posterior as tprl
 from tsis.matching import _rpm_lns as rpm_lns
 from tsis.matching import _shape_context as shape_context
-from tsis.matching._fit import UNMATCHED, Booleans, Floats, Integers, NormalFrame, require_points, transformed_in_blocks
-from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
+from tsis.matching._fit import (
+    MOST_POINTS,
+    UNMATCHED,
+    Booleans,
+    Floats,
+    Integers,
+    NormalFrame,
+    drawn,
+    matched_all,
+    require_points,
+    transformed_in_blocks,
+)
 from tsis.matching._posterior import RELIABLE, WIDEST_DEG, is_collapsed, is_sound, pose_posterior, probability_right
 from tsis.matching._spline import spread_out
 from tsis.model import require_array, require_number, require_one_of, require_type

@@ -20,8 +20,7 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from tsis.compiled import compiled
-from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit, require_points
-from tsis.matching._pairing import assign
+from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit, assign, require_points
 from tsis.matching._spline import spline_basis
 from tsis.model import require_number
 
