@@ -3,7 +3,7 @@
     python -m benchmarks.matching_trust --seed 1001 --cases 40 --rows trust.jsonl
 
 runs ``--cases`` trials of each family and degradation, and prints the tables. A run that was stopped continues with the
-rows in the file. ``--generator calibration --calibrate`` prints the weights of `tsis.matching._trust` instead.
+rows in the file. ``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead.
 """
 
 from __future__ import annotations

@@ -9,9 +9,10 @@ import pytest
 
 from tsis.matching import _posterior as tprl
 from tsis.matching._fit import UNMATCHED, NormalFrame, spacing
+from tsis.matching._outline import chains
 from tsis.matching._pose_evidence import AMPLITUDES, SIGMAS, SmoothField, gaussian_kernel, hard_evidence
 from tsis.matching._pose_search import PoseSearch, _followed, settled
-from tsis.matching._refinement import Ranking, chained, chains, grown, predicted, repatched, segment_shifts, shifted
+from tsis.matching._refinement import Ranking, chained, grown, predicted, repatched, segment_shifts, shifted
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped
@@ -138,7 +139,7 @@ def test_a_curve_that_slid_by_any_number_of_points_slides_back(shift: int) -> No
     search = PoseSearch.of(source, target)
     before = hard_evidence(search.field, target, np.roll(np.arange(80), shift))
     assert before is not None
-    proposals = list(shifted(chains(search.following), Ranking.of(search.field, target), before))
+    proposals = list(shifted(chains(search.following)[0], Ranking.of(search.field, target), before))
     assert any(np.array_equal(each, np.arange(80)) for each in proposals)
 
 

@@ -10,8 +10,9 @@ from scipy.stats import special_ortho_group, vonmises
 
 from tsis.matching._fit import UNMATCHED, NormalFrame
 from tsis.matching._pose_evidence import PoseEvidence, SmoothField, hard_evidence, soft_evidence, unrelated_evidence
-from tsis.matching._pose_search import PoseSearch, one_to_one, settled
+from tsis.matching._pose_search import PoseSearch, settled
 from tsis.matching._posterior import log_rotation_prior, pose_posterior, rotation_deg
+from tsis.matching._refinement import one_to_one
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

@@ -25,6 +25,7 @@ MOST_POINTS = 400
 NEIGHBOURS = 5
 LONGEST = 3.0  # median distances of neighbours: a longer gap separates two curves
 MOVED = 0.25  # root-mean-square radii
+NEARLY_ALL, CLOSING = 0.85, 5.0  # fraction of the points on the main curve; gap of a closed one, in median steps
 
 
 def outline_alignments(field: SmoothField, target: Floats) -> list[Integers]:
@@ -61,7 +62,7 @@ def self_resemblance(field: SmoothField) -> float:
     points = field.points
     if points.shape[1] != 2 or len(points) > MOST_POINTS:
         return math.inf
-    order, closed = curve_order(points)
+    order, closed = main_curve(points)
     if not len(order):
         return math.inf
     along = points[order]
@@ -90,6 +91,33 @@ def curve_order(points: Floats) -> tuple[Integers, bool]:
             return np.empty(0, dtype=np.int64), False
         order.append(ahead)
     return np.array(order), not len(starts)
+
+
+def chains(following: Integers) -> list[tuple[Integers, bool]]:
+    """Indices along each curve, and whether it is closed, from each point's next one."""
+    seen = np.zeros(len(following), dtype=bool)
+    starts = np.setdiff1d(np.arange(len(following)), following)
+    result = []
+    for first in [*starts.tolist(), *range(len(following))]:
+        if seen[first]:
+            continue
+        order, at = [], first
+        while at != UNMATCHED and not seen[at]:
+            seen[at] = True
+            order.append(at)
+            at = int(following[at])
+        result.append((np.array(order), at == first))
+    return result
+
+
+def main_curve(points: Floats) -> tuple[Integers, bool]:
+    """Indices along the one curve that nearly all points sample, and whether it closes; empty without such a curve."""
+    order, closed = max(chains(successors(points)), key=lambda curve: len(curve[0]))
+    if len(order) < NEARLY_ALL * len(points):
+        return np.empty(0, dtype=np.int64), False
+    steps = np.linalg.norm(np.diff(points[order], axis=0), axis=1)
+    gap = float(np.linalg.norm(points[order[0]] - points[order[-1]]))
+    return order, closed or gap <= CLOSING * float(np.median(steps))
 
 
 def _anticlockwise(points: Floats, order: Integers) -> Integers:

@@ -270,9 +270,9 @@ def _require_text(start: bytes) -> None:
     try:
         text = codecs.getincrementaldecoder("utf-8")().decode(start)  # the sample may end within a character
     except UnicodeDecodeError as error:
-        raise FileInputError("it must be CSV, NPY, PLY or an image; got bytes that are none of these") from error
+        raise FileInputError("it must be CSV, NPY or PLY, or an image; got bytes that are none of these") from error
     if "\0" in text:
-        raise FileInputError("it must be CSV, NPY, PLY or an image; got bytes that are none of these")
+        raise FileInputError("it must be CSV, NPY or PLY, or an image; got bytes that are none of these")
 
 
 def _columns(heads: list[str], *, named: bool) -> list[int]:

@@ -11,14 +11,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from tsis.matching import _refinement as refinement
 from tsis.matching._annealing import START, Cooling, anneal, annealed_map, balanced_pairs
-from tsis.matching._fit import UNMATCHED, assign, spacing
-from tsis.matching._outline import outline_alignments, slid, successors
-from tsis.matching._pose_evidence import SIGMAS, PoseEvidence, SmoothField, hard_evidence, soft_evidence
+from tsis.matching._fit import UNMATCHED, spacing
+from tsis.matching._outline import chains, main_curve, outline_alignments, slid, successors
+from tsis.matching._pose_evidence import (
+    SIGMAS,
+    PoseEvidence,
+    SmoothField,
+    hard_evidence,
+    soft_evidence,
+)
 from tsis.matching._relaxation import poses, rotations, whitening
 from tsis.matching._spline import spline_basis, spread_indices
 
@@ -27,7 +32,6 @@ if TYPE_CHECKING:
 
     from tsis.matching._fit import Floats, Integers
 
-ROTATIONS = 24  # of the plane
 COARSE, FINE = (60, 90), (120, 300)  # largest samples of source and target
 COARSE_SIGMAS = np.geomspace(0.4, 0.12, 8)  # in root-mean-square radii
 FIRST_SIGMA, MIDDLE_SIGMA, LAST_SIGMA, FINE_STEPS = 0.3, 0.12, 0.5, 14  # the last in spacings
@@ -42,7 +46,6 @@ LEAST_VARIANCE = 2 * SIGMAS[1] ** 2  # of a pair's distance
 REJECTED = 9.0  # medians of the squared distance beyond which a pair is dropped
 SLIDES, MOST_SLIDES = (-2, -1, 1, 2), 6
 BEHIND = 1.5  # log evidence per point that a map may lie behind the best and still be refined
-MANY_PAIRS = 60_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,8 +77,8 @@ def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEv
     """Maps by falling evidence; slid neighbours are among them."""
     aligned = sorted(_aligned_maps(search), key=lambda item: -item.log)
     if aligned and complete(search, aligned[0]):
-        better = refinement.grown(search.field, search.target, search.step, aligned[0])
-        return aligned if better is aligned[0] else [better, *aligned]
+        better = [_mended(search, item) for item in distinct(aligned, DIFFERENT)[:MENDED]]
+        return sorted([*better, *aligned], key=lambda item: -item.log)
     maps = [item for moved in _annealed_maps(search) if (item := settled(search, moved)) is not None]
     found = _improved(search, _refined(search, maps, aligned))
     if found and complete(search, found[0]):
@@ -90,14 +93,17 @@ def _improved(search: PoseSearch, found: list[PoseEvidence]) -> list[PoseEvidenc
     if not found:
         return found
     result = list(found)
-    curves = refinement.chains(search.following)
+    curves = chains(search.following)
     ranking = refinement.Ranking.of(search.field, search.target)
     done = [_followed(search, item) for item in distinct(found, IMPROVED_DISTANCE)[:IMPROVED]]
     top = max(done, key=lambda item: item.log)
-    for matches in refinement.shifted(curves, ranking, top):
+    for matches in refinement.shifted(main_curve(search.source), ranking, top):
         item = hard_evidence(search.field, search.target, matches, width=top.width)
         if item is not None:
             done += [item, _followed(search, item)]
+    top = max(done, key=lambda item: item.log)
+    turned = distinct(refinement.turned(search.field, search.target, search.step, top), IMPROVED_DISTANCE)[:TURNED]
+    done += [*turned, *(_followed(search, item) for item in turned)]
     top = max(done, key=lambda item: item.log)
     for _ in range(MOST_SEGMENTS):
         items = [
@@ -118,6 +124,14 @@ def _improved(search: PoseSearch, found: list[PoseEvidence]) -> list[PoseEvidenc
             top = max(top, item, key=lambda item: item.log)
     done.append(refinement.repatched(search.field, search.target, search.step, top))
     return sorted([*result, *done], key=lambda item: -item.log)
+
+
+def _mended(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
+    """The map of an alignment after growth and re-pairing of patches: points of a curve may be in the wrong order."""
+    item = refinement.grown(search.field, search.target, search.step, item)
+    if item.sigma <= CLEAN * SIGMAS[0]:
+        return item
+    return refinement.repatched(search.field, search.target, search.step, item)
 
 
 def _target_slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
@@ -152,6 +166,8 @@ def _followed(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
 
 
 COOLING, COLDEST, COOLED = 0.85, 0.35, 3
+TURNED = 4  # maps of the rotated source that are followed
+MENDED, CLEAN = 8, 1.1  # alignments that are mended, and noise in SIGMAS[0] of a map that needs no mending
 MOST_SEGMENTS, MOST_TARGET_SLIDES = 8, 4
 DENSER = 1.2  # ratio of the sets' sizes beyond which pairs also slide along the target's curves
 IMPROVED, IMPROVED_DISTANCE = 3, 0.1
@@ -165,8 +181,10 @@ def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
 
 def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
     """The map that alternating soft pairs and fields reach from moved points, shape (n, d)."""
-    if len(search.source) * len(search.target) > MANY_PAIRS:
-        first = hard_evidence(search.field, search.target, one_to_one(moved, search.target, GATES[0] * search.step))
+    if len(search.source) * len(search.target) > refinement.MANY_PAIRS:
+        first = hard_evidence(
+            search.field, search.target, refinement.one_to_one(moved, search.target, GATES[0] * search.step)
+        )
         return None if first is None else _tightened(search, first)
     sigma, result = LAST_SIGMA * search.step, None
     for _ in range(SOFT_ROUNDS):
@@ -212,7 +230,7 @@ def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:
     """The best map while pairs are assigned one to one within a shrinking distance."""
     moved, best, last = found.moved, found, None
     for gate in GATES:
-        matches = one_to_one(moved, search.target, gate * search.step)
+        matches = refinement.one_to_one(moved, search.target, gate * search.step)
         rows = np.flatnonzero(matches != UNMATCHED)
         away = ((moved[rows] - search.target[matches[rows]]) ** 2).sum(axis=1)
         if len(rows):
@@ -228,21 +246,11 @@ def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:
     return best
 
 
-def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:
-    """Pairs within a distance: cheapest in total, of very many points mutual nearest neighbours."""
-    if len(moved) * len(target) <= MANY_PAIRS:
-        return assign(cdist(moved, target, "sqeuclidean"), dummy=gate**2)
-    away, nearest = KDTree(target).query(moved)
-    _, back = KDTree(moved).query(target)
-    mutual = (np.asarray(back)[nearest] == np.arange(len(moved))) & (away <= gate)
-    return np.where(mutual, nearest, UNMATCHED).astype(np.int64)
-
-
 def _slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
     """Maps whose pairs slid along the outline, from the best found so far on."""
     top = found
     for _ in range(MOST_SLIDES):
-        matches = one_to_one(top.moved, search.target, max(3 * top.sigma, 0.6 * search.step))
+        matches = refinement.one_to_one(top.moved, search.target, max(3 * top.sigma, 0.6 * search.step))
         better = top
         for steps in SLIDES:
             item = _repaired(search, slid(matches, search.following, steps), top.width)
@@ -262,7 +270,7 @@ def _repaired(search: PoseSearch, matches: Integers, width: float) -> PoseEviden
     item = hard_evidence(search.field, search.target, matches, width=width)
     if item is None:
         return None
-    matches = one_to_one(item.moved, search.target, max(2 * item.sigma, 0.3 * search.step))
+    matches = refinement.one_to_one(item.moved, search.target, max(2 * item.sigma, 0.3 * search.step))
     again = hard_evidence(search.field, search.target, matches, width=width)
     return item if again is None else max(item, again, key=lambda item: item.log)
 
@@ -351,14 +359,9 @@ def _coarse_starts(search: PoseSearch) -> list[Floats]:
 def _start_matrices(source: Floats, target: Floats) -> Iterator[Floats]:
     """Rotations, of sets of different numbers in two sizes, and rotations between the whitened sets."""
     dimension = source.shape[1]
-    turns = rotations(dimension) if dimension == 3 else _plane_rotations()
+    turns = rotations(dimension) if dimension == 3 else refinement.plane_rotations()
     ratio = len(target) / len(source)
     for size in (1.0, 0.75) if ratio > 1.15 else (1.0, 1.25) if ratio < 0.9 else (1.0,):
         yield from size * turns
     here, there = whitening(source), np.linalg.inv(whitening(target))
     yield from (here @ turn @ there for turn in turns)
-
-
-def _plane_rotations() -> Floats:
-    angle = 2 * np.pi * np.arange(ROTATIONS) / ROTATIONS
-    return np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), 2, 0)

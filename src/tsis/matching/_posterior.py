@@ -229,34 +229,35 @@ RELIABLE = 0.999  # least probability of a reliable answer
 MOST_RESEMBLANCE = 1e4
 MOST_NOISE, LEAST_NOISE = 0.5, -3.0  # log of the standard deviation in spacings, in the calibration
 COLLAPSED = -0.05  # unpaired fraction below which points of one set share partners
-HIDDEN = 40.0  # a source of which the fraction h lacks partners needs odds 1 + HIDDEN h times as large in logarithm
+# Where fractions h of the source and s of the target lack partners, a search misses more poses and log odds count less.
+HIDDEN, STRAY = 40.0, 3.0  # the divisor is 1 + HIDDEN h + STRAY s
+ALIKE = 0.2  # log odds count up to this fraction of the loss of a wrong alignment of the outline with itself
 MOST_ODDS = 20.0  # log odds beyond which they count by their logarithm: a missed pose is likelier than a rival
 CONTRADICTED = 3.0  # log odds against an answer beyond which its distance from the best map counts
 MOST_UNSUPPORTED = 0.99
-WEIGHTS = (2.179, 0.3172, 0.415, 0.06677, 0.6674, 0.5366)
+WEIGHTS = (2.117, 0.1231, 1.377, 0.07682, 0.6256, 0.5388)
 
 
 def trust_measures(posterior: PosePosterior, moved: Floats) -> Floats:
-    """What the trust in an answer's points, shape (n, d), depends on, shape (5,).
+    """What the trust in an answer's points, shape (n, d), depends on, shape (6,).
 
-    Log odds of the answer; loss of a wrong alignment of the source's outline with itself; fraction of the source
-    without partner; log of the noise in spacings; distance from the best map, in tolerances.
+    Log odds of the answer; loss of a wrong alignment of the source's outline with itself; fractions of source and
+    target without partner; log of the noise in spacings; distance from the best map, in tolerances.
     """
     odds, best, search = posterior.log_odds(moved), posterior.best, posterior.search
     if best is None:
-        return np.array([odds, 0.0, 1.0, MOST_NOISE, 1.0])
+        return np.array([odds, 0.0, 1.0, 1.0, MOST_NOISE, 1.0])
     resemblance = min(self_resemblance(search.field), MOST_RESEMBLANCE)
     far = distance(best.moved, moved) / (TOLERANCE * _radius(moved))
-    return np.array([odds, resemblance, 1 - best.paired / len(moved), math.log(best.sigma / search.step), far])
+    hidden, stray = 1 - best.paired / len(moved), 1 - best.paired / len(search.target)
+    return np.array([odds, resemblance, hidden, stray, math.log(best.sigma / search.step), far])
 
 
 def trust_features(measures: Floats) -> Floats:
-    """Columns of the regression, shape (..., 6), from `trust_measures`, shape (..., 5).
-
-    The odds count no more than half the loss of a wrong alignment of the outline with itself.
-    """
-    odds, resemblance, hidden, noise, far = np.moveaxis(np.asarray(measures), -1, 0)
-    support = np.clip(np.minimum(odds, 0.5 * resemblance), 0.0, None) / (1 + HIDDEN * np.maximum(hidden, 0.0))
+    """Columns of the regression, shape (..., 6), from `trust_measures`, shape (..., 6)."""
+    odds, resemblance, hidden, stray, noise, far = np.moveaxis(np.asarray(measures), -1, 0)
+    support = np.maximum(np.minimum(odds, ALIKE * resemblance), 0.0)
+    support = support / (1 + HIDDEN * np.maximum(hidden, 0.0) + STRAY * np.maximum(stray, 0.0))
     columns = [
         np.ones_like(odds),
         np.minimum(support, MOST_ODDS),

@@ -15,7 +15,9 @@ from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
 from tsis.matching._fit import UNMATCHED, assign
-from tsis.matching._pose_evidence import SIGMAS, WIDTHS, PoseEvidence, hard_evidence
+from tsis.matching._outline import chains
+from tsis.matching._pose_evidence import SIGMAS, WIDTHS, PoseEvidence, gaussian_kernel, hard_evidence
+from tsis.matching._relaxation import whitening
 from tsis.matching._spline import spread_indices
 
 if TYPE_CHECKING:
@@ -35,7 +37,9 @@ STRAINS = (0.35, 0.3, 0.25, 0.15, 0.1)  # standard deviations of an edge, in spa
 STIFFNESSES = (2.0, 1.0, 0.5, 0.25, 0.0)  # standard deviations of a pair of the stiff map, in spacings
 STIFF_WIDTH, STIFF_AMPLITUDE = 1.6, 0.1
 RANKS, RANK_SIGMA, RANK_AMPLITUDE, RANK_WIDTH = 25, 2 * SIGMAS[1], 0.1, 0.9
-MOST_SHIFTS, FOLLOWED_SHIFTS = 400, 5
+MOST_SHIFTS, FOLLOWED_SHIFTS = 400, 8
+ROTATIONS = 24  # of the plane
+MANY_PAIRS = 60_000
 MOST_RUNS, SEGMENT_SHIFTS, FOLLOWED_SEGMENTS = 30, (-2, -1, 1, 2), 3
 
 
@@ -104,23 +108,6 @@ def repatched(field: SmoothField, target: Floats, step: float, found: PoseEviden
         if item is not None and item.log > best.log + 0.01:
             best = item
     return best
-
-
-def chains(following: Integers) -> list[tuple[Integers, bool]]:
-    """Indices along each curve, and whether it is closed, from each point's next one."""
-    seen = np.zeros(len(following), dtype=bool)
-    starts = np.setdiff1d(np.arange(len(following)), following)
-    result = []
-    for first in [*starts.tolist(), *range(len(following))]:
-        if seen[first]:
-            continue
-        order, at = [], first
-        while at != UNMATCHED and not seen[at]:
-            seen[at] = True
-            order.append(at)
-            at = int(following[at])
-        result.append((np.array(order), at == first))
-    return result
 
 
 def chained(field: SmoothField, target: Floats, step: float, following: Integers, found: PoseEvidence) -> PoseEvidence:
@@ -214,11 +201,11 @@ def _run_matches(
     return matches
 
 
-def shifted(search_curves: list[tuple[Integers, bool]], ranking: Ranking, found: PoseEvidence) -> Iterator[Integers]:
-    """Matches that slid along the one closed curve of the source by any number of points, the likeliest first."""
-    if len(search_curves) != 1 or not search_curves[0][1] or len(found.matches) > MOST_SHIFTS:
+def shifted(curve: tuple[Integers, bool], ranking: Ranking, found: PoseEvidence) -> Iterator[Integers]:
+    """Matches that slid along a closed curve of the source by any number of points, the likeliest first."""
+    order, closed = curve
+    if not closed or not 0 < len(order) <= MOST_SHIFTS:
         return
-    order = search_curves[0][0]
     count = len(order)
     along = found.matches[order]
     chosen = np.flatnonzero(along != UNMATCHED)
@@ -230,7 +217,7 @@ def shifted(search_curves: list[tuple[Integers, bool]], ranking: Ranking, found:
     lowest = (loss <= np.roll(loss, 1)) & (loss <= np.roll(loss, -1))
     lowest[0] = False
     for number in np.lexsort((loss, ~lowest))[:FOLLOWED_SHIFTS]:
-        matches = np.full(count, UNMATCHED, dtype=np.int64)
+        matches = np.full(len(found.matches), UNMATCHED, dtype=np.int64)
         matches[order[places[number]]] = along[chosen]
         yield matches
 
@@ -301,3 +288,34 @@ class Ranking:
         ridge[: self.target.shape[1] + 1] = 1e-9
         solution = np.linalg.solve(normal + np.diag(ridge), right)
         return np.asarray(float((goal**2).sum()) - (right * solution).sum(axis=(1, 2)))
+
+
+def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:
+    """Pairs within a distance: cheapest in total, of very many points mutual nearest neighbours."""
+    if len(moved) * len(target) <= MANY_PAIRS:
+        return assign(cdist(moved, target, "sqeuclidean"), dummy=gate**2)
+    away, nearest = KDTree(target).query(moved)
+    _, back = KDTree(moved).query(target)
+    mutual = (np.asarray(back)[nearest] == np.arange(len(moved))) & (away <= gate)
+    return np.where(mutual, nearest, UNMATCHED).astype(np.int64)
+
+
+def turned(field: SmoothField, target: Floats, step: float, found: PoseEvidence) -> Iterator[PoseEvidence]:
+    """Maps of the rotated source by the map found: other poses of a shape that nearly has a symmetry."""
+    if field.points.shape[1] != 2:
+        return
+    white = whitening(field.points)
+    back = np.linalg.inv(white)
+    for turn in plane_rotations()[1:]:
+        points = field.points @ (white @ turn @ back)
+        bent = gaussian_kernel(points, field.control, found.width) @ found.kernel_weights
+        moved = found.affine[0] + points @ found.affine[1:] + bent
+        item = hard_evidence(field, target, one_to_one(moved, target, FARTHEST * step), width=found.width)
+        if item is not None:
+            yield item
+
+
+def plane_rotations() -> Floats:
+    """Rotation matrices of the plane at equal angles, shape (k, 2, 2)."""
+    angle = 2 * np.pi * np.arange(ROTATIONS) / ROTATIONS
+    return np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), 2, 0)

@@ -290,7 +290,7 @@ def trust_case(trial: Trial, method: str, *, rotation_sd_deg: float | None = Non
 
 
 def fit_trust(measures: Floats, right: Floats) -> Floats:
-    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 5).
+    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 6).
 
     A weak ridge on standardised columns bounds the weights, which are not negative but for the constant and the noise.
     """
