@@ -151,7 +151,7 @@ def successors(points: Floats) -> Integers:
     length, index = np.asarray(found[0]), np.asarray(found[1])
     start = np.repeat(np.arange(count), length.shape[1] - 1)
     length, end = length[:, 1:].ravel(), index[:, 1:].ravel()
-    short = (length <= LONGEST * np.median(length[:: index.shape[1] - 1])) & (start != end)
+    short = (length < LONGEST * np.median(length[:: index.shape[1] - 1])) & (start != end)
     order = np.flatnonzero(short)[np.argsort(length[short], kind="stable")]
     joined: list[list[int]] = [[] for _ in range(count)]
     piece = list(range(count))
