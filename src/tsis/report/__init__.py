@@ -58,6 +58,7 @@ from tsis.report._hardness import (
     hardness_rows,
 )
 from tsis.report._inclusion import inclusion_report
+from tsis.report._matching import draw_poses, draw_registration, registration_report
 from tsis.report._page import Card, Page, Picture, Table, address, html
 from tsis.report._records import (
     entered_text,
@@ -117,6 +118,8 @@ __all__ = [
     "design_page",
     "design_rows",
     "draw_errors",
+    "draw_poses",
+    "draw_registration",
     "entered_text",
     "envelope",
     "estimate_cards",
@@ -138,6 +141,7 @@ __all__ = [
     "recomputation_document",
     "recomputation_message",
     "recomputation_notes",
+    "registration_report",
     "report_of_stored_target",
     "require_absent",
     "sd_text",
