@@ -151,7 +151,7 @@ def examine(
         )
     forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
     frames = read_frames(images, forces, scale)
-    untouched = None if reference is None else tsis.instrument.read_image(reference, mm_per_pixel=scale)
+    untouched = None if reference is None else tsis.calibration.read_press_image(reference, mm_per_pixel=scale)
     provenance: dict[str, Any] = {
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
@@ -195,6 +195,8 @@ def examine(
         result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_reference, prior=assumed)
         comparison = None
         if compared:
+            if untouched is not None:
+                usable.require_untouched([untouched])
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
         outcome = _inclusion(result, pressed, on_reference, by, assumed, provenance, comparison)

@@ -58,6 +58,7 @@ from tsis.model import (
     Probe,
     TactileImage,
     as_images,
+    require_frames_of_probe,
     require_image_series,
     require_same_probe,
     require_type,
@@ -73,10 +74,11 @@ if TYPE_CHECKING:
 
 
 ROUNDING = 1e-6  # of the radius
+LARGER_FACE = 1.2  # of the radius: a map of light that extends further is of another face
 
 
 def check_calibration(calibration: Calibration, probe: Probe) -> None:
-    """Refuse a missing calibration, one of another probe, or one whose map of the light ends inside the face."""
+    """Refuse a missing calibration, one of another probe, or one whose map of the light is of another face."""
     require_same_probe(probe, calibration)
     light = calibration.light
     if light is None or _is_uniform(light):
@@ -86,6 +88,11 @@ def check_calibration(calibration: Calibration, probe: Probe) -> None:
         raise NotCalibratedError(
             f"light of the calibration must extend to the rim of the face at {probe.radius_mm:g} mm; got a map that "
             f"ends at {extent:g} mm: it is of a smaller probe, so calibrate the light of this one"
+        )
+    if extent > LARGER_FACE * probe.radius_mm:
+        raise NotCalibratedError(
+            f"light of the calibration must end near the rim of the face at {probe.radius_mm:g} mm; got a map that "
+            f"extends to {extent:g} mm: it is of a larger probe, so calibrate the light of this one"
         )
 
 
@@ -138,7 +145,7 @@ def estimate(
     NotCalibratedError
         When the calibration is missing or of another probe.
     ImageMismatchError
-        When the images differ in scale, shape, axis or range of values.
+        When the images differ in scale, shape, axis, range of values or probe, or grey and colour files are mixed.
     """
     targets, references = as_images("images", images), as_images("reference", reference)
     if not targets:
@@ -147,6 +154,7 @@ def estimate(
     prior = InclusionPrior() if prior is None else prior
     require_type("prior", prior, InclusionPrior)
     digests = require_image_series(targets + references)
+    require_frames_of_probe(targets + references, probe)
     box = prior.box()
     surrogate = (
         _surrogate(probe, box) if progress is None else build_full_contact_surrogate(probe, box, progress=progress)

@@ -29,6 +29,7 @@ from tsis.model._image_series import (
     grey_sha256,
     image_from_xarray,
     image_stack,
+    require_frames_of_probe,
     require_image_series,
     require_same_probe,
 )
@@ -89,6 +90,7 @@ __all__ = [
     "probability_text",
     "require_array",
     "require_ascending",
+    "require_frames_of_probe",
     "require_image_numbers",
     "require_image_series",
     "require_integer",
