@@ -147,6 +147,32 @@ def estimate(
     ImageMismatchError
         When the images differ in scale, shape, axis, range of values or probe, or grey and colour files are mixed.
     """
+    return analyse(
+        images, probe=probe, calibration=calibration, reference=reference, prior=prior, progress=progress
+    ).estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InclusionAnalysis:
+    """An estimate, and the likelihood, posterior, prior and relative error of the surrogate that it rests on."""
+
+    estimate: Estimate
+    likelihood: InclusionLikelihood
+    posterior: InclusionPosterior
+    prior: InclusionPrior
+    model_error: float
+
+
+def analyse(
+    images: TactileImage | Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    reference: TactileImage | Sequence[TactileImage] | None,
+    prior: InclusionPrior | None,
+    progress: Callable[[int, int], None] | None,
+) -> InclusionAnalysis:
+    """The estimate and what it rests on; parameters and errors as `estimate`."""
     targets, references = as_images("images", images), as_images("reference", reference)
     if not targets:
         raise InputError("images must hold at least one TactileImage; got none")
@@ -175,7 +201,7 @@ def estimate(
             flagged.append(misfit_finding(chance, disagree=disagree))
     flagged += _contact_findings(targets + references, surrogate, reading.likelihood, result, prior)
     causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
-    return Estimate(
+    estimated = Estimate(
         samples=dict(zip(PARAMETERS, result.samples.T, strict=True)),
         prior_sd=prior.sd,
         cramer_rao_sd=cramer_rao_sd(result),
@@ -188,6 +214,13 @@ def estimate(
         flags=tuple(flag for flag, _ in flagged),
         notes=tuple(note for _, note in flagged),
         provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
+    )
+    return InclusionAnalysis(
+        estimate=estimated,
+        likelihood=reading.likelihood,
+        posterior=result,
+        prior=prior,
+        model_error=surrogate.error,
     )
 
 

@@ -1,5 +1,6 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
+from tsis.model._budget import QuantityBudget, UncertaintyComponent
 from tsis.model._calibration import Calibration, LightMap
 from tsis.model._content import ContentValue
 from tsis.model._estimate import (
@@ -75,9 +76,11 @@ __all__ = [
     "PressField",
     "PressMap",
     "Probe",
+    "QuantityBudget",
     "Relaxation",
     "SoftSphere",
     "TactileImage",
+    "UncertaintyComponent",
     "as_images",
     "freeze_arrays",
     "freeze_mappings",
