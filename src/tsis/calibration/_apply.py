@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.calibration.file import ProbeCalibration, calibration_sha256, parse_calibration, read_calibration
 from tsis.calibration.force import ForceLine, total_grey
 from tsis.calibration.reference import CameraReference
-from tsis.model import ContentValue
+from tsis.model import ContentValue, QuantityBudget, UncertaintyComponent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -97,6 +97,21 @@ class UsableCalibration(ContentValue):
     def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
         """Corrected frames and the matching response; errors as `apply_calibration`."""
         return apply_calibration(self.calibration, frames, identity=self.identity)
+
+    def force_budget(self, force_n: float, *, by_line: bool) -> QuantityBudget:
+        """The uncertainty budget of a force in newtons: of the force line, or of a force that was stated."""
+        if by_line:
+            return self.calibration.need(ForceLine, "the budget of a force").budget(force_n)
+        sd = self.response.force_sd
+        stated = UncertaintyComponent(
+            source="stated force",
+            evaluation="B",
+            distribution="normal",
+            standard_uncertainty=sd,
+            unit="1",
+            contribution=sd * force_n,
+        )
+        return QuantityBudget(name="force_n", value=force_n, unit="N", components=(stated,))
 
     def require_untouched(self, frames: Sequence[TactileImage]) -> None:
         """Refuse frames of the untouched probe that do not show the light of the calibration's reference.

@@ -20,11 +20,12 @@ from tsis.cli._progress import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
+    from contextlib import AbstractContextManager
     from typing import Any
 
     from matplotlib.figure import Figure
 
-    from tsis.inclusion import InclusionPrior
+    from tsis.inclusion import InclusionPrior, UncertaintyBudget
     from tsis.model import Calibration, Estimate, Probe, TactileImage
 
 
@@ -149,10 +150,29 @@ def estimate_with_progress(
     prior: InclusionPrior,
 ) -> Estimate:
     """Estimate an inclusion; a bar shows how the surrogate of a new probe or prior is built."""
-    with progress_bar("solving the press for this probe (cached for next time)") as progress:
+    with _surrogate_progress() as progress:
         return tsis.inclusion.estimate(
             images, probe=probe, calibration=calibration, reference=reference, prior=prior, progress=progress
         )
+
+
+def budget_with_progress(
+    images: Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    reference: Sequence[TactileImage],
+    prior: InclusionPrior,
+) -> UncertaintyBudget:
+    """As `estimate_with_progress`, with the uncertainty budget."""
+    with _surrogate_progress() as progress:
+        return tsis.inclusion.uncertainty_budget(
+            images, probe=probe, calibration=calibration, reference=reference, prior=prior, progress=progress
+        )
+
+
+def _surrogate_progress() -> AbstractContextManager[Callable[[int, int], None]]:
+    return progress_bar("solving the press for this probe (cached for next time)")
 
 
 def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:
