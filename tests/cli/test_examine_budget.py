@@ -35,6 +35,11 @@ def test_the_budget_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> Non
         assert quantity["expanded"] == pytest.approx(1.96 * quantity["combined"], rel=1e-3)
         assert quantity["departure"] == pytest.approx(quantity["sampled_sd"] / quantity["combined"] - 1)
         assert abs(quantity["departure"]) < 0.5
+    documented = budget["parameters"]["diameter_mm"]  # in docs/explanation/intervals.md
+    assert documented["combined"] == pytest.approx(0.111, abs=0.005)
+    assert documented["departure"] == pytest.approx(0.15, abs=0.05)
+    largest = max(documented["components"], key=lambda part: part["contribution"])
+    assert (largest["source"], round(largest["fraction"], 1)) == ("prior of the modulus", 0.6)
     assert [force["image"] for force in budget["forces"]] == [
         *("target-0.5N.png", "target-1N.png", "reference-0.5N.png", "reference-1N.png")
     ]
