@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.cli.kept_demo import FORCES, FRAMES, KNOWN, told
+from tests.report.pdf_readers import sheet_count, sheets
 
 import tsis
 from tsis.model import Estimate
@@ -22,7 +23,7 @@ BUDGET = ("examine", *FRAMES, *KNOWN, *FORCES, *REFERENCES, "--budget")
 
 
 def test_the_budget_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> None:
-    document = told(run, *BUDGET, "--out", tmp_path / "made")
+    document = told(run, *BUDGET, "--pdf", "--out", tmp_path / "made")
     budget, estimate = document["budget"], document["estimate"]
     assert budget["withheld"] == {"young_kpa": "not identified"}
     assert set(budget["parameters"]) == {"diameter_mm", "depth_mm"}
@@ -50,6 +51,7 @@ def test_the_budget_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> Non
     page = (tmp_path / "made" / "index.html").read_text(encoding="utf-8")
     for shown in ("Uncertainty budget: depth", "force of each frame", "sd of the samples", "target-0.5N.png"):
         assert shown in page
+    assert sheet_count((tmp_path / "made" / "report.pdf").read_bytes()) > 2
     plain = told(run, *(part for part in BUDGET if part != "--budget"), "--out", tmp_path / "without")
     assert "budget" not in plain
     assert plain["estimate"]["parameters"] == estimate["parameters"]
@@ -73,6 +75,15 @@ def test_withheld_numbers_stay_withheld(run: RunTsis, tmp_path: Path, monkeypatc
 
 
 def test_a_budget_needs_a_calibration(run: RunTsis) -> None:
-    finished = run("examine", *FRAMES, "--budget")
-    assert finished.code == 2
-    assert "--budget needs --calibration" in finished.err
+    for option in ("--budget", "--pdf"):
+        finished = run("examine", *FRAMES, option)
+        assert finished.code == 2
+        assert f"{option} needs --calibration" in finished.err
+
+
+@pytest.mark.system  # poppler
+def test_the_budget_is_in_the_pdf(run: RunTsis, tmp_path: Path) -> None:
+    told(run, *BUDGET, "--pdf", "--out", tmp_path / "made")
+    printed = " ".join(sheets((tmp_path / "made" / "report.pdf").read_bytes(), tmp_path))
+    for shown in ("Uncertainty budget: depth", "force of each frame", "sd of the samples", "target-0.5N.png"):
+        assert shown in printed

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from tsis.report import Table as PageTable
 
 
+PDF = "report.pdf"
 UNNAMED = "tsis-2011"  # for calibrations that name no probe
 REFUSED = (
     (
@@ -105,6 +106,7 @@ def examine(
     budget: Annotated[
         bool, typer.Option("--budget", help="List what the uncertainty of the estimate and of the forces consists of.")
     ] = False,
+    pdf: Annotated[bool, typer.Option("--pdf", help=f"Write the page of the estimate as {PDF} too.")] = False,
     prior: PriorFile = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
@@ -138,8 +140,9 @@ def examine(
         raise InputError("--force-n needs --calibration: without it a force is not used")
     if save and calibration is None:
         raise InputError("--save needs --calibration: without it there is no estimate to save")
-    if budget and calibration is None:
-        raise InputError("--budget needs --calibration: without it no inclusion is estimated")
+    if (budget or pdf) and calibration is None:
+        option = "--budget" if budget else "--pdf"
+        raise InputError(f"{option} needs --calibration: without it no inclusion is estimated")
     if prior is not None and calibration is None:
         raise InputError("--prior needs --calibration: without it no inclusion is estimated")
     assumed = (
@@ -199,8 +202,8 @@ def examine(
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
         by = chosen or calibrated_probe(response.probe, unnamed=UNNAMED)
         given: dict[str, Any] = {"probe": by, "calibration": response, "reference": on_reference, "prior": assumed}
-        budgets = budget_with_progress(pressed, **given) if budget else None
-        result = estimate_with_progress(pressed, **given) if budgets is None else budgets.estimate
+        found = budget_with_progress(pressed, **given) if budget else None
+        result = estimate_with_progress(pressed, **given) if found is None else found.estimate
         of_forces = {
             frame.name: usable.force_budget(frame.force_n or 0.0, by_line=by_line)
             for frame in (*pressed, *on_reference)
@@ -213,7 +216,16 @@ def examine(
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
         outcome = _inclusion(
-            result, pressed, on_reference, by, assumed, provenance, comparison, budget=budgets, forces=of_forces
+            result,
+            pressed,
+            on_reference,
+            by,
+            assumed,
+            provenance,
+            comparison,
+            budget=found,
+            forces=of_forces,
+            pdf=pdf,
         )
         savable = partial(
             savable_result,
@@ -345,9 +357,11 @@ def _inclusion(
     *,
     budget: UncertaintyBudget | None,
     forces: Mapping[str, QuantityBudget],
+    pdf: bool,
 ) -> CommandOutcome:
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
-    page = tsis.report.inclusion_report(
+    report = partial(
+        tsis.report.inclusion_report,
         result,
         title=f"Inclusion under {probe.name}",
         subtitle=names,
@@ -369,7 +383,8 @@ def _inclusion(
     return CommandOutcome(
         trusted=result.trusted,
         document=document,
-        page=page,
+        page=report(),
+        files={PDF: report(form=tsis.report.paper.pdf)} if pdf else {},
         tables=(
             table,
             *_rich(() if budget is None else tsis.report.budget_tables(budget, forces)),

@@ -17,7 +17,7 @@ from tsis.report._page import Card, Page, Picture, Table, html
 from tsis.report._relative import comparison_notes, comparison_pictures, comparison_tables
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -45,8 +45,9 @@ def inclusion_report(
     comparison: PressComparison | None = None,
     budget: UncertaintyBudget | None = None,
     forces: Mapping[str, QuantityBudget] = MappingProxyType({}),
+    form: Callable[[Page], bytes] = html,
 ) -> bytes:
-    """The report as HTML: images, surface, posterior with the truth where known, and provenance.
+    """The report as HTML or PDF: images, surface, posterior with the truth where known, and provenance.
 
     Pictures show the target of the highest force and the reference nearest to it; the profiles show all frames.
 
@@ -70,9 +71,11 @@ def inclusion_report(
         Relative readings and shapes of the same presses.
     budget, forces
         Uncertainty budgets of the estimate, and of the forces by the name of the frame.
+    form
+        Makes the file of the page: `html`, or `tsis.report.paper.pdf` with the extra ``report``.
     """
     target, reference = _shown(targets, references)
-    return html(
+    return form(
         Page(
             title=title,
             subtitle=subtitle,
