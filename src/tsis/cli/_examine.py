@@ -298,6 +298,7 @@ def _rich(items: Sequence[PageTable]) -> list[Table]:
     shown = []
     for item in items:
         table = Table(*item.headings, title=escape(item.title))
+        table.columns[0].no_wrap = True
         for row in item.rows:
             table.add_row(*(escape(cell) for cell in row))
         shown.append(table)

@@ -50,7 +50,7 @@ OF_COVARIANCE = MappingProxyType(
         "pattern": ("fixed pattern", "B"),
         "repeatability": ("repeatability of the press", "A"),
         "pixels": ("noise of the pixels", "A"),
-        "model": ("error of the press model's surrogate", "B"),
+        "model": ("error of the surrogate", "B"),
         "heterogeneity": ("heterogeneity of the tissue", "B"),
     }
 )

@@ -120,7 +120,8 @@ def budget_tables(budget: UncertaintyBudget, forces: Mapping[str, QuantityBudget
 
 
 def _headings(unit: str) -> tuple[str, ...]:
-    return "source", "type, distribution", "standard uncertainty", "sensitivity", f"contribution / {unit}", "variance"
+    sensitivity, contribution = f"sensitivity / {unit} per unit", f"contribution / {unit}"
+    return "source", "type, distribution", "standard uncertainty", sensitivity, contribution, "variance"
 
 
 def _uncertain(quantity: QuantityBudget) -> str:
@@ -145,7 +146,7 @@ def _budget_rows(quantity: QuantityBudget) -> tuple[tuple[str, ...], ...]:
     ]
     totals = [("combined", f"{quantity.combined:.3g}", "100.0%"), ("expanded", f"{quantity.expanded:.3g}", "")]
     if quantity.sampled_sd is not None and quantity.departure is not None:
-        totals.append(("sd of the samples", f"{quantity.sampled_sd:.3g}", f"{quantity.departure:+.0%} of combined"))
+        totals.append(("sd of the samples", f"{quantity.sampled_sd:.3g}", f"{quantity.departure:+.0%}"))
     return (*rows, *((name, "", "", "", number, note) for name, number, note in totals))
 
 
