@@ -221,7 +221,10 @@ def test_clipped_rings_are_left_out_and_said(found: Estimate) -> None:
 
 def test_an_image_of_another_probe_is_noticed() -> None:
     soft = Probe(radius_mm=9.0, layers=(Layer(thickness_mm=10.0, young_kpa=10.0),), name="other")
-    image, reference = presses(tsis.load_phantom("hardness-100"), probe=soft, force_n=0.6)
+    named = presses(tsis.load_phantom("hardness-100"), probe=soft, force_n=0.6)
+    with pytest.raises(ImageMismatchError, match="was taken with 'other'"):
+        estimate(named[0], probe=PROBE, calibration=ANSWER, reference=named[1])
+    image, reference = (replace(frame, settings={}) for frame in named)
     result = estimate(image, probe=PROBE, calibration=ANSWER, reference=reference)
     assert "model_does_not_fit" in result.flags
 

@@ -1,4 +1,4 @@
-"""Ring profiles of camera frames, corrected for light, and the valid range of forces."""
+"""Ring profiles of camera frames, corrected for light, the valid range of forces, and the binary image (6.11)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.imaging import radial_profile
+from tsis.imaging import Features, features, radial_profile
 from tsis.inclusion.posterior import Profiles, RingShading
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
-from tsis.model import MN_PER_N, TactileImage
+from tsis.model import MN_PER_N, TactileImage, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -192,3 +192,39 @@ def nominal_strains(surrogate: FullContactSurrogate, *, probe: Probe, prior: Inc
 
     at_zero = 0.0 if surrogate.shape is None else strain(surrogate.shape.approach_mm)
     return at_zero, strain(surrogate.unit.approach_mm)
+
+
+def binary_image(image: TactileImage, threshold_grey: float) -> TactileImage:
+    """Full scale where the image reaches the threshold, zero elsewhere (6.11).
+
+    Parameters
+    ----------
+    image
+        The image; the result has its scale, axis and full scale.
+    threshold_grey
+        In grey levels, at most the full scale above or below zero.
+
+    Raises
+    ------
+    InputError
+        When the threshold lies outside its range.
+
+    Examples
+    --------
+    >>> from tsis.model import TactileImage
+    >>> binary_image(TactileImage(grey=[[3.0, 5.0, 9.0]]), 5.0).grey.tolist()
+    [[0.0, 255.0, 255.0]]
+    """
+    require_number("threshold_grey", threshold_grey, -image.full_scale, image.full_scale)
+    return replace(image, grey=np.where(image.grey >= threshold_grey, image.full_scale, 0.0))
+
+
+def binary_features(image: TactileImage, threshold_grey: float) -> Features:
+    """Position and shape of the largest part above a threshold, which the whole picture must not exceed."""
+    binary = binary_image(image, threshold_grey)
+    if binary.grey.min() > 0:
+        raise InputError(
+            f"some of the picture must lie below the threshold of {threshold_grey:.4g} grey levels; "
+            "got one with all pixels above it (cropped, overexposed, or with the wrong reference)"
+        )
+    return features(binary, method="half")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging import NOISE_FACTOR
-from tsis.inclusion._binary import binary_features
+from tsis.inclusion._frames import binary_features
 from tsis.inclusion.relative import COMPARED_WITH, change_of_light, equal_light_assumption, notes_of
 from tsis.model import freeze_arrays, require_array, require_number
 

@@ -32,6 +32,7 @@ from tsis.report._design import (
     searched_design,
 )
 from tsis.report._document import (
+    budget_document,
     envelope,
     estimate_document,
     estimate_messages,
@@ -57,7 +58,7 @@ from tsis.report._hardness import (
     hardness_report,
     hardness_rows,
 )
-from tsis.report._inclusion import inclusion_report
+from tsis.report._inclusion import budget_notes, budget_tables, inclusion_report
 from tsis.report._matching import draw_poses, draw_registration, registration_report
 from tsis.report._page import Card, Page, Picture, Table, address, html
 from tsis.report._records import (
@@ -99,6 +100,9 @@ __all__ = [
     "address",
     "analyse_designs",
     "analyse_image",
+    "budget_document",
+    "budget_notes",
+    "budget_tables",
     "calibration_document",
     "calibration_notes",
     "calibration_page",

@@ -26,6 +26,16 @@ if TYPE_CHECKING:
 
 GAIN, TISSUE, THICKNESS, SITE, PROBE, POISSON, SPREAD = range(7)
 SHADE, SHARED = slice(7, 7 + TERMS), 7 + TERMS
+NUISANCES = (
+    "gain",
+    "tissue",
+    "thickness",
+    "site",
+    "probe",
+    "poisson",
+    "spread",
+    *TERMS * ("shade",),
+)  # the shared ones
 STEP = 1e-3  # of log moduli and log thickness, for derivatives
 
 
