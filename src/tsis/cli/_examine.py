@@ -25,7 +25,14 @@ from tsis.cli._options import (
     require_no_file,
     target_forces,
 )
-from tsis.cli._output import CommandOutcome, budget_with_progress, estimate_table, estimate_with_progress, publish
+from tsis.cli._output import (
+    CommandOutcome,
+    budget_with_progress,
+    estimate_table,
+    estimate_with_progress,
+    publish,
+    rich_tables,
+)
 from tsis.cli._saving import (
     KindOption,
     SaveOption,
@@ -225,16 +232,7 @@ def examine(
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
         outcome = _inclusion(
-            result,
-            pressed,
-            on_reference,
-            by,
-            assumed,
-            provenance,
-            comparison,
-            budget=found,
-            forces=of_forces,
-            pdf=pdf,
+            result, pressed, on_reference, by, assumed, provenance, comparison, budget=found, forces=of_forces, pdf=pdf
         )
         savable = partial(
             savable_result,

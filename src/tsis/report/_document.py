@@ -77,11 +77,7 @@ def _quantity(budget: QuantityBudget) -> dict[str, Any]:
         "sampled_sd": budget.sampled_sd,
         "departure": budget.departure,
         "components": [
-            {
-                **asdict(component),
-                "sensitivity": component.sensitivity,
-                "fraction": budget.fraction(component),
-            }
+            {**asdict(component), "sensitivity": component.sensitivity, "fraction": budget.fraction(component)}
             for component in budget.components
         ],
     }

@@ -32,9 +32,8 @@ def press_finite(
 
     Probe, tissue and inclusion are neo-Hookean. The tissue is bonded to the chest wall; it slides without friction on
     the face and may leave it. The face ends in a rim rounded with 0.5 mm (less on thin first layers and small faces).
-    A radius on the rim belongs to the undeformed probe. The field of a phantom with an inclusion is the field of tissue
-    without inclusion plus the inclusion's change. The change is computed with and without contrast on one mesh, so
-    ``press_finite(p, with) - press_finite(p, without)`` is a converged signal.
+    A radius on the rim belongs to the undeformed probe. A field with an inclusion is that of tissue without it plus its
+    change, computed with and without contrast on one mesh: a converged signal.
 
     Parameters
     ----------
