@@ -120,3 +120,15 @@ def test_the_stored_presses_are_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tsis.virtual._probe.press", compared)
     pressed(virtual_probe())
     assert not left
+
+
+def test_frames_that_state_small_strain_are_estimated_at_small_strain() -> None:
+    virtual = VirtualProbe(tsis.load_probe("tsis-2011"), rng=np.random.default_rng(5))
+    frame = virtual.press(tsis.load_phantom("size-8"), force_n=1.0)
+    unstated = replace(frame, settings={})
+    cases: tuple[tuple[TactileImage, str | None], ...] = ((frame, None), (unstated, None), (frame, "finite"))
+    found = [
+        estimate(image, probe=virtual.probe, calibration=virtual.calibration, strain=strain).provenance["strain"]
+        for image, strain in cases
+    ]
+    assert found == ["small", "finite", "finite"]
