@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import ipaddress
 import threading
+import time
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -88,6 +89,7 @@ class Stream:
         return np.ctypeslib.as_array(lent).view(self._dtype).reshape(self._shape)
 
 
+HELD_S, AGAIN_S = 4.0, 0.25  # a program that died holds a camera until its heartbeat ends, by default after 3 s
 CONTROLLER_ADDRESS = 0x0A14  # GigE Vision's register of the controller's network address; 0 where not stored
 
 
@@ -104,19 +106,23 @@ class Connection:
     def open(cls, aravis: Aravis, identity: str | None) -> Self:
         """Connect to the camera of that identity or address, or to the first that answers.
 
-        Raises `CameraError` when none answers, or another program uses it.
+        Raises `CameraError` when none answers, or another program uses it for longer than a program that died.
         """
         chosen, address = _chosen(aravis, identity)
-        try:
-            camera = aravis.call("camera_new", address.encode())
-        except CameraError as error:
-            raise CameraError(f"{chosen} could not be opened: {error}; check its cable and power") from error
-        connection = cls(aravis=aravis, camera=camera, identity=chosen)
-        owner = connection._controller()
-        if owner is not None:
-            connection.close(wait_s=0.0)
-            raise CameraError(f"{connection.identity} is held by {owner}; close it there, then open the camera again")
-        return connection
+        until = time.monotonic() + HELD_S
+        while True:
+            try:
+                camera = aravis.call("camera_new", address.encode())
+            except CameraError as error:
+                raise CameraError(f"{chosen} could not be opened: {error}; check its cable and power") from error
+            connection = cls(aravis=aravis, camera=camera, identity=chosen)
+            owner = connection._controller()
+            if owner is None:
+                return connection
+            connection.close(wait_s=AGAIN_S)
+            if time.monotonic() > until:
+                raise CameraError(f"{chosen} is held by {owner}; close it there, then open the camera again")
+            time.sleep(AGAIN_S)
 
     def close(self, *, wait_s: float = 0.5) -> None:
         """Release the camera; one that does not answer is left to a thread after ``wait_s``."""
