@@ -162,3 +162,6 @@ def _panel(title: str) -> Iterator[None]:
     with ui.element("section").classes("panel"):
         panel_title(title)
         yield
+
+
+__all__ = ["about_page"]
