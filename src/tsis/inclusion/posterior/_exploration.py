@@ -142,13 +142,15 @@ def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) ->
         nuisance = likelihood.within(likelihood(position[None], nuisance, about=position).nuisance[0])
         chart = chart.straightened(inclusions, grid.weight)
         near = box_around(chart.points(inclusions), grid.log_density, grid.cells.edges)
+    blank = _blank_evidence(likelihood)
+    likelihood = likelihood.narrowed(position, nuisance)
     nearby = likelihood.near(position, nuisance)
     grid = _corrected(
         _search(nearby, chart, CELLS, near), partial(likelihood, nuisance=nuisance, about=position), nearby, chart
     )
     middle = chart.inclusions(grid.mean()[None])[0]
     log_volume = float(np.log(prior.high - prior.low).sum())
-    log_bayes_factor = grid.log_integral - log_volume - _blank_evidence(likelihood)
+    log_bayes_factor = grid.log_integral - log_volume - blank
     fit, information = likelihood.with_information(middle, nuisance)
     return InclusionPosterior(
         samples=np.clip(chart.inclusions(grid.samples(SAMPLES)), prior.low, prior.high),

@@ -36,7 +36,7 @@ HARMONICS = (1, 2, 3, 4)  # that the checks of the frames use
 RANK = 10
 RADII = 41  # of the profiles
 PARTS = 4  # pressure and displacement of the unit press, then of the dome's shape
-IMPROBABLE_HYPOTHESIS = 1e-3  # of the most probable; such hypotheses are left out
+IMPROBABLE_HYPOTHESIS = 1e-2  # of the most probable; such hypotheses are left out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -196,10 +196,13 @@ class Heterogeneity:
 
     def informed(self, log_evidence: Floats) -> Heterogeneity:
         """The hypotheses after other data of ``log_evidence`` (hypotheses,), without the improbable ones."""
-        weight = self.log_weight + log_evidence
-        keep = weight > weight.max() + np.log(IMPROBABLE_HYPOTHESIS)
-        weight = weight[keep] - np.logaddexp.reduce(weight[keep])
-        return replace(self, sd=self.sd[keep], length=self.length[keep], log_weight=weight)
+        after = replace(self, log_weight=self.log_weight + log_evidence).selected(self.log_weight + log_evidence)
+        return replace(after, log_weight=after.log_weight - np.logaddexp.reduce(after.log_weight))
+
+    def selected(self, log_weight: Floats) -> Heterogeneity:
+        """The hypotheses that ``log_weight`` (hypotheses,) does not make improbable, with their weights as before."""
+        keep = log_weight > log_weight.max() + np.log(IMPROBABLE_HYPOTHESIS)
+        return replace(self, sd=self.sd[keep], length=self.length[keep], log_weight=self.log_weight[keep])
 
 
 def heterogeneity(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -93,6 +93,17 @@ class InclusionLikelihood:
         grey, slopes = self.model.profiles(inclusions, nuisance)
         residual, rotated = self._used(self._data.grey - grey), self._used(slopes) * self._sd
         return _mixed(self._hypotheses(about, nuisance), residual + rotated @ self._units(nuisance), rotated, self._sd)
+
+    def narrowed(self, inclusion: Floats, nuisance: Floats) -> InclusionLikelihood:
+        """The likelihood without the hypotheses that are improbable at an inclusion (3,)."""
+        if self.model.heterogeneity is None:
+            return self
+        grey, slopes = self.model.profiles(inclusion[None], nuisance)
+        residual, rotated = self._used(self._data.grey - grey), self._used(slopes) * self._sd
+        hypotheses = self._hypotheses(inclusion, nuisance)
+        evidence = _evidence(hypotheses, residual + rotated @ self._units(nuisance), rotated, self._sd)[0][:, 0]
+        model = replace(self.model, heterogeneity=self.model.heterogeneity.selected(evidence))
+        return InclusionLikelihood(model, self._data)
 
     def near(self, inclusion: Floats, nuisance: Floats) -> LinearisedLikelihood:
         """The likelihood with constant derivatives by the nuisances, those at one inclusion (3,)."""
@@ -287,10 +298,7 @@ def _log_root(roots: NDArray[np.floating[Any]]) -> Floats:
 
 def _mixed(hypotheses: NoiseHypotheses, residual: Floats, rotated: Floats, sd: Floats) -> LikelihoodFit:
     """Integrate the nuisances out of residuals (n, m), linear in them by ``rotated`` (n, m, nuisances)."""
-    results = [_fit(residual @ whitening.T, whitening @ rotated, sd) for whitening in hypotheses.whitening]
-    evidence = (
-        np.array([evidence for evidence, _, _ in results]) + (hypotheses.log_weight - hypotheses.log_root)[:, None]
-    )
+    evidence, results = _evidence(hypotheses, residual, rotated, sd)
     best = evidence.argmax(axis=0)
     each = np.arange(len(residual))
     return LikelihoodFit(
@@ -299,6 +307,15 @@ def _mixed(hypotheses: NoiseHypotheses, residual: Floats, rotated: Floats, sd: F
         misfit=np.array([misfit for _, _, misfit in results])[best, each],
         hypothesis=best,
     )
+
+
+def _evidence(
+    hypotheses: NoiseHypotheses, residual: Floats, rotated: Floats, sd: Floats
+) -> tuple[Floats, list[tuple[Floats, Floats, Floats]]]:
+    """Log evidence (hypotheses, n) with the hypotheses' weights, and each hypothesis' `_fit`; arguments as `_mixed`."""
+    results = [_fit(residual @ whitening.T, whitening @ rotated, sd) for whitening in hypotheses.whitening]
+    weight = hypotheses.log_weight - hypotheses.log_root
+    return np.array([evidence for evidence, _, _ in results]) + weight[:, None], results
 
 
 def _fit(white: Floats, rotated: Floats, sd: Floats) -> tuple[Floats, Floats, Floats]:
