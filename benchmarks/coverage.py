@@ -127,6 +127,9 @@ def main() -> int:
     parser.add_argument("--presses", type=int, default=2000)
     parser.add_argument("--world", choices=WORLDS, default="as-model", help="what differs from the estimator's model")
     parser.add_argument("--blanks", type=int, default=0, help="cases without an inclusion, of the same world")
+    parser.add_argument(
+        "--heterogeneity-sd", type=float, default=InclusionPrior().heterogeneity_sd, help="of the estimator's prior"
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--frames", type=Path, help="folder to keep the frames in, and to read them from")
     parser.add_argument("--out", type=Path, default=cache_folder() / "coverage", help="folder of finished cases")
@@ -137,7 +140,7 @@ def main() -> int:
     options = parser.parse_args()
     bank = PressBank(
         protocol=PROTOCOLS[options.protocol],
-        prior=InclusionPrior(),
+        prior=InclusionPrior(heterogeneity_sd=options.heterogeneity_sd),
         seed=options.seed,
         world=WORLDS[options.world],
         folder=options.frames,
