@@ -18,6 +18,7 @@ from tsis.inclusion._frames import (
     ring_edges,
     ring_light,
     ring_profiles,
+    with_gain_of_presses,
 )
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._verdict import (
@@ -26,6 +27,7 @@ from tsis.inclusion._verdict import (
     cramer_rao_sd,
     findings,
     identifiability,
+    light_findings,
     misfit_chance,
     misfit_finding,
     position_findings,
@@ -152,15 +154,17 @@ def estimate(
         _surrogate(probe, box) if progress is None else build_full_contact_surrogate(probe, box, progress=progress)
     )
     require_valid_forces(targets + references, surrogate, probe=probe, prior=prior)
+    response = with_gain_of_presses(references or targets, calibration, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
 
         def read(frames: list[TactileImage]) -> FrameReading:
-            return read_frames(frames, references, surrogate, probe=probe, calibration=calibration, prior=prior)
+            return read_frames(frames, references, surrogate, probe=probe, calibration=response, prior=prior)
 
         reading = read(targets)
-        of_images = image_findings(targets, references, probe=probe, calibration=calibration, uneven=reading.uneven)
+        of_images = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
         result = explore_inclusion(reading.likelihood, prior)
         flagged = [*findings(result, prior, reading.data), *position_findings(reading.position), *of_images]
+        flagged += light_findings(calibration)
         chance = misfit_chance(result, reading.data)
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)

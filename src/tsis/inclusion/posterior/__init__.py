@@ -12,10 +12,21 @@ from tsis.inclusion.posterior._heterogeneity import (
 )
 from tsis.inclusion.posterior._likelihood import InclusionLikelihood, Profiles, least_sd
 from tsis.inclusion.posterior._off_axis import FARTHEST, SHIFTED, off_axis_profile
-from tsis.inclusion.posterior._rings import RingShading, ring_correlation, ring_means, ring_responses
+from tsis.inclusion.posterior._rings import (
+    FLUX_TERMS,
+    GROWTH_TERMS,
+    RingShading,
+    ShadingUncertainty,
+    ring_correlation,
+    ring_means,
+    ring_responses,
+    shading_of,
+)
 
 __all__ = [
     "FARTHEST",
+    "FLUX_TERMS",
+    "GROWTH_TERMS",
     "HARMONICS",
     "LENGTHS_MM",
     "SHIFTED",
@@ -28,6 +39,7 @@ __all__ = [
     "InclusionPosterior",
     "Profiles",
     "RingShading",
+    "ShadingUncertainty",
     "build_field_table",
     "explore_inclusion",
     "heterogeneity",
@@ -36,4 +48,5 @@ __all__ = [
     "ring_correlation",
     "ring_means",
     "ring_responses",
+    "shading_of",
 ]
