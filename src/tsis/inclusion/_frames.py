@@ -37,9 +37,10 @@ RINGS = 20
 DARKEST = 1e-3  # of the brightest light; darker pixels are not corrected
 GENERIC_GROWTH_PER_MM, GENERIC_FLUX = 0.25, 0.5  # of lamps around a soft probe; the flux is that at the rim
 # Standard deviations where no dent was measured: growth per mm and flux at the rim of each Legendre term, light lost
-# per newton, saturation of the contact per kPa**2, and log gain, because the force step's tips dent the face as well
+# per newton, saturation of the contact per kPa**2, log gain, because the force step's tips dent the face as well, and
+# the least error of a force, which acts as an unknown loss of light in each frame
 GENERIC_GROWTH_SD, GENERIC_FLUX_SD = 0.25, 0.75
-GENERIC_LOSS_SD, GENERIC_SQUARE_SD, GENERIC_GAIN_SD = 0.02, 1.5e-3, 0.5
+GENERIC_LOSS_SD, GENERIC_SQUARE_SD, GENERIC_GAIN_SD, GENERIC_FORCE_SD = 0.02, 1.5e-3, 0.5, 0.01
 GAIN_RANGE = (1e-6, 1e6)  # of a `Calibration`
 OUTER_FRACTION = 0.8  # of the face's radius; beyond it the singular pressure at the rim dominates
 
@@ -110,7 +111,12 @@ def with_gain_of_presses(
     area = data.usable * np.diff(edges**2)
     ratio = float((area * data.grey).sum() / (area * expected).sum())
     gain = float(np.clip(ratio * calibration.gain_grey_per_kpa, *GAIN_RANGE))
-    return replace(calibration, gain_grey_per_kpa=gain, gain_sd=max(calibration.gain_sd, GENERIC_GAIN_SD))
+    return replace(
+        calibration,
+        gain_grey_per_kpa=gain,
+        gain_sd=max(calibration.gain_sd, GENERIC_GAIN_SD),
+        force_sd=max(calibration.force_sd, GENERIC_FORCE_SD),
+    )
 
 
 @lru_cache(maxsize=8)  # equal for all frames of a camera
