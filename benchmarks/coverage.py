@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 
-def judge(bank: PressBank, index: int) -> dict[str, Any]:
-    """One case: pressed or read, estimated, and set beside its truth."""
+def judge(bank: PressBank, index: int, strain: str | None = None) -> dict[str, Any]:
+    """One case: pressed or read, estimated (by default at the strain of its presses), and set beside its truth."""
     try:
         case = bank.case(index)
         result = estimate(
@@ -48,6 +48,7 @@ def judge(bank: PressBank, index: int) -> dict[str, Any]:
             calibration=case.calibration,
             reference=case.references,
             prior=bank.prior,
+            strain=strain or bank.strain,
         )
     except TsisError as error:
         return {"index": index, "refused": str(error)}
@@ -73,16 +74,17 @@ def run(
     out: Path | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    strain: str | None = None,
 ) -> list[dict[str, Any]]:
     """Lines of the first ``presses`` cases in order, those that ``out`` holds already and, on all cores, the rest."""
     found = read_lines(out, "index")
     missing = [index for index in range(presses) if index not in found]
     if missing:
-        first = judge(bank, missing[0])  # fills the caches of light and surrogate before the workers share them
+        first = judge(bank, missing[0], strain)  # fills the caches of light and surrogate before the workers share them
         keep_line(out, first)
         found[missing[0]] = first
     with ProcessPoolExecutor(max_workers=workers or os.cpu_count()) as pool:
-        for future in as_completed([pool.submit(judge, bank, index) for index in missing[1:]]):
+        for future in as_completed([pool.submit(judge, bank, index, strain) for index in missing[1:]]):
             line = future.result()
             keep_line(out, line)
             found[line["index"]] = line
@@ -91,9 +93,11 @@ def run(
     return [found[index] for index in range(presses)]
 
 
-def kept_at(folder: Path, bank: PressBank) -> Path:
+def kept_at(folder: Path, bank: PressBank, strain: str | None = None) -> Path:
     """File of the finished cases, named by all that decides them."""
-    decided_by = bank.content() | {"prior": asdict(bank.prior), "code": code()}
+    decided_by = (
+        bank.content() | {"prior": asdict(bank.prior), "code": code()} | ({} if strain is None else {"strain": strain})
+    )
     return folder / f"{bank.name}-{content_key(decided_by)}.jsonl"
 
 
@@ -127,6 +131,7 @@ def main() -> int:
     parser.add_argument("--frames", type=Path, help="folder to keep the frames in, and to read them from")
     parser.add_argument("--out", type=Path, default=cache_folder() / "coverage", help="folder of finished cases")
     parser.add_argument("--workers", type=int, help="processes; all cores by default")
+    parser.add_argument("--strain", choices=("finite", "small"), help="of the estimator; by default the presses' own")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
     options = parser.parse_args()
@@ -139,10 +144,17 @@ def main() -> int:
     )
     blanks = replace(bank, blank=True)
     with progress_bar("judging") as progress:
-        without = run(
-            blanks, options.blanks, out=kept_at(options.out, blanks), workers=options.workers, progress=progress
+        without, lines = (
+            run(
+                each,
+                count,
+                out=kept_at(options.out, each, options.strain),
+                workers=options.workers,
+                progress=progress,
+                strain=options.strain,
+            )
+            for each, count in ((blanks, options.blanks), (bank, options.presses))
         )
-        lines = run(bank, options.presses, out=kept_at(options.out, bank), workers=options.workers, progress=progress)
     found = Judgement.of(lines)
     if not len(found.truth):
         print(f"no estimate at all: {dict(found.refused)}", file=sys.stderr)

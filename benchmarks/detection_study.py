@@ -88,7 +88,12 @@ def judge(task: Task) -> dict[str, Any]:
         case, probe = examine(target, protocol, seed=task.seed, solid=task.way == "solid")
         pressed = time.perf_counter()
         found = estimate(
-            case.frames, probe=protocol.probe, calibration=case.calibration, reference=case.references, prior=PRIOR
+            case.frames,
+            probe=protocol.probe,
+            calibration=case.calibration,
+            reference=case.references,
+            prior=PRIOR,
+            strain=protocol.strain,
         )
     except TsisError as error:
         return line | {"refused": str(error)}

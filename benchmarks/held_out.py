@@ -169,7 +169,13 @@ def run(protocol: Protocol, seed: int) -> Iterator[Answer]:
 def said_about(case: SimulatedCase, protocol: Protocol) -> Estimate | str:
     """The estimate, the sentence that refuses it, or what broke."""
     try:
-        return estimate(case.frames, probe=protocol.probe, calibration=case.calibration, reference=case.references)
+        return estimate(
+            case.frames,
+            probe=protocol.probe,
+            calibration=case.calibration,
+            reference=case.references,
+            strain=protocol.strain,
+        )
     except TsisError as refusal:
         return f"refused: {refusal}"
     except Exception as crash:  # whatever breaks is a finding of this benchmark

@@ -69,7 +69,12 @@ def posterior_mean(protocol: Protocol, seed: int, number: int, repeat: int) -> l
     rng, prior = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, repeat))), InclusionPrior()
     case = examine(protocol, surrounded(inclusion(number), prior, rng), rng)
     found = estimate(
-        case.frames, probe=protocol.probe, calibration=case.calibration, reference=case.references, prior=prior
+        case.frames,
+        probe=protocol.probe,
+        calibration=case.calibration,
+        reference=case.references,
+        prior=prior,
+        strain=protocol.strain,
     )
     return [found.untrusted.mean[name] for name in PARAMETERS]
 

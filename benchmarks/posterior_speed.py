@@ -74,7 +74,12 @@ class Bench:
     def estimate(self) -> None:
         """All of it, as a caller has it."""
         estimate(
-            self.frames, probe=self.probe, calibration=self.calibration, reference=self.references, prior=self.prior
+            self.frames,
+            probe=self.probe,
+            calibration=self.calibration,
+            reference=self.references,
+            prior=self.prior,
+            strain="small",
         )
 
     def likelihood(self) -> InclusionLikelihood:

@@ -78,6 +78,11 @@ class PressBank:
         world = "" if self.world == WORLDS["as-model"] else f"-{self.world.name}"
         return f"{self.protocol.name}{world}{'-blank' if self.blank else ''}"
 
+    @property
+    def strain(self) -> str:
+        """Mechanics of the presses."""
+        return "finite" if "finite" in (self.world.strain, self.protocol.strain) else "small"
+
     def content(self) -> dict[str, Any]:
         """What decides the frames, but for the code that makes them."""
         known = _calibration(self.protocol)

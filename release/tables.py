@@ -1,8 +1,9 @@
 """The tables that ship with the package, so that no first answer waits for them: `make tables`.
 
 They are what the catalog's probes need at default settings: the contact tables of the hardness estimate, and for the
-inclusion estimate the light on the lit face, the surrogate of its presses and the effect of uneven tissue. Each is what
-the product itself computes and caches. `tests/files/test_shipped_tables.py` computes them again and compares.
+inclusion estimate the light on the lit face, the surrogate of its presses, and what finite strain and uneven tissue add
+to them. Each is what the product itself computes and caches. `tests/files/test_shipped_tables.py` computes them again
+and compares.
 """
 
 from __future__ import annotations
@@ -18,14 +19,15 @@ from tsis.files import shipped_tables
 from tsis.hardness import build_contact_table
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.posterior import build_field_table
+from tsis.mechanics.surrogate import build_finite_correction
 from tsis.virtual import VirtualProbe
 
 FORCES_N = (0.5, 1.0)
-PROBES = ("tsis-2011", "tsis-domed")  # that the inclusion estimate presses with
+TISSUE_PROBES = ("tsis-2011", "tsis-domed")  # the catalog's probes for inclusions
 
 
 def main() -> None:
-    """Delete the shipped tables and compute them anew, in some minutes."""
+    """Delete the shipped tables and compute them anew, in about a quarter of an hour."""
     folder = shipped_tables()
     shutil.rmtree(folder, ignore_errors=True)
     os.environ["TSIS_CACHE_DIR"] = str(folder)
@@ -36,7 +38,8 @@ def compute_tables() -> None:
     """Ask for everything that needs a table, as a user does."""
     for name in list_probes():
         build_contact_table(tsis.load_probe(name))
-    for name in PROBES:
+    for name in TISSUE_PROBES:
+        build_finite_correction(tsis.load_probe(name))
         build_field_table(tsis.load_probe(name), InclusionPrior())
     virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(0))
     phantom = tsis.load_phantom("size-8")

@@ -133,7 +133,13 @@ def one_study(protocol: Protocol, place: Place, seed: np.random.SeedSequence) ->
             probe.press_prepared(BLANK, nearby, force) for force in protocol.forces_n if protocol.with_reference
         ]
         try:
-            told = estimate(frames, probe=protocol.probe, calibration=probe.calibration, reference=references or None)
+            told = estimate(
+                frames,
+                probe=protocol.probe,
+                calibration=probe.calibration,
+                reference=references or None,
+                strain="small",
+            )
         except TsisError:
             found.append(float("nan"))
             continue

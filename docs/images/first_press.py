@@ -19,7 +19,9 @@ def main() -> None:
     virtual.no_contact()  # as `tsis demo` does first, so that these are its frames
     references = [virtual.press(phantom.without_inclusion(), force_n=force) for force in (0.5, 1.0)]
     targets = [virtual.press(phantom, force_n=force) for force in (0.5, 1.0)]
-    result = estimate(targets, probe=probe, calibration=virtual.calibration, reference=references, prior=prior)
+    result = estimate(
+        targets, probe=probe, calibration=virtual.calibration, reference=references, prior=prior, strain="small"
+    )
     target, reference = targets[-1], references[-1]
 
     figure = Figure(figsize=(10, 5.6), layout="constrained")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from benchmarks.matching import DATA
 from matplotlib.figure import Figure
+from PIL import Image
 
 from tsis.matching import UNMATCHED, read_points
 from tsis.matching.trials import read_trial_rows
@@ -59,6 +60,47 @@ def test_json_is_the_whole_result(run_tsis: RunTsis, pair: Trial) -> None:
     assert json.loads(run_tsis("match", "points", "a.csv", "b.npy", "--method", "cpd", "--json").out) == found
 
 
+def test_the_page_shows_sets_grid_and_poses(run_tsis: RunTsis, pair: Trial, tmp_path: Path) -> None:
+    finished = run_tsis("match", "a.csv", "b.npy", "--html", "match.html", "--json")
+    found = json.loads(finished.out)
+    page = (tmp_path / "match.html").read_text()
+    assert found["html"] == "match.html"
+    assert page.count("<img") == 2
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert "Poses that the data allow" in page
+    assert f"{found['alternatives'][0]['probability']:.4g}" in page
+    assert f"{found['confidence']:.4f}" in page
+
+
+def test_a_symmetric_shape_is_withheld_with_its_poses(run_tsis: RunTsis, tmp_path: Path) -> None:
+    angle = 2 * np.pi * np.arange(60) / 60
+    shape = (1 + 0.2 * np.cos(3 * angle))[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    for name in ("a", "b"):
+        np.save(tmp_path / f"{name}.npy", shape)
+    finished = run_tsis("match", "a.npy", "b.npy", "--html", "match.html", "--figure", "match.png", "--json")
+    found = json.loads(finished.out)
+    assert not found["reliable"]
+    assert found["matched"] == 0
+    assert len(found["alternatives"]) >= 3
+    assert "not reliable" in (tmp_path / "match.html").read_text()
+
+
+def test_contours_of_images_are_matched(run_tsis: RunTsis, tmp_path: Path) -> None:
+    rows, columns = np.mgrid[:120, :160]
+    for name, middle in (("a", 70), ("b", 82)):
+        away = np.hypot(columns - middle, 1.4 * (rows - 60))
+        angle = np.arctan2(1.4 * (rows - 60), columns - middle)
+        inside = away < 35 * (1 + 0.25 * np.cos(angle) + 0.2 * np.sin(2 * angle))
+        Image.fromarray(np.where(inside, 200, 20).astype(np.uint8)).save(tmp_path / f"{name}.png")
+    found = json.loads(run_tsis("match", "a.png", "b.png", "--json").out)
+    assert found["source"]["points"] == found["target"]["points"] == 100
+    assert found["reliable"]
+    shift = np.array(found["moved"]) - read_points(tmp_path / "a.png")
+    np.testing.assert_allclose(shift, np.tile([12.0, 0.0], (100, 1)), atol=1.0)
+    Image.fromarray(np.full((20, 30), 7, dtype=np.uint8)).save(tmp_path / "flat.png")
+    assert "must show a contour" in words(run_tsis("match", "flat.png", "b.png").err)
+
+
 def test_points_of_space_and_another_format(run_tsis: RunTsis, tmp_path: Path) -> None:
     (trial,) = generated_trials(shape="surface", family="deformation", level=1, count=1, points=60)
     head = "\n".join(["ply", "format ascii 1.0", "element vertex 60", *(f"property double {axis}" for axis in "xyz")])
@@ -87,6 +129,14 @@ def test_a_file_called_as_a_command_is_named_by_its_folder(run_tsis: RunTsis, pa
         (("a.csv", "b.npy", "--method", "cdp"), "did you mean 'cpd'"),
         (("a.csv", "b.npy", "--method", "cpd", "--out", "none/moved.csv"), "must be writable"),
         (("a.csv", "b.npy", "--seed", "-1"), "--seed"),
+        (("a.csv", "b.npy", "--html", "a.csv"), "must be new"),
+        (("a.csv", "b.npy", "--html", "x", "--figure", "x"), "--figure and --html must be two files"),
+        (("a.csv", "one.csv"), "target must hold at least 4 distinct points; got 1"),
+        (("a.csv", "equal.csv"), "target must hold at least 4 distinct points; got 1"),
+        (("line.csv", "a.csv"), "source must not lie in a line; got 5 points that do"),
+        (("a.csv", "empty.csv"), "'empty.csv' must hold data; got an empty file"),
+        (("a.csv", "mixed.csv"), "line 2 must have 2 columns as the first one; got 3"),
+        (("a.csv", "words.csv"), "line 2 must hold finite numbers"),
     ],
 )
 def test_bad_input_is_one_sentence(
@@ -94,12 +144,19 @@ def test_bad_input_is_one_sentence(
 ) -> None:
     (tmp_path / "space.csv").write_text("1,2,3\n4,5,6\n")
     (tmp_path / "bad.csv").write_text("1,2\n3,nan\n")
+    (tmp_path / "one.csv").write_text("1,2\n")
+    (tmp_path / "equal.csv").write_text("1,2\n" * 9)
+    (tmp_path / "line.csv").write_text("1,2\n2,3\n3,4\n4,5\n5,6\n")
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "mixed.csv").write_text("1,2\n1,2,3\n")
+    (tmp_path / "words.csv").write_text("1,2\nthree,4\n")
+    before = sorted(path.name for path in tmp_path.iterdir())
     finished = run_tsis("match", *arguments)
     assert finished.code == 2
     assert finished.err.startswith("Error: ")
     assert message in words(finished.err)
     assert finished.err.count("\n") == 1
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "b.npy", "bad.csv", "space.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
 def test_help_of_all_three_ends_with_examples(run_tsis: RunTsis) -> None:

@@ -183,7 +183,7 @@ def test_snapshots_with_their_sidecars(tmp_path: Path) -> None:
             np.testing.assert_array_equal(image.grey, frame.pixels)
             assert image.force_n == force
             assert image.scale() == (0.05, 0.06)
-            assert image.settings == {"gain": 2.0}
+            assert image.settings == {"gain": 2.0, "probe": "tsis-2011", "camera": "rig"}
         assert frames.probe == tsis.load_probe("tsis-2011")
 
 

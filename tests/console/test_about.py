@@ -15,7 +15,7 @@ from tests.console.browser import needs_browser, picture
 from tests.console.operator import tab
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.console.pages.about._page import LICENCE, citation, licence
+from tsis.console.pages.about import LICENCE, citation, licence
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

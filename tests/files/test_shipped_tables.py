@@ -29,6 +29,7 @@ def test_a_first_answer_computes_no_table(empty_cache: Path, monkeypatch: pytest
     monkeypatch.setattr("tsis.hardness._table._solve", solve)
     monkeypatch.setattr("tsis.mechanics.surrogate._full_contact._solve", solve)
     monkeypatch.setattr("tsis.inclusion.posterior._heterogeneity._features", solve)
+    monkeypatch.setattr("tsis.mechanics.surrogate._correction_build._solve", solve)
     monkeypatch.setattr("tsis.optics.irradiance._trace._traced", solve)
     tables.compute_tables()
     assert not empty_cache.exists(), "nothing was missing, so nothing was cached"
@@ -56,24 +57,17 @@ def test_the_package_computes_what_it_ships(tmp_path: Path, empty_cache: Path, m
         computed = read_cached_arrays(*name.split("/"))
         assert arrays is not None
         assert computed is not None
-        if name.startswith("heterogeneity"):  # factors are unique up to rotations of their columns
-            arrays, computed = (
-                {field: _covariance(part) for field, part in each.items()} for each in (arrays, computed)
-            )
-        for field in arrays:
+        # Newton's method stops elsewhere after another way to a state, and correlation lengths are a flat optimum.
+        # Factors of covariances are unique up to rotations of their columns.
+        learnt, factors = name.startswith("finite-strain/"), name.startswith("heterogeneity/")
+        rtol, atol = (0.0, 1e-3) if learnt else (1e-5, 1e-5) if factors else (1e-6, 1e-9)
+        for field in set(arrays) - ({"lengths", "error"} if learnt else set()):
+            found, shipped_part = (_covariance(each[field]) if factors else each[field] for each in (computed, arrays))
             np.testing.assert_allclose(
-                computed[field],
-                arrays[field],
-                rtol=1e-6,
-                atol=_tolerance(name) * np.abs(arrays[field]).max(),
-                err_msg=name,
+                found, shipped_part, rtol=rtol, atol=atol * np.abs(shipped_part).max(), err_msg=name
             )
 
 
 def _covariance(factor: np.ndarray) -> np.ndarray:
     wide = factor.astype(float)
     return np.asarray(wide @ np.swapaxes(wide, -1, -2))
-
-
-def _tolerance(name: str) -> float:
-    return 1e-5 if name.startswith("heterogeneity") else 1e-9  # single precision, and many directions left out

@@ -126,7 +126,7 @@ def line_of(index: int) -> dict[str, Any]:
 def test_a_run_that_was_cut_off_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out, calls = tmp_path / "deep" / "cases.jsonl", []
 
-    def judge(_: PressBank, index: int) -> dict[str, Any]:
+    def judge(_: PressBank, index: int, _strain: str | None) -> dict[str, Any]:
         calls.append(index)
         return line_of(index)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import tsis
 from tsis.errors import InputError, NotCalibratedError
-from tsis.inclusion import UNTRUSTED_FLAGS, InclusionPrior, estimate, read_frames
+from tsis.inclusion import UNTRUSTED_FLAGS, InclusionPrior, read_frames
 from tsis.inclusion._frames import require_valid_forces
 from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
@@ -27,6 +28,7 @@ DOMED, FLAT = tsis.load_probe("tsis-domed"), tsis.load_probe("tsis-2011")
 PLAIN = tsis.load_phantom("plain")
 LUMP = replace(PLAIN, inclusion=tsis.Inclusion(diameter_mm=14.0, depth_mm=4.5, young_kpa=45.0), name="large and soft")
 PRIOR = InclusionPrior()
+estimate = partial(tsis.inclusion.estimate, strain="small")  # as the virtual presses
 FORCES = (0.5, 1.0)
 FEW = Degrees(diameter=2, depth=2, contrast=2, tissue=2, thickness=2, baseline=2)
 Frames = tuple[list["TactileImage"], list["TactileImage"]]

@@ -1,4 +1,4 @@
-"""The last step: stiffness against the marginal likelihood written out in full, partners against known ones."""
+"""Hyperparameters and predictions of a map against normal distributions written out; moves to the right pairs."""
 
 from __future__ import annotations
 
@@ -6,89 +6,179 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from scipy.linalg import null_space
-from scipy.optimize import minimize_scalar
-from scipy.stats import multivariate_normal
 
-from tsis.matching._pairing import spacing
-from tsis.matching._spline import SplineBasis, spline_basis
-from tsis.matching._tprl import BENDINGS, assigned, interpolated, likeliest_bending
+from tsis.matching import _posterior as tprl
+from tsis.matching._fit import UNMATCHED, NormalFrame, spacing
+from tsis.matching._outline import chains
+from tsis.matching._pose_evidence import AMPLITUDES, SIGMAS, SmoothField, gaussian_kernel, hard_evidence
+from tsis.matching._pose_search import PoseSearch, _followed, settled
+from tsis.matching._refinement import Ranking, chained, grown, predicted, repatched, segment_shifts, shifted
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped
 
 
-def _surprise(basis: SplineBasis, values: np.ndarray, bending: float) -> float:
-    """Least negative log probability of what no affine map explains, over the variance of the errors."""
-    blind = null_space(basis.design[:, basis.bent :].T)
-    bends, seen = blind.T @ basis.design[:, : basis.bent], blind.T @ values
-    shape = bends @ bends.T / bending + np.eye(len(bends))
-
-    def negative(log_variance: float) -> float:
-        place = multivariate_normal(np.zeros(len(shape)), np.exp(log_variance) * shape)
-        return -float(np.sum(place.logpdf(seen.T)))
-
-    return float(minimize_scalar(negative, bounds=(-30, 10), method="bounded", options={"xatol": 1e-8}).fun)
+def _curve(count: int = 80) -> tuple[np.ndarray, np.ndarray]:
+    """A closed outline with a smooth deformation of it."""
+    angle = 2 * np.pi * np.arange(count) / count
+    radius = 1 + 0.25 * np.cos(2 * angle) + 0.15 * np.sin(3 * angle) + 0.1 * np.cos(5 * angle)
+    source = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    source = NormalFrame.of(source).inward(source)
+    return source, source + 0.05 * np.sin(2 * source[:, ::-1])
 
 
-@pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
-@pytest.mark.parametrize("noise", [0.01, 0.1, 1.0])
-def test_the_stiffness_has_the_largest_marginal_likelihood(dimension: int, noise: float) -> None:
-    rng = np.random.default_rng(1)
-    points = rng.normal(size=(25, dimension))
-    values = points + np.sin(2 * points[:, ::-1]) + noise * rng.normal(size=points.shape)
-    basis = spline_basis(points)
-    chosen = likeliest_bending(basis.design, basis.bent, values)
-    least = min(_surprise(basis, values, bending) for bending in BENDINGS)
-    assert _surprise(basis, values, chosen) < least + 0.01  # nearly flat where there is hardly any noise
-
-
-@pytest.mark.parametrize("ratio", [1e-4, 1e-2, 1.0])
-def test_the_stiffness_that_made_the_values_is_found(ratio: float) -> None:
+@pytest.mark.parametrize("amplitude", [0.05, 0.2])
+@pytest.mark.parametrize("noise", [0.004, 0.03])
+def test_the_amplitude_and_noise_that_made_the_values_are_found(amplitude: float, noise: float) -> None:
     rng = np.random.default_rng(2)
-    basis = spline_basis(rng.normal(size=(150, 2)))
-    coordinates = rng.normal(size=(basis.design.shape[1], 2))
-    values = basis.design @ coordinates + np.sqrt(ratio) * rng.normal(size=(150, 2))
-    assert ratio / 10 < likeliest_bending(basis.design, basis.bent, values) < ratio * 10
+    points = rng.normal(size=(150, 2))
+    covariance = amplitude**2 * gaussian_kernel(points, points, 0.5) + 1e-10 * np.eye(150)
+    field = np.linalg.cholesky(covariance) @ rng.normal(size=(150, 2))
+    found = hard_evidence(SmoothField.of(points), points + field + noise * rng.normal(size=(150, 2)), np.arange(150))
+    assert found is not None
+    assert found.amplitude in AMPLITUDES or amplitude / 2.1 < found.amplitude < amplitude * 2.1
+    assert noise / 2.1 < found.sigma < noise * 2.1
 
 
-def test_an_affine_part_changes_no_stiffness() -> None:
+def test_an_affine_part_changes_no_hyperparameter() -> None:
     rng = np.random.default_rng(3)
     points = rng.normal(size=(40, 2))
-    values = np.sin(2 * points) + 0.1 * rng.normal(size=points.shape)
-    basis = spline_basis(points)
-    plain = likeliest_bending(basis.design, basis.bent, values)
-    assert likeliest_bending(basis.design, basis.bent, values + points @ rng.normal(size=(2, 2)) + 5.0) == plain
+    values = points + 0.1 * np.sin(2 * points) + 0.01 * rng.normal(size=points.shape)
+    matrix = np.array([[1.1, 0.2], [-0.2, 1.1]])
+    one, other = (
+        hard_evidence(SmoothField.of(points), each, np.arange(40)) for each in (values, values @ matrix + 5.0)
+    )
+    assert one is not None
+    assert other is not None
+    size = np.sqrt(np.linalg.det(matrix))
+    assert other.width == one.width
+    assert other.sigma == pytest.approx(size * one.sigma, rel=0.1)
+
+
+def test_predictions_equal_those_of_the_whole_covariance() -> None:
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=(30, 2))
+    target = points + 0.1 * np.sin(2 * points[:, ::-1])
+    matches = np.where(np.arange(30) % 3 == 0, UNMATCHED, np.arange(30))
+    found = hard_evidence(SmoothField.of(points), target, matches)
+    assert found is not None
+    moved, spread = predicted(SmoothField.of(points), target, found)
+    rows = np.flatnonzero(matches != UNMATCHED)
+    wide = np.column_stack([np.ones(30), points])
+    kernel = found.amplitude**2 * gaussian_kernel(points, points, found.width) + 100.0 * wide @ wide.T
+    gain = kernel[:, rows] @ np.linalg.inv(kernel[np.ix_(rows, rows)] + found.sigma**2 * np.eye(len(rows)))
+    np.testing.assert_allclose(moved, gain @ target[rows], atol=1e-3)
+    np.testing.assert_allclose(spread**2, np.diag(kernel - gain @ kernel[rows]), atol=3e-5)
+
+
+def test_growth_pairs_what_the_deformation_moved_far(warped: Warped) -> None:
+    step, field = spacing(warped.source), SmoothField.of(warped.source)
+    inner = np.linalg.norm(warped.source, axis=1) < 0.9
+    some = hard_evidence(field, warped.target, np.where(inner, np.argsort(warped.order), UNMATCHED))
+    assert some is not None
+    found = grown(field, warped.target, step, some)
+    assert found.log > some.log
+    assert warped.right(found.matches) > 0.95
+
+
+def test_a_patch_of_wrong_pairs_is_paired_again(warped: Warped) -> None:
+    step, field = spacing(warped.source), SmoothField.of(warped.source)
+    pairs = np.argsort(warped.order)
+    patch = np.argsort(np.linalg.norm(warped.source - warped.source[0], axis=1))[:6]
+    wrong = pairs.copy()
+    wrong[patch] = pairs[np.roll(patch, 1)]
+    before = hard_evidence(field, warped.target, wrong)
+    assert before is not None
+    assert warped.right(repatched(field, warped.target, step, before).matches) == 1
+
+
+def test_chains_are_the_curves() -> None:
+    following = np.array([1, 2, 0, 4, UNMATCHED, 3])
+    found = [(order.tolist(), closed) for order, closed in chains(following)]
+    assert found == [([5, 3, 4], False), ([0, 1, 2], True)]
+
+
+def test_order_along_a_curve_mends_a_gap_in_the_wrong_place() -> None:
+    source, target = _curve()
+    seen = np.arange(80) != 40  # one point has no partner
+    search = PoseSearch.of(source, target[seen])
+    truth = np.where(seen, np.cumsum(seen) - 1, UNMATCHED)
+    wrong = truth.copy()
+    wrong[40:60], wrong[60] = truth[41:61], UNMATCHED
+    before = hard_evidence(search.field, search.target, wrong)
+    assert before is not None
+    found = chained(search.field, search.target, search.step, search.following, before)
+    np.testing.assert_array_equal(found.matches, truth)
+
+
+@pytest.mark.parametrize("segment", [slice(20, 40), slice(5, 42)])
+def test_a_slid_segment_slides_back(segment: slice) -> None:
+    source, target = _curve()
+    truth = np.arange(80)
+    truth[[segment.start - 1, segment.stop]] = UNMATCHED
+    wrong = truth.copy()
+    wrong[segment.start : segment.stop] = np.arange(segment.start, segment.stop) + 1
+    wrong[segment.stop - 1] = UNMATCHED
+    ranking = Ranking.of(SmoothField.of(source), target)
+    search = PoseSearch.of(source, target)
+    before = hard_evidence(search.field, target, wrong)
+    assert before is not None
+    ((order, closed),) = chains(search.following)
+    assert closed
+    proposals = list(segment_shifts(order, closed, ranking, before))
+    best = max((hard_evidence(search.field, target, each) for each in proposals), key=lambda item: item.log)  # type: ignore[union-attr]
+    assert best is not None
+    assert best.log > before.log
+    paired = best.matches != UNMATCHED
+    assert np.mean(best.matches[paired] == np.arange(80)[paired]) > 0.95
+
+
+@pytest.mark.parametrize("shift", [3, 17, 41])
+def test_a_curve_that_slid_by_any_number_of_points_slides_back(shift: int) -> None:
+    source, target = _curve()
+    search = PoseSearch.of(source, target)
+    before = hard_evidence(search.field, target, np.roll(np.arange(80), shift))
+    assert before is not None
+    proposals = list(shifted(chains(search.following)[0], Ranking.of(search.field, target), before))
+    assert any(np.array_equal(each, np.arange(80)) for each in proposals)
 
 
 def test_partners_one_to_one_mend_what_soft_pairs_leave(warped: Warped) -> None:
-    basis, step = spline_basis(warped.source), spacing(warped.source)
-    start = basis.coordinates(0.7 * warped.truth + 0.3 * warped.source, bending=1e-4)
-    found = basis.design @ assigned(basis, start, warped.target, step)
-    assert warped.rms(found) < 0.01 < warped.rms(basis.design @ start)
+    search = PoseSearch.of(warped.source, warped.target)
+    start = 0.7 * warped.truth + 0.3 * warped.source
+    soft = settled(search, start)
+    assert soft is not None
+    found = _followed(search, soft)
+    assert warped.rms(found.moved) < 0.01 < warped.rms(start)
 
 
 def test_false_partners_hardly_draw(warped: Warped) -> None:
-    basis, step = spline_basis(warped.source), spacing(warped.source)
-    start = basis.coordinates(warped.truth, bending=1e-4)
-    kept = np.arange(len(warped.truth)) % 4 != 0
-    stray = np.random.default_rng(0).uniform(-1.5, 1.5, (sum(kept) // 4, warped.truth.shape[1]))
-    found = basis.design @ assigned(basis, start, np.vstack([warped.truth[kept], stray]), step)
-    wrong = np.sqrt(np.sum((found - warped.truth) ** 2, axis=1))
-    assert np.median(wrong[kept]) < 0.1 * step
-    assert np.median(wrong[~kept]) < 0.2 * step
+    step = spacing(warped.source)
+    seen = np.arange(len(warped.truth)) % 4 != 0
+    stray = np.random.default_rng(0).uniform(-1.5, 1.5, (sum(seen) // 4, warped.truth.shape[1]))
+    found = tprl.fit(warped.source, np.vstack([warped.truth[seen], stray]), rng=np.random.default_rng(0))
+    wrong = np.sqrt(np.sum((found.move(warped.source) - warped.truth) ** 2, axis=1))
+    assert np.median(wrong[seen]) < 0.1 * step
+    assert np.median(wrong[~seen]) < 0.2 * step
 
 
-def test_without_partners_the_spline_stays(warped: Warped) -> None:
-    basis, step = spline_basis(warped.source), spacing(warped.source)
-    np.testing.assert_array_equal(assigned(basis, basis.rest, warped.target + 50.0, step), basis.rest)
-    np.testing.assert_array_equal(interpolated(basis, basis.rest, warped.target + 50.0, step), basis.rest)
+def test_without_partners_nothing_is_matched(warped: Warped) -> None:
+    search = PoseSearch.of(warped.source, warped.target)
+    assert settled(search, warped.source + 50.0) is None
+    assert tprl._interpolated(warped.source, warped.source, warped.target + 50.0, search.step) is None
 
 
-def test_partners_beyond_doubt_are_reached_and_noise_is_passed_by(warped: Warped) -> None:
-    basis, step = spline_basis(warped.source), spacing(warped.source)
-    smooth = basis.coordinates(warped.truth, bending=1e-2)
-    reached = basis.design @ interpolated(basis, smooth, warped.target, step)
-    assert warped.rms(reached) < 1e-4 < warped.rms(basis.design @ smooth)
+def test_unambiguous_partners_are_reached_and_noise_is_passed_by(warped: Warped) -> None:
+    step = spacing(warped.source)
+    smooth = warped.truth + 0.02 * np.sin(3 * warped.source)
+    reached = tprl._interpolated(warped.source, smooth, warped.target, step)
+    assert reached is not None
+    assert warped.rms(reached(warped.source)) < 1e-4 < warped.rms(smooth)
     noisy = warped.target + 0.3 * step * np.random.default_rng(1).normal(size=warped.target.shape)
-    np.testing.assert_array_equal(interpolated(basis, smooth, noisy, step), smooth)
+    assert tprl._interpolated(warped.source, smooth, noisy, step) is None
+
+
+def test_the_least_standard_deviation_bounds_the_noise(warped: Warped) -> None:
+    found = hard_evidence(SmoothField.of(warped.source), warped.target, np.argsort(warped.order))
+    assert found is not None
+    assert found.sigma >= 0.9 * SIGMAS[0]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tsis.matching import UNMATCHED
-from tsis.matching._pairing import assign, nearest_pairs, spacing
+from tsis.matching._fit import assign, nearest_pairs, spacing
 
 COSTS = arrays(float, st.tuples(st.integers(1, 4), st.integers(1, 4)), elements=st.floats(0, 2))
 

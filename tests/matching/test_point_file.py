@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 from tsis.errors import FileInputError
 from tsis.matching import _point_files as point_file
 from tsis.matching import csv_text, read_points
-from tsis.matching._pairing import MOST_POINTS
+from tsis.matching._fit import MOST_POINTS
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -94,6 +94,17 @@ def test_what_cannot_be_matched_is_refused(source: object, target: object, messa
         register(source, target)  # type: ignore[arg-type]
 
 
+def test_integers_and_repeated_points_are_matched_as_numbers() -> None:
+    task = _task(5, count=60)
+    grid = np.round(1000 * task.source).astype(int)
+    found = register(grid, np.round(1000 * task.target).astype(np.int16))
+    assert found.reliable
+    np.testing.assert_allclose(found.moved, 1000 * task.truth, atol=2.0)
+    twice = register(np.repeat(task.source, 2, axis=0), np.repeat(task.target, 2, axis=0))
+    assert twice.moved.shape == (120, 2)
+    assert len(set(twice.matches[~twice.outliers])) == (~twice.outliers).sum()
+
+
 def test_an_unknown_method_is_answered_with_the_nearest() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'tps-rpm'"):
         register(POINTS, POINTS, method="tps_rpm")

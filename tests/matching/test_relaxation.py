@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from tsis.matching._log_polar import chi_squared, histograms
 from tsis.matching._relaxation import (
     CANDIDATES,
     NEIGHBOURS,
@@ -22,6 +21,7 @@ from tsis.matching._relaxation import (
     reference_label,
     reference_supports,
 )
+from tsis.matching._shape_context import chi_squared, histograms
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from tsis.matching import _rpm_lns as rpm_lns
-from tsis.matching._log_polar import chi_squared, histograms
+from tsis.matching._shape_context import chi_squared, histograms
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from tsis.matching import UNMATCHED, register
-from tsis.matching import _pairing as sampled
-from tsis.matching._pairing import drawn, mutual_nearest
+from tsis.matching import _fit as sampled
+from tsis.matching._fit import drawn, mutual_nearest
 from tsis.matching.trials import even_texture
 from tsis.matching.trials._shapes import fourier_curve, tactile_surface
 

@@ -10,7 +10,7 @@ from benchmarks.matching import DATA
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.matching import _tprl as tprl
+from tsis.matching import _posterior as tprl
 from tsis.matching import register
 from tsis.matching.trials import even_texture, matching_error, public_trials, strokes
 

@@ -17,7 +17,7 @@ from tsis.mechanics.small_strain import PressKernel, Resolution
 from tsis.mechanics.surrogate import Box, Degrees, build_surrogate, contrast_factor
 from tsis.mechanics.surrogate import _build as surrogate_build
 from tsis.mechanics.surrogate import _build as surrogate_solves
-from tsis.mechanics.surrogate import _chebyshev as chebyshev
+from tsis.mechanics.surrogate._polynomial import chebyshev_weights
 from tsis.model import Inclusion, Phantom
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def test_values_at_the_points_are_the_solves_themselves(small: PressSurrogate) -
     nd, nh, ng, _ = at.change.shape
     factor = contrast_factor(young / 5.0)
     weights = [
-        chebyshev.weights(interval, count, x)
+        chebyshev_weights(interval, count, x)
         for interval, count, x in (
             (SMALL.diameter_mm, nd, d),
             (SMALL.depth_mm, nh, h),

@@ -72,7 +72,7 @@ def test_every_equation_is_named_where_it_is_computed(about: str) -> None:
         ("(5.13)", "matching/_relaxation.py"),
         ("(5.17)", "hardness/_printed.py"),
         ("(6.9)", "inclusion/relative/_estimates.py"),
-        ("(6.14)", "inclusion/mobility/_track.py"),
+        ("(6.14)", "inclusion/mobility.py"),
     ],
 )
 def test_the_number_leads_to_the_file_that_computes_it(equation: str, file: str) -> None:

@@ -221,6 +221,7 @@ def test_every_field_of_todays_prior_is_taken_over() -> None:
 
     options = {"prior": asdict(InclusionPrior(tissue_young_kpa=6.0))}
     assert migrate_options("inclusion", options) == (options, ())
+    assert migrate_options("inclusion", options | {"strain": "finite"}) == (options | {"strain": "finite"}, ())
 
 
 def test_wrong_values_of_a_stored_prior_are_one_sentence(store: Store) -> None:

@@ -38,15 +38,19 @@ def test_inclusions_score_above_blanks(whole: Study) -> None:
 
     truths = read_seal(whole)[0].truths
     assert [each.code for each in whole.readings] == list(whole.plan.codes)
+    scores: dict[bool, list[float]] = {True: [], False: []}
     for each in whole.readings:
         assert each.score is not None
         assert each.rank is not None
-        assert (each.score > 0.5) == truths[each.code].has_inclusion
-        assert bool(each.values) == truths[each.code].has_inclusion
+        scores[truths[each.code].has_inclusion].append(each.score)
+        assert each.values or not truths[each.code].has_inclusion
+        assert not each.values or each.score > 0.05, "no size of what is absent"
         assert each.evidence["tsis"]
         odds = each.score / (1 - each.score) if each.score < 1 else float("inf")
         assert min(odds, 1e12) == pytest.approx(min(math.exp(min(each.rank, 700)), 1e12), rel=1e-3)
         assert each.device == "virtual tsis-2011"
+    assert min(scores[True]) > max(scores[False])
+    assert max(scores[False]) < 0.5
     assert verify_study(whole.folder).sound
 
 

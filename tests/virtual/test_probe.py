@@ -239,7 +239,7 @@ def test_patterns_vary_over_the_face(name: str) -> None:
 def test_a_frame_says_what_it_is() -> None:
     frame = virtual(1).press(LUMP, force_n=0.5)
     assert (frame.name, frame.force_n, frame.mm_per_pixel) == ("hardness-100", 0.5, SMALL.mm_per_pixel)
-    assert dict(frame.settings) == {"source": "virtual", "probe": "tsis-2011"}
+    assert dict(frame.settings) == {"source": "virtual", "probe": "tsis-2011", "strain": "small"}
     assert virtual(1).press(replace(LUMP, name=""), force_n=0.5).name == "phantom"
 
 

@@ -11,7 +11,7 @@ from tsis.calibration._apply import (
     read_usable_calibration,
 )
 from tsis.calibration._measured import MeasuredValue
-from tsis.calibration._press_frames import PressFrames, load_calibration, load_frames
+from tsis.calibration._press_frames import PressFrames, load_calibration, load_frames, read_press_image
 
 __all__ = [
     "MeasuredValue",
@@ -21,6 +21,7 @@ __all__ = [
     "load_calibration",
     "load_frames",
     "parse_usable_calibration",
+    "read_press_image",
     "read_usable_calibration",
 ]
 

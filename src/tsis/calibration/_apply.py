@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.calibration.file import ProbeCalibration, calibration_sha256, parse_calibration, read_calibration
 from tsis.calibration.force import ForceLine, total_grey
 from tsis.calibration.reference import CameraReference
-from tsis.model import ContentValue
+from tsis.model import ContentValue, QuantityBudget, UncertaintyComponent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,10 +39,14 @@ def apply_calibration(
     Raises
     ------
     CalibrationError
-        When the response is missing, or a force must be read and the force line or the reference is missing.
+        When the response is missing, a force must be read and the force line or the reference is missing, or a frame's
+        settings name another probe, camera or setting.
+    ImageMismatchError
+        When a frame differs in size, scale or full scale from those of the calibration.
     InputError
         When a frame lies outside the line's range, or does not belong to the reference.
     """
+    frames = [_of_same_instrument(calibration, frame) for frame in frames]
     forces = [_force(calibration, frame) for frame in frames if frame.force_n is None]
     by_line = iter(forces)
     ready = [
@@ -55,6 +59,17 @@ def apply_calibration(
     response = calibration.cited_response(identity)
     uncertainty = max((force.sd / force.value for force in forces), default=0.0)
     return ready, replace(response, force_sd=max(response.force_sd, uncertainty))
+
+
+def _of_same_instrument(calibration: ProbeCalibration, frame: TactileImage) -> TactileImage:
+    """The frame with the scale of the calibration, if any; frames of another instrument are refused."""
+    stated = frame.settings
+    calibration.require_same_instrument(
+        probe=stated.get("probe"),
+        camera=stated.get("camera"),
+        settings={name: value for name, value in stated.items() if isinstance(value, float)},
+    )
+    return frame if calibration.scale is None else calibration.scale.on(frame)
 
 
 def _force(calibration: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
@@ -82,6 +97,31 @@ class UsableCalibration(ContentValue):
     def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
         """Corrected frames and the matching response; errors as `apply_calibration`."""
         return apply_calibration(self.calibration, frames, identity=self.identity)
+
+    def force_budget(self, force_n: float, *, by_line: bool) -> QuantityBudget:
+        """The uncertainty budget of a force in newtons: of the force line, or of a force that was stated."""
+        if by_line:
+            return self.calibration.need(ForceLine, "the budget of a force").budget(force_n)
+        sd = self.response.force_sd
+        stated = UncertaintyComponent(
+            source="stated force",
+            evaluation="B",
+            distribution="normal",
+            standard_uncertainty=sd,
+            unit="1",
+            contribution=sd * force_n,
+        )
+        return QuantityBudget(name="force_n", value=force_n, unit="N", components=(stated,))
+
+    def require_untouched(self, frames: Sequence[TactileImage]) -> None:
+        """Refuse frames of the untouched probe that do not show the light of the calibration's reference.
+
+        Raises `ImageMismatchError` for another probe, camera or mode. Without a reference nothing is compared.
+        """
+        reference = self.calibration.reference
+        for frame in () if reference is None else frames:
+            assert reference is not None
+            reference.require_untouched(frame)
 
     def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:
         """Refuse another camera or other settings; stored frames carry no camera name."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration._apply import UsableCalibration, read_usable_calibration
 from tsis.catalog import list_probes, load_probe, parse_probe
-from tsis.errors import ImageMismatchError, InputError
+from tsis.errors import FileInputError, ImageMismatchError, InputError
 from tsis.files import (
     as_path,
     file_error,
@@ -166,7 +166,7 @@ def _ready(
     mm_per_pixel: tuple[float, float] | None,
 ) -> PressFrames:
     stored = None if calibration is None else calibration.calibration.scale
-    scale = mm_per_pixel if stored is None else stored.mm_per_pixel
+    scale = mm_per_pixel if stored is None else None  # the calibration compares its scale with that of the frames
     by_role: dict[str, list[TactileImage]] = {TARGET: [], REFERENCE: [], UNTOUCHED: []}
     for frame in frames:
         image = frame.image if scale is None else replace(frame.image, mm_per_pixel=scale)
@@ -174,6 +174,7 @@ def _ready(
     if calibration is None:
         images, reference, untouched = (tuple(by_role[name]) for name in by_role)
         return PressFrames(images=images, reference=reference, untouched=untouched, probe=probe, calibration=None)
+    calibration.require_untouched(by_role[UNTOUCHED])
     results = {name: calibration.pressed(items) for name, items in by_role.items()}
     response = max((response for _, response in results.values()), key=lambda item: item.force_sd)
     images, reference, untouched = (tuple(results[name][0]) for name in by_role)
@@ -202,6 +203,8 @@ def _of_demo(folder: Path, source: Path) -> Iterator[_SavedFrame]:
             image = read_image(file, mm_per_pixel=scale, force_n=force)
             if grey_sha256(image.grey) != entry["sha256"]:
                 raise file_error(file, "must be the frame that was estimated; its grey levels are others")
+            strain = from_json_value(str, entry["settings"].get("strain", "small"), "strain")  # older demos state none
+            image = replace(image, settings={**image.settings, "strain": strain})
             yield _SavedFrame(file=file, role=role, target=None, image=image, probe=probe)
     untouched = own_file(folder, UNTOUCHED_FILE)
     if untouched.exists():
@@ -249,20 +252,67 @@ def _snapshot(sidecar: Path, document: dict[str, Any], role: str) -> _SavedFrame
         raise file_error(raw, "must be as it was saved; its content does not match its sidecar")
     given, force = document.get("role"), document.get("force")
     force_n = None if force is None else max(0.0, from_json_value(float, force["force_n"], "force.force_n"))
+    probe, camera = _instrument(document)
     image = replace(
         read_image(raw, force_n=force_n),
         full_scale=from_json_value(float, document["full_scale"], "full_scale"),
-        settings=dict(document["settings"]),
+        settings={**document["settings"], "probe": probe, "camera": camera},
     )
-    probe = document.get("probe")
     return _SavedFrame(
         file=raw,
         role=role if given is None else require_one_of("role", given, (TARGET, REFERENCE, UNTOUCHED)),
         target=require_integer("target", document["target"], 1, LARGEST_TARGET),
         image=image,
-        probe="" if probe is None else from_json_value(str, probe, "probe"),
-        camera=from_json_value(str, document["camera"], "camera"),
+        probe=probe,
+        camera=camera,
     )
+
+
+def _instrument(document: dict[str, Any]) -> tuple[str, str]:
+    """Probe and camera of a sidecar; an empty name is unknown."""
+    probe = document.get("probe")
+    name = "" if probe is None else from_json_value(str, probe, "probe")
+    return name, from_json_value(str, document["camera"], "camera")
+
+
+def read_press_image(
+    path: str | os.PathLike[str],
+    *,
+    mm_per_pixel: tuple[float, float] | None = None,
+    force_n: float | None = None,
+) -> TactileImage:
+    """Read one frame, with probe, camera and settings of the sidecar of ``tsis acquire`` beside it, if any.
+
+    They are in the image's ``settings``, with which estimates and calibrations refuse the frames of another probe.
+
+    Raises
+    ------
+    FileInputError
+        When the file is no image, is the coloured picture in place of the raw frame, or differs from its hash.
+    InputError
+        When the pixel size or the force lies outside its range.
+    """
+    file = as_path(path)
+    image = read_image(file, mm_per_pixel=mm_per_pixel, force_n=force_n)
+    sidecar = file.with_name(f"{file.stem.removesuffix('-raw')}.json")
+    try:
+        document = read_object(sidecar) if sidecar.is_file() else {}
+    except FileInputError:  # a file of another program
+        document = {}
+    if document.get("format") != SIDECAR_FORMAT:
+        return image
+    with written_by("tsis acquire", sidecar):
+        hashes: dict[str, Any] = document["sha256"]
+        ending, own = file.name.removeprefix(sidecar.stem), dict(document["settings"])
+        probe, camera = _instrument(document)
+    if ending in hashes and ending not in RAW_ENDINGS:
+        raw = next((name for name in RAW_ENDINGS if name in hashes), RAW_ENDINGS[0])
+        raise file_error(file, f"must be the raw frame, {sidecar.stem}{raw}; it is its coloured picture")
+    if ending not in hashes:
+        return image
+    if hashes[ending] != image.settings["sha256"]:
+        raise file_error(file, "must be as it was saved; its content does not match its sidecar")
+    return replace(image, settings={**own, **image.settings, "probe": probe, "camera": camera})
 
 
 def _of_one_target(folder: Path, frames: list[_SavedFrame], target: int | None) -> list[_SavedFrame]:

@@ -25,7 +25,14 @@ from tsis.cli._options import (
     require_no_file,
     target_forces,
 )
-from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progress, publish
+from tsis.cli._output import (
+    CommandOutcome,
+    budget_with_progress,
+    estimate_table,
+    estimate_with_progress,
+    publish,
+    rich_tables,
+)
 from tsis.cli._saving import (
     KindOption,
     SaveOption,
@@ -38,13 +45,14 @@ from tsis.cli._saving import (
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from tsis.inclusion import InclusionPrior
-    from tsis.model import Calibration, Estimate, Probe, TactileImage
+    from tsis.inclusion import InclusionPrior, UncertaintyBudget
+    from tsis.model import Calibration, Estimate, Probe, QuantityBudget, TactileImage
     from tsis.report import PressComparison
 
 
+PDF = "report.pdf"
 UNNAMED = "tsis-2011"  # for calibrations that name no probe
 REFUSED = (
     (
@@ -101,6 +109,14 @@ def examine(
     shape: Annotated[
         bool, typer.Option("--shape", help="Measure ellipse, roundness and outline of the lit area, against the same.")
     ] = False,
+    strain: Annotated[
+        str,
+        typer.Option(help="Mechanics of the estimate: finite for laboratory presses, small for virtual ones."),
+    ] = "small",
+    budget: Annotated[
+        bool, typer.Option("--budget", help="List what the uncertainty of the estimate and of the forces consists of.")
+    ] = False,
+    pdf: Annotated[bool, typer.Option("--pdf", help=f"Write the page of the estimate as {PDF} too.")] = False,
     prior: PriorFile = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
@@ -134,6 +150,9 @@ def examine(
         raise InputError("--force-n needs --calibration: without it a force is not used")
     if save and calibration is None:
         raise InputError("--save needs --calibration: without it there is no estimate to save")
+    if (budget or pdf) and calibration is None:
+        option = "--budget" if budget else "--pdf"
+        raise InputError(f"{option} needs --calibration: without it no inclusion is estimated")
     if prior is not None and calibration is None:
         raise InputError("--prior needs --calibration: without it no inclusion is estimated")
     assumed = (
@@ -151,7 +170,7 @@ def examine(
         )
     forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
     frames = read_frames(images, forces, scale)
-    untouched = None if reference is None else tsis.instrument.read_image(reference, mm_per_pixel=scale)
+    untouched = None if reference is None else tsis.calibration.read_press_image(reference, mm_per_pixel=scale)
     provenance: dict[str, Any] = {
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
@@ -192,12 +211,29 @@ def examine(
         if by_line:
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
         by = chosen or calibrated_probe(response.probe, unnamed=UNNAMED)
-        result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_reference, prior=assumed)
+        given: dict[str, Any] = {
+            "probe": by,
+            "calibration": response,
+            "reference": on_reference,
+            "prior": assumed,
+            "strain": strain,
+        }
+        found = budget_with_progress(pressed, **given) if budget else None
+        result = estimate_with_progress(pressed, **given) if found is None else found.estimate
+        of_forces = {
+            frame.name: usable.force_budget(frame.force_n or 0.0, by_line=by_line)
+            for frame in (*pressed, *on_reference)
+            if budget
+        }
         comparison = None
         if compared:
+            if untouched is not None:
+                usable.require_untouched([untouched])
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
-        outcome = _inclusion(result, pressed, on_reference, by, assumed, provenance, comparison)
+        outcome = _inclusion(
+            result, pressed, on_reference, by, assumed, provenance, comparison, budget=found, forces=of_forces, pdf=pdf
+        )
         savable = partial(
             savable_result,
             kind="inclusion",
@@ -205,7 +241,7 @@ def examine(
             probe=by.name,
             calibration=usable.calibration,
             frames={"target": frames, "plain": reference_frames},
-            options={"prior": asdict(assumed)},
+            options={"prior": asdict(assumed)} | ({} if strain == "small" else {"strain": strain}),
         )
         publish_and_save(outcome, out, destination, savable, as_json=as_json)
 
@@ -260,15 +296,8 @@ def _compared(
     )
 
 
-def _rich(comparison: PressComparison | None) -> list[Table]:
-    """Tables of a comparison for people."""
-    shown = []
-    for item in () if comparison is None else tsis.report.comparison_tables(comparison):
-        table = Table(*item.headings, title=escape(item.title))
-        for row in item.rows:
-            table.add_row(*(escape(cell) for cell in row))
-        shown.append(table)
-    return shown
+def _compared_tables(comparison: PressComparison | None) -> list[Table]:
+    return [] if comparison is None else rich_tables(tsis.report.comparison_tables(comparison))
 
 
 def _contacts(
@@ -305,7 +334,7 @@ def _contacts(
         for row in tsis.report.finding_rows(finding):
             table.add_row(*row)
         tables.append(table)
-    tables += _rich(comparison)
+    tables += _compared_tables(comparison)
     notes = [note for finding in findings for note in tsis.report.finding_notes(finding)]
     notes += [] if comparison is None else tsis.report.comparison_notes(comparison)
     notes += [f"Not estimated: {name}: {reason}." for name, reason in REFUSED]
@@ -321,9 +350,14 @@ def _inclusion(
     prior: InclusionPrior,
     provenance: dict[str, Any],
     comparison: PressComparison | None,
+    *,
+    budget: UncertaintyBudget | None,
+    forces: Mapping[str, QuantityBudget],
+    pdf: bool,
 ) -> CommandOutcome:
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
-    page = tsis.report.inclusion_report(
+    report = partial(
+        tsis.report.inclusion_report,
         result,
         title=f"Inclusion under {probe.name}",
         subtitle=names,
@@ -333,19 +367,28 @@ def _inclusion(
         ring_edges_mm=tsis.inclusion.ring_edges(probe),
         provenance=provenance,
         comparison=comparison,
+        budget=budget,
+        forces=forces,
     )
     compared = {} if comparison is None else tsis.report.comparison_document(comparison)
+    listed = {} if budget is None else {"budget": tsis.report.budget_document(budget, forces)}
     document = tsis.report.envelope(
-        "examine", estimate=tsis.report.estimate_document(result), **compared, provenance=provenance
+        "examine", estimate=tsis.report.estimate_document(result), **listed, **compared, provenance=provenance
     )
     table = estimate_table(result, title=names)
     return CommandOutcome(
         trusted=result.trusted,
         document=document,
-        page=page,
-        tables=(table, *_rich(comparison)),
+        page=report(),
+        files={PDF: report(form=tsis.report.paper.pdf)} if pdf else {},
+        tables=(
+            table,
+            *rich_tables(() if budget is None else tsis.report.budget_tables(budget, forces)),
+            *_compared_tables(comparison),
+        ),
         notes=(
             *tsis.report.estimate_messages(result),
+            *(() if budget is None else tsis.report.budget_notes(budget)),
             *(() if comparison is None else tsis.report.comparison_notes(comparison)),
         ),
     )

@@ -244,7 +244,7 @@ def read_frames(
 ) -> list[TactileImage]:
     """Frames of files, each with its force in newtons and all with one scale (x, y) in mm per pixel."""
     return [
-        tsis.instrument.read_image(path, mm_per_pixel=scale, force_n=force)
+        tsis.calibration.read_press_image(path, mm_per_pixel=scale, force_n=force)
         for path, force in zip(paths, forces, strict=True)
     ]
 

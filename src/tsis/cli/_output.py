@@ -20,12 +20,14 @@ from tsis.cli._progress import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
+    from contextlib import AbstractContextManager
     from typing import Any
 
     from matplotlib.figure import Figure
 
-    from tsis.inclusion import InclusionPrior
+    from tsis.inclusion import InclusionPrior, UncertaintyBudget
     from tsis.model import Calibration, Estimate, Probe, TactileImage
+    from tsis.report import Table as PageTable
 
 
 RESULT = "result.json"
@@ -147,12 +149,45 @@ def estimate_with_progress(
     calibration: Calibration,
     reference: Sequence[TactileImage],
     prior: InclusionPrior,
+    strain: str = "small",
 ) -> Estimate:
-    """Estimate an inclusion; a bar shows how the surrogate of a new probe or prior is built."""
-    with progress_bar("solving the press for this probe (cached for next time)") as progress:
+    """Estimate an inclusion; a bar shows how the tables of a new probe or prior are built."""
+    with _surrogate_progress() as progress:
         return tsis.inclusion.estimate(
-            images, probe=probe, calibration=calibration, reference=reference, prior=prior, progress=progress
+            images,
+            probe=probe,
+            calibration=calibration,
+            reference=reference,
+            prior=prior,
+            progress=progress,
+            strain=strain,
         )
+
+
+def budget_with_progress(
+    images: Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    reference: Sequence[TactileImage],
+    prior: InclusionPrior,
+    strain: str = "small",
+) -> UncertaintyBudget:
+    """As `estimate_with_progress`, with the uncertainty budget."""
+    with _surrogate_progress() as progress:
+        return tsis.inclusion.uncertainty_budget(
+            images,
+            probe=probe,
+            calibration=calibration,
+            reference=reference,
+            prior=prior,
+            progress=progress,
+            strain=strain,
+        )
+
+
+def _surrogate_progress() -> AbstractContextManager[Callable[[int, int], None]]:
+    return progress_bar("solving the press for this probe (cached for next time)")
 
 
 def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:
@@ -180,3 +215,15 @@ def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
         prior_sd,
         "" if bound is None else tsis.report.sd_text(bound),
     )
+
+
+def rich_tables(items: Sequence[PageTable]) -> list[Table]:
+    """Tables of a page for people on a terminal."""
+    shown = []
+    for item in items:
+        table = Table(*item.headings, title=escape(item.title))
+        table.columns[0].no_wrap = True
+        for row in item.rows:
+            table.add_row(*(escape(cell) for cell in row))
+        shown.append(table)
+    return shown

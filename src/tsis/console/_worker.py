@@ -28,10 +28,7 @@ _log = logging.getLogger(__name__)
 
 
 class WorkerProcess:
-    """A worker process that runs one call after the other; safe for several threads.
-
-    It starts with the first call, and is replaced after ``most`` calls.
-    """
+    """One call after the other, from several threads, in a process that is replaced after ``most`` calls."""
 
     def __init__(self, *, most: int = MOST) -> None:
         self._most, self._closed = most, False

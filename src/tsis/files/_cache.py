@@ -94,5 +94,11 @@ def write_cached(kind: str, key: str, payload: bytes) -> None:
         write_durably(path, cached_sha256(key, payload) + payload)
 
 
+def remove_cached(kind: str, key: str) -> None:
+    """Remove a file of the user's cache, for example the parts of a finished result; no error if there is none."""
+    with suppress(OSError):
+        (cache_folder() / kind / key).unlink()
+
+
 def cached_sha256(key: str, payload: bytes) -> bytes:
     return hashlib.sha256(key.encode() + payload).digest()

@@ -22,6 +22,7 @@ from tsis.model import (
     Probe,
     TactileImage,
     as_images,
+    require_frames_of_probe,
     require_image_series,
     require_number,
     require_same_probe,
@@ -36,16 +37,6 @@ if TYPE_CHECKING:
 
 RADIUS_SD_MM = 0.03  # of a radius given without uncertainty: that of a calliper
 BALL_SD_MM = 0.003  # of a rigid ball given without uncertainty: bearing balls are rounder
-
-
-def require_frames_of_probe(frames: list[TactileImage], probe: Probe) -> None:
-    """Refuse frames whose settings name another probe."""
-    for frame in frames:
-        other = frame.settings.get("probe")
-        if other and probe.name and other != probe.name:
-            raise ImageMismatchError(
-                f"images must be of the probe {probe.name!r}; {frame.name or 'an image'!r} was taken with {other!r}"
-            )
 
 
 def radius_prior(

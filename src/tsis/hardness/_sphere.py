@@ -103,9 +103,9 @@ class SphereOnDeformedFace(SphereOnProbe):
         forces, result = [force * MN_PER_N for force in forces_n], list[PressField]()
         with suppress(MechanicsError) if stop_at_limit else nullcontext():
             first = find_first_contact(
-                self.potential, self._deformed, TOUCH * self._radius, PULL, below_mn=forces[0] / 2
+                self.potential, self.deformed, TOUCH * self._radius, PULL, below_mn=forces[0] / 2
             )
-            states = follow_load_path(self.potential, first, forces, refuse=self._refuse)
+            states = follow_load_path(self.potential, first, forces, refuse=self.refuse)
             for state, force in zip(states, forces_n, strict=True):
                 field = self.read(state, force).field
                 weights = self.face.face.weights(self.shape.arc_at(field.radius_mm))[:, 0]

@@ -4,10 +4,11 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from tsis.inclusion._binary import binary_image
-from tsis.inclusion._estimate import estimate, read_frames
-from tsis.inclusion._frames import depletion_per_n, ring_edges, ring_light
+from tsis.inclusion._budget import UncertaintyBudget, uncertainty_budget
+from tsis.inclusion._estimate import estimate
+from tsis.inclusion._frames import binary_image, depletion_per_n, ring_edges, ring_light
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
+from tsis.inclusion._reading import read_frames
 from tsis.inclusion._verdict import INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS, presence_caveats
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "PARAMETERS",
     "UNTRUSTED_FLAGS",
     "InclusionPrior",
+    "UncertaintyBudget",
     "binary_image",
     "depletion_per_n",
     "estimate",
@@ -23,6 +25,7 @@ __all__ = [
     "read_frames",
     "ring_edges",
     "ring_light",
+    "uncertainty_budget",
 ]
 
 if not TYPE_CHECKING:  # subpackages load when they are first used

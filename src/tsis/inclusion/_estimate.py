@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -13,16 +13,12 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import InputError, NotCalibratedError
 from tsis.inclusion._frames import (
     covering_force_n,
-    depletion_per_n,
     require_valid_forces,
-    ring_edges,
-    ring_light,
-    ring_profiles,
     with_gain_of_presses,
 )
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
+from tsis.inclusion._reading import FrameReading, read_frames, relative_model_error
 from tsis.inclusion._verdict import (
-    OFF_AXIS_MM,
     UNTRUSTED_FLAGS,
     cramer_rao_sd,
     findings,
@@ -34,24 +30,14 @@ from tsis.inclusion._verdict import (
     presence_caveats,
 )
 from tsis.inclusion.checks import (
-    FieldHarmonics,
-    InclusionPosition,
-    heterogeneity_evidence,
     image_findings,
-    inclusion_position,
 )
 from tsis.inclusion.posterior import (
     TISSUE,
-    ForwardModel,
     InclusionLikelihood,
-    Profiles,
-    build_field_table,
     explore_inclusion,
-    heterogeneity,
-    ring_correlation,
-    ring_responses,
 )
-from tsis.mechanics.surrogate import build_full_contact_surrogate
+from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
 from tsis.model import (
     IMPROBABLE,
     NOT_TRUSTED,
@@ -60,7 +46,9 @@ from tsis.model import (
     Probe,
     TactileImage,
     as_images,
+    require_frames_of_probe,
     require_image_series,
+    require_one_of,
     require_same_probe,
     require_type,
 )
@@ -68,17 +56,18 @@ from tsis.model import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tsis.inclusion._prior import Floats
-    from tsis.inclusion.posterior import FieldTable, InclusionPosterior
-    from tsis.mechanics.surrogate import Box, FullContactSurrogate
+    from tsis.inclusion.posterior import InclusionPosterior
+    from tsis.mechanics.surrogate import Box, FiniteCorrection, FullContactSurrogate
     from tsis.model import LightMap
 
 
 ROUNDING = 1e-6  # of the radius
+STRAINS = ("finite", "small")
+LARGER_FACE = 1.2  # of the radius: a map of light that extends further is of another face
 
 
 def check_calibration(calibration: Calibration, probe: Probe) -> None:
-    """Refuse a missing calibration, one of another probe, or one whose map of the light ends inside the face."""
+    """Refuse a missing calibration, one of another probe, or one whose map of the light is of another face."""
     require_same_probe(probe, calibration)
     light = calibration.light
     if light is None or _is_uniform(light):
@@ -88,6 +77,11 @@ def check_calibration(calibration: Calibration, probe: Probe) -> None:
         raise NotCalibratedError(
             f"light of the calibration must extend to the rim of the face at {probe.radius_mm:g} mm; got a map that "
             f"ends at {extent:g} mm: it is of a smaller probe, so calibrate the light of this one"
+        )
+    if extent > LARGER_FACE * probe.radius_mm:
+        raise NotCalibratedError(
+            f"light of the calibration must end near the rim of the face at {probe.radius_mm:g} mm; got a map that "
+            f"extends to {extent:g} mm: it is of a larger probe, so calibrate the light of this one"
         )
 
 
@@ -105,6 +99,7 @@ def estimate(
     reference: TactileImage | Sequence[TactileImage] | None = None,
     prior: InclusionPrior | None = None,
     progress: Callable[[int, int], None] | None = None,
+    strain: str | None = None,
 ) -> Estimate:
     """Estimate an inclusion under the probe's axis, with calibrated intervals.
 
@@ -125,7 +120,11 @@ def estimate(
     prior
         Ranges of the inclusion and distributions of the tissue; `InclusionPrior` by default.
     progress
-        Called with (slabs solved, all slabs) while the surrogate of a new probe or prior is built once, in seconds.
+        Called with (solved, all) while the tables of a new probe or prior are built once: seconds at small strain,
+        minutes at finite.
+    strain
+        Mechanics of the model: ``"finite"``, or ``"small"``, which is linear and valid for light presses. By default
+        finite, but for frames of which a virtual probe says that it made them at small strain.
 
     Returns
     -------
@@ -140,8 +139,41 @@ def estimate(
     NotCalibratedError
         When the calibration is missing or of another probe.
     ImageMismatchError
-        When the images differ in scale, shape, axis or range of values.
+        When the images differ in scale, shape, axis, range of values or probe, or grey and colour files are mixed.
     """
+    return analyse(
+        images,
+        probe=probe,
+        calibration=calibration,
+        reference=reference,
+        prior=prior,
+        progress=progress,
+        strain=strain,
+    ).estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InclusionAnalysis:
+    """An estimate, and the likelihood, posterior, prior and relative error of the surrogate that it rests on."""
+
+    estimate: Estimate
+    likelihood: InclusionLikelihood
+    posterior: InclusionPosterior
+    prior: InclusionPrior
+    model_error: float
+
+
+def analyse(
+    images: TactileImage | Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    reference: TactileImage | Sequence[TactileImage] | None,
+    prior: InclusionPrior | None,
+    progress: Callable[[int, int], None] | None,
+    strain: str | None,
+) -> InclusionAnalysis:
+    """The estimate and what it rests on; parameters and errors as `estimate`."""
     targets, references = as_images("images", images), as_images("reference", reference)
     if not targets:
         raise InputError("images must hold at least one TactileImage; got none")
@@ -149,16 +181,30 @@ def estimate(
     prior = InclusionPrior() if prior is None else prior
     require_type("prior", prior, InclusionPrior)
     digests = require_image_series(targets + references)
+    require_frames_of_probe(targets + references, probe)
     box = prior.box()
     surrogate = (
         _surrogate(probe, box) if progress is None else build_full_contact_surrogate(probe, box, progress=progress)
     )
-    require_valid_forces(targets + references, surrogate, probe=probe, prior=prior)
+    strain, correction = _strain(targets + references, strain), None
+    if strain == "finite":
+        correction = (
+            _correction(probe, box) if progress is None else build_finite_correction(probe, box, progress=progress)
+        )
+    require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, correction=correction)
     response = with_gain_of_presses(references or targets, calibration, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
 
         def read(frames: list[TactileImage]) -> FrameReading:
-            return read_frames(frames, references, surrogate, probe=probe, calibration=response, prior=prior)
+            return read_frames(
+                frames,
+                references,
+                surrogate,
+                probe=probe,
+                calibration=response,
+                prior=prior,
+                correction=correction,
+            )
 
         reading = read(targets)
         of_images = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
@@ -171,7 +217,7 @@ def estimate(
             flagged.append(misfit_finding(chance, disagree=disagree))
     flagged += _contact_findings(targets + references, surrogate, reading.likelihood, result, prior)
     causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
-    return Estimate(
+    estimated = Estimate(
         samples=dict(zip(PARAMETERS, result.samples.T, strict=True)),
         prior_sd=prior.sd,
         cramer_rao_sd=cramer_rao_sd(result),
@@ -183,12 +229,16 @@ def estimate(
         trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),
         notes=tuple(note for _, note in flagged),
-        provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
+        provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests)
+        | {"strain": strain, "finite_strain_table": None if correction is None else correction.key},
     )
-
-
-LIKELY = 0.01  # chance of a shift by uneven tissue above which it is none of an inclusion
-LIKE_FORCE = 0.1  # largest relative difference of the forces of target and reference that locate the inclusion
+    return InclusionAnalysis(
+        estimate=estimated,
+        likelihood=reading.likelihood,
+        posterior=result,
+        prior=prior,
+        model_error=relative_model_error(surrogate, correction),
+    )
 
 
 @lru_cache(maxsize=4)  # reading it from disk takes as long as an estimate's search
@@ -196,41 +246,21 @@ def _surrogate(probe: Probe, box: Box) -> FullContactSurrogate:
     return build_full_contact_surrogate(probe, box)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrameReading:
-    """The likelihood of inclusions, its ring profiles, the position of the inclusion and the tissue's harmonics."""
+def _strain(frames: list[TactileImage], strain: str | None) -> str:
+    """The requested strain, else that of the presses where all frames state it."""
+    if strain is not None:
+        return require_one_of("strain", strain, STRAINS)
+    stated = {frame.settings.get("strain") for frame in frames}
+    return "small" if stated == {"small"} else "finite"
 
-    likelihood: InclusionLikelihood
-    data: Profiles
-    position: InclusionPosition | None
-    uneven: FieldHarmonics | None
+
+@lru_cache(maxsize=4)
+def _correction(probe: Probe, box: Box) -> FiniteCorrection:
+    return build_finite_correction(probe, box)
 
 
 def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
     return misfit_chance(explore_inclusion(reading.likelihood, prior), reading.data) >= IMPROBABLE
-
-
-def _position(
-    targets: list[TactileImage],
-    references: list[TactileImage],
-    calibration: Calibration,
-    probe: Probe,
-    uneven: FieldHarmonics | None,
-) -> InclusionPosition | None:
-    """Position of the inclusion by the strongest press and the reference of the nearest force."""
-    if not references:
-        return None
-    target = max(targets, key=lambda frame: frame.force_n or 0.0)
-    reference = min(references, key=lambda frame: abs((frame.force_n or 0.0) - (target.force_n or 0.0)))
-    if abs((reference.force_n or 0.0) / (target.force_n or 1.0) - 1) > LIKE_FORCE:
-        return InclusionPosition(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
-    if uneven is None:
-        return inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm)
-    causes = uneven.of_sites(1, [target, reference])
-    found = inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm, uneven=causes)
-    if found.distance_mm > OFF_AXIS_MM and uneven.shift_chance(target, reference) > LIKELY:
-        return replace(found, noise_mm=np.inf, sd_mm=np.inf)  # uneven tissue alone explains it
-    return found
 
 
 def _contact_findings(
@@ -255,65 +285,6 @@ def _contact_findings(
     ]
 
 
-def read_frames(
-    targets: list[TactileImage],
-    references: list[TactileImage],
-    surrogate: FullContactSurrogate,
-    *,
-    probe: Probe,
-    calibration: Calibration,
-    prior: InclusionPrior,
-) -> FrameReading:
-    """Ring profiles, position and likelihood of the frames of one target."""
-    frames, edges = targets + references, ring_edges(probe)
-    light = ring_light(frames[0], calibration, edges)
-    data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
-    uneven = _heterogeneity(references or targets, probe, calibration, prior, light.level)
-    position = _position(targets, references, calibration, probe, uneven)
-    offset, spread_sd = _offset(position, prior)
-    model = ForwardModel(
-        rings=ring_responses(surrogate, edges, light.level, offset_mm=offset),
-        level=light.level,
-        shading=light.shading,
-        calibration=calibration,
-        prior=prior,
-        force_n=np.array([frame.force_n for frame in frames]),
-        is_reference=np.array([False] * len(targets) + [True] * len(references)),
-        depletion_per_n=depletion_per_n(calibration, probe),
-        correlation=ring_correlation(edges, calibration.grain_mm),
-        spread_sd=spread_sd,
-        heterogeneity=None if uneven is None else uneven.hypotheses,
-    )
-    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, position=position, uneven=uneven)
-
-
-@lru_cache(maxsize=4)
-def _field_table(probe: Probe, prior: InclusionPrior) -> FieldTable:
-    return build_field_table(probe, prior)
-
-
-def _heterogeneity(
-    frames: list[TactileImage], probe: Probe, calibration: Calibration, prior: InclusionPrior, level: Floats
-) -> FieldHarmonics | None:
-    """Hypotheses on the tissue after the harmonics of the frames of one site; None for even tissue."""
-    if prior.heterogeneity_sd == 0:
-        return None
-    is_domed = probe.face_curvature_mm is not None
-    hypotheses = heterogeneity(_field_table(probe, prior), prior, ring_edges(probe), level, is_domed=is_domed)
-    before = FieldHarmonics(hypotheses=hypotheses, calibration=calibration, probe=probe)
-    return replace(before, hypotheses=hypotheses.informed(heterogeneity_evidence(frames, before)))
-
-
-def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple[float, float]:
-    """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
-    if inclusion is None or inclusion.sd_mm > prior.offset_sd_mm:
-        # An examiner aims at the axis; the limit of a square at zero is neglected.
-        return 0.0, 2 * prior.offset_sd_mm**2
-    # Noise adds twice the variance of a coordinate to the squared distance.
-    square = max(inclusion.distance_mm**2 - 2 * inclusion.sd_mm**2, 0.0)
-    return float(np.sqrt(square)), float(2 * inclusion.sd_mm * np.sqrt(square + inclusion.sd_mm**2))
-
-
 def _provenance(
     probe: Probe,
     calibration: Calibration,
@@ -326,7 +297,7 @@ def _provenance(
     return {
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
-        "method": "posterior of the radial profile: small strain, one sphere near the axis, contact over the face",
+        "method": "posterior of the radial profile: one sphere near the axis, contact over the face",
         "probe": asdict(probe),
         "calibration": calibration.provenance(),
         "prior": asdict(prior),

@@ -1,4 +1,4 @@
-"""Ring profiles of camera frames, corrected for light, and the valid range of forces."""
+"""Ring profiles of camera frames, corrected for light, the valid range of forces, and the binary image (6.11)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.imaging import radial_profile
+from tsis.imaging import Features, features, radial_profile
 from tsis.inclusion.posterior import (
     FLUX_TERMS,
     GROWTH_TERMS,
@@ -21,7 +21,7 @@ from tsis.inclusion.posterior import (
     shading_of,
 )
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
-from tsis.model import MN_PER_N, TactileImage
+from tsis.model import MN_PER_N, TactileImage, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion._prior import Floats, InclusionPrior
-    from tsis.mechanics.surrogate import FullContactSurrogate, Surrogate
+    from tsis.mechanics.surrogate import FiniteCorrection, FullContactSurrogate, Surrogate
     from tsis.model import Calibration, LightMap, Probe
 
 
@@ -191,10 +191,20 @@ def ring_profiles(
 
 
 def require_valid_forces(
-    frames: Sequence[TactileImage], surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior
+    frames: Sequence[TactileImage],
+    surrogate: FullContactSurrogate,
+    *,
+    probe: Probe,
+    prior: InclusionPrior,
+    correction: FiniteCorrection | None = None,
 ) -> None:
-    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond small strain."""
-    least, most = covering_force_n(surrogate, prior, None), largest_force_n(surrogate, probe=probe, prior=prior)
+    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond the model's strain."""
+    least, end = covering_force_n(surrogate, prior, None), f"a nominal strain of {STRAIN_LIMIT:g}"
+    if correction is None:
+        most = largest_force_n(surrogate, probe=probe, prior=prior)
+    else:
+        _, most = correction.forces_n(prior.tissue_young_kpa, prior.thickness_mm)
+        end = "the end of the probe's table of finite strain"
     if least > most:
         raise InputError(
             f"no force is valid for this probe on tissue of {prior.tissue_young_kpa:g} kPa: its whole dome touches "
@@ -205,7 +215,7 @@ def require_valid_forces(
         if not least <= force <= most:
             whole = f"from {_up(least):g} N, at which the whole dome touches, " if least > 0 else ""
             raise InputError(
-                f"force_n must be {whole}up to {_down(most):g} N, a nominal strain of {STRAIN_LIMIT:g}, on tissue of "
+                f"force_n must be {whole}up to {_down(most):g} N, {end}, on tissue of "
                 f"{prior.tissue_young_kpa:g} kPa; got {force:g} N for {frame.name or 'an image'!r}: press at a force "
                 "in between"
             )
@@ -251,3 +261,39 @@ def nominal_strains(surrogate: FullContactSurrogate, *, probe: Probe, prior: Inc
 
     at_zero = 0.0 if surrogate.shape is None else strain(surrogate.shape.approach_mm)
     return at_zero, strain(surrogate.unit.approach_mm)
+
+
+def binary_image(image: TactileImage, threshold_grey: float) -> TactileImage:
+    """Full scale where the image reaches the threshold, zero elsewhere (6.11).
+
+    Parameters
+    ----------
+    image
+        The image; the result has its scale, axis and full scale.
+    threshold_grey
+        In grey levels, at most the full scale above or below zero.
+
+    Raises
+    ------
+    InputError
+        When the threshold lies outside its range.
+
+    Examples
+    --------
+    >>> from tsis.model import TactileImage
+    >>> binary_image(TactileImage(grey=[[3.0, 5.0, 9.0]]), 5.0).grey.tolist()
+    [[0.0, 255.0, 255.0]]
+    """
+    require_number("threshold_grey", threshold_grey, -image.full_scale, image.full_scale)
+    return replace(image, grey=np.where(image.grey >= threshold_grey, image.full_scale, 0.0))
+
+
+def binary_features(image: TactileImage, threshold_grey: float) -> Features:
+    """Position and shape of the largest part above a threshold, which the whole picture must not exceed."""
+    binary = binary_image(image, threshold_grey)
+    if binary.grey.min() > 0:
+        raise InputError(
+            f"some of the picture must lie below the threshold of {threshold_grey:.4g} grey levels; "
+            "got one with all pixels above it (cropped, overexposed, or with the wrong reference)"
+        )
+    return features(binary, method="half")

@@ -6,12 +6,13 @@ import lazy_loader
 
 from tsis.matching._fit import UNMATCHED
 from tsis.matching._point_files import csv_text, read_points
-from tsis.matching._registration import METHODS, Registration, match_points, register
+from tsis.matching._registration import METHODS, Alternative, Registration, match_points, register
 from tsis.matching._spline import ThinPlateSpline, fit_spline, spread_out
 
 __all__ = [
     "METHODS",
     "UNMATCHED",
+    "Alternative",
     "Registration",
     "ThinPlateSpline",
     "csv_text",

@@ -5,6 +5,9 @@ as wide as the points at the start. Alternating normalisation (Sinkhorn) makes t
 outlier, sum to one. The spline is fitted to the weighted targets with the ridges ``BENDING T`` on its bending and
 ``ROTATION T`` on the change of its affine part, both times the number of points. Then T falls.
 
+`annealed_map` pairs points in the same way with an affine map and a smooth displacement field of given prior variances,
+which small samples and many starts need.
+
 Only the sum of each source point's weights and its weighted sum of targets are computed. Pairs farther than `CUT_OFF`
 are omitted. Large sets are sampled at high temperatures, with more points as T falls, so that each point has a few
 pairs.
@@ -19,8 +22,8 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
-from tsis.matching._fit import Floats, Integers, ridge_solution
-from tsis.matching._spline import spread_order
+from tsis.matching._fit import Floats, Integers, MatchFit, nearest_pairs, ridge_solution, spacing
+from tsis.matching._spline import spline_basis, spread_order, spread_out
 
 if TYPE_CHECKING:
     from tsis.matching._spline import SplineBasis
@@ -208,3 +211,118 @@ def _fit_spline(basis: SplineBasis, paired: Floats, drawn: Floats, temperature: 
     ridge[basis.bent + 1 :] = ROTATION * scale
     right[basis.bent + 1 :] += ridge[basis.bent + 1 :, None] * initial
     return ridge_solution(normal, right, ridge)
+
+
+FACTOR, ROUNDS = 0.9, 4  # of the published cooling
+COLDEST = 0.35  # last standard deviation, of the distance between neighbours
+CONTROL_POINTS = 150
+
+
+def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
+    """Match normalised points, shapes (n, d) and (m, d), by annealing, which is deterministic."""
+    del rng
+    basis = spline_basis(source, control=spread_out(source, CONTROL_POINTS))
+    step = max(spacing(source), spacing(target))
+    cooling = Cooling(factor=FACTOR, start=START, end=(COLDEST * step) ** 2, rounds=ROUNDS)
+    coordinates = anneal(basis, basis.rest, target, cooling)
+    matches, trust = nearest_pairs(basis.design @ coordinates, target, tolerance=step)
+    return MatchFit(move=basis.spline(coordinates), matches=matches, trust=trust)
+
+
+NO_PARTNER = 3.0  # standard deviations: an unmatched point is as likely as a partner at that distance
+FIELD_BALANCINGS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AnnealedMap:
+    """Coordinates of a map, shape (k, d), and its penalised log likelihood at the last standard deviation."""
+
+    coordinates: Floats
+    score: float
+
+
+def annealed_map(
+    design: Floats, ridge: Floats, target: Floats, start: Floats, sigmas: Floats, *, rounds: int = 1
+) -> AnnealedMap:
+    """Alternate soft pairs at falling ``sigmas`` and ridge regression on ``design``, shape (n, k), from ``start``.
+
+    The ridge, shape (k,), is the inverse prior variance of each coordinate about its start.
+    """
+    coordinates, score = _annealed(design, ridge, target, np.ascontiguousarray(start), sigmas, rounds)
+    return AnnealedMap(coordinates=coordinates, score=score)
+
+
+@fused
+def balanced_pairs(moved: Floats, target: Floats, sigma: float, rounds: int) -> Floats:
+    """Soft pairs, shape (n, m), whose rows and columns sum to at most about one."""
+    n, dimension = moved.shape
+    m = len(target)
+    near = np.empty((n, m))
+    alone = np.exp(-0.5 * NO_PARTNER**2)
+    rows, columns = np.ones(n), np.ones(m)
+    scale = -0.5 / sigma**2
+    for i in range(n):
+        for j in range(m):
+            away = 0.0
+            for axis in range(dimension):
+                away += (moved[i, axis] - target[j, axis]) ** 2
+            near[i, j] = np.exp(scale * away) if scale * away > -12.0 else 0.0
+    for _ in range(rounds):
+        totals = np.full(m, alone)
+        for i in range(n):
+            total = alone
+            for j in range(m):
+                total += near[i, j] * columns[j]
+            rows[i] = 1 / total
+            for j in range(m):
+                totals[j] += near[i, j] * rows[i]
+        for j in range(m):
+            columns[j] = 1 / totals[j]
+    for i in range(n):
+        for j in range(m):
+            near[i, j] *= rows[i] * columns[j]
+    return near
+
+
+@fused
+def _annealed(
+    design: Floats, ridge: Floats, target: Floats, start: Floats, sigmas: Floats, rounds: int
+) -> tuple[Floats, float]:
+    n, k = design.shape
+    dimension = target.shape[1]
+    coordinates = start.copy()
+    weighted = np.empty((n, k))
+    for sigma in sigmas:
+        for _ in range(rounds):
+            pairs = balanced_pairs(np.ascontiguousarray(design @ coordinates), target, sigma, FIELD_BALANCINGS)
+            drawn = pairs @ target
+            for i in range(n):
+                paired = pairs[i].sum()
+                for c in range(k):
+                    weighted[i, c] = design[i, c] * paired
+            normal = weighted.T @ design
+            right = design.T @ drawn
+            for c in range(k):
+                normal[c, c] += ridge[c] * sigma**2
+                for axis in range(dimension):
+                    right[c, axis] += ridge[c] * sigma**2 * start[c, axis]
+            coordinates = np.ascontiguousarray(np.linalg.solve(normal, right))
+    moved = np.ascontiguousarray(design @ coordinates)
+    return coordinates, _score(moved, target, sigmas[-1], ridge, coordinates, start)
+
+
+@fused
+def _score(moved: Floats, target: Floats, sigma: float, ridge: Floats, coordinates: Floats, start: Floats) -> float:
+    score = 0.0
+    for j in range(len(target)):
+        total = np.exp(-0.5 * NO_PARTNER**2)
+        for i in range(len(moved)):
+            away = 0.0
+            for axis in range(target.shape[1]):
+                away += (moved[i, axis] - target[j, axis]) ** 2
+            total += np.exp(-0.5 * away / sigma**2)
+        score += np.log(total)
+    for c in range(len(ridge)):
+        for axis in range(target.shape[1]):
+            score -= 0.5 * ridge[c] * (coordinates[c, axis] - start[c, axis]) ** 2
+    return score

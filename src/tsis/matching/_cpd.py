@@ -14,8 +14,7 @@ from scipy.linalg.lapack import dpstrf
 from scipy.spatial.distance import cdist
 
 from tsis.compiled import compiled
-from tsis.matching._fit import Floats, MatchFit, ridge_solution
-from tsis.matching._pairing import TOLERANCE_SD, nearest_pairs, spacing
+from tsis.matching._fit import TOLERANCE_SD, Floats, MatchFit, nearest_pairs, ridge_solution, spacing
 
 WIDTH = 2.0  # beta of the paper, in root-mean-square radii of the points
 STIFFNESS = 2.0  # lambda of the paper

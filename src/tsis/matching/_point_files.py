@@ -1,4 +1,4 @@
-"""Read and write point sets: CSV, NPY and PLY files."""
+"""Read and write point sets: CSV, NPY and PLY files, and contours of images."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from tsis.errors import FileInputError
 from tsis.files import as_path, file_size, npy_layout, printable_path, read_bytes, text_lines
-from tsis.matching._pairing import MOST_POINTS
+from tsis.matching._fit import MOST_POINTS
 
 if TYPE_CHECKING:
     import os
@@ -125,6 +125,9 @@ def _binary(body: bytes, vertices: Vertices, axes: Sequence[str]) -> Floats:
 LARGEST_BYTES = 160 * 2**20
 AXES = ("x", "y", "z")
 NPY_MAGIC = b"\x93NUMPY"
+IMAGE_MAGIC = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM", b"II*\0", b"MM\0*")
+CONTOUR_POINTS, LEAST_CONTOUR = 100, 0.25
+CONTOUR_SMOOTHING = 1.0  # standard deviation of the blur, in pixels
 
 
 def read_points(path: str | os.PathLike[str]) -> Floats:
@@ -136,7 +139,8 @@ def read_points(path: str | os.PathLike[str]) -> Floats:
         CSV, a point per line, with two or three columns, or any columns under a first line that names x and y (and z);
         commas, semicolons, tabs or spaces separate columns, and lines that begin with # are ignored. NPY, an array of
         shape (n, 2) or (n, 3). PLY, text or binary, with vertices of x and y (and z); vertices of equal z are points
-        of the plane.
+        of the plane. An image (PNG, JPEG, BMP or TIFF): `CONTOUR_POINTS` points evenly along the contours at Otsu's
+        threshold that are at least `LEAST_CONTOUR` as long as the longest, in pixels with y upwards.
 
     Returns
     -------
@@ -158,7 +162,7 @@ def read_points(path: str | os.PathLike[str]) -> Floats:
         )
     content = read_bytes(path)
     try:
-        points = _parsed(content)
+        points = image_contours(path) if content.startswith(IMAGE_MAGIC) else _parsed(content)
     except FileInputError as error:
         raise FileInputError(f"{printable_path(path)}: {error}") from error
     points.flags.writeable = False
@@ -195,6 +199,32 @@ def _parsed(content: bytes) -> Floats:
         flat = points.shape[1] == 3 and bool(np.all(points[:, 2] == points[0, 2]))
         return np.array(points[:, :2]) if flat else points
     return _csv(content)
+
+
+def image_contours(path: str | os.PathLike[str]) -> Floats:
+    """Points evenly along the contours of an image file, shape (n, 2), in pixels with y upwards; see `read_points`."""
+    from scipy.ndimage import gaussian_filter
+    from skimage.filters import threshold_otsu
+    from skimage.measure import find_contours
+
+    from tsis.instrument import read_image
+
+    grey = np.asarray(read_image(path).grey, dtype=float)
+    if grey.min() == grey.max():
+        raise FileInputError(f"an image must show a contour; got {grey.shape[0]} x {grey.shape[1]} equal pixels")
+    smooth = gaussian_filter(grey, CONTOUR_SMOOTHING, mode="nearest")
+    lines = find_contours(smooth, float(threshold_otsu(smooth)))  # type: ignore[no-untyped-call]
+    lengths = [float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in lines]
+    long = [number for number, length in enumerate(lengths) if length >= LEAST_CONTOUR * max(lengths)]
+    total = sum(lengths[number] for number in long)
+    parts = []
+    for number in long:
+        line, count = lines[number], max(round(CONTOUR_POINTS * lengths[number] / total), 3)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        at = np.linspace(0.0, along[-1], count, endpoint=not np.array_equal(line[0], line[-1]))
+        rows, columns = (np.interp(at, along, line[:, axis]) for axis in range(2))
+        parts.append(np.column_stack([columns, grey.shape[0] - 1 - rows]))
+    return np.concatenate(parts)
 
 
 def _npy(content: bytes) -> Floats:
@@ -240,9 +270,9 @@ def _require_text(start: bytes) -> None:
     try:
         text = codecs.getincrementaldecoder("utf-8")().decode(start)  # the sample may end within a character
     except UnicodeDecodeError as error:
-        raise FileInputError("it must be CSV, NPY or PLY; got bytes that are none of these") from error
+        raise FileInputError("it must be CSV, NPY or PLY, or an image; got bytes that are none of these") from error
     if "\0" in text:
-        raise FileInputError("it must be CSV, NPY or PLY; got bytes that are none of these")
+        raise FileInputError("it must be CSV, NPY or PLY, or an image; got bytes that are none of these")
 
 
 def _columns(heads: list[str], *, named: bool) -> list[int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -11,16 +10,26 @@ import numpy as np
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
+from tsis.matching import _annealing as tps_rpm
 from tsis.matching import _cpd as cpd
+from tsis.matching import _posterior as tprl
 from tsis.matching import _rpm_lns as rpm_lns
 from tsis.matching import _shape_context as shape_context
-from tsis.matching import _tprl as tprl
-from tsis.matching import _tps_rpm as tps_rpm
-from tsis.matching._evidence import log_evidence
-from tsis.matching._fit import UNMATCHED, Booleans, Floats, Integers, NormalFrame, require_points, transformed_in_blocks
-from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
-from tsis.matching._spline import spline_basis, spread_indices, spread_out
-from tsis.model import require_array, require_one_of, require_type
+from tsis.matching._fit import (
+    MOST_POINTS,
+    UNMATCHED,
+    Booleans,
+    Floats,
+    Integers,
+    NormalFrame,
+    drawn,
+    matched_all,
+    require_points,
+    transformed_in_blocks,
+)
+from tsis.matching._posterior import RELIABLE, WIDEST_DEG, is_collapsed, is_sound, pose_posterior, probability_right
+from tsis.matching._spline import spread_out
+from tsis.model import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,48 +37,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tsis.matching._fit import MatchFit, MatchMethod, Move
-
-
-RELIABLE = 0.5
-SCALE = 3.0  # of log evidence, over which confidence rises from 1/4 to 3/4
-MOST = 600  # points of each set that enter the confidence
-PASSING = 1e-6  # bending ridge of the spline through the transformed points
-
-
-def confidence_of(fit: MatchFit, source: Floats, target: Floats) -> float:
-    """Confidence in [0, 1] of a fit of normalised points: from its evidence over that of unrelated sets.
-
-    Unrelated points are uniform or one normal cloud, whichever is likelier; Schwarz's criterion penalises the affine
-    part of the map. A wrong fit of high evidence, as of a shape on half of another, is not detected.
-    """
-    dimension = source.shape[1]
-    if np.count_nonzero(fit.matches != UNMATCHED) < dimension + 2:
-        return 0.0
-    here = source[spread_indices(source, MOST)] if len(source) > MOST else source
-    there = target[spread_indices(target, MOST)] if len(target) > MOST else target
-    basis = spline_basis(here)
-    coordinates = basis.coordinates(fit.move(here), bending=PASSING)
-    evidence = log_evidence(basis, coordinates, there) - _affine_penalty(there) - _normal_over_uniform(there)
-    return float(1 / (1 + np.exp(np.clip(-evidence / SCALE, -50, 50))))
-
-
-def _affine_penalty(target: Floats) -> float:
-    """Expected gain of an affine map fitted to unrelated points (Schwarz's criterion)."""
-    dimension = target.shape[1]
-    return float(0.5 * dimension * (dimension + 1) * np.log(target.size))
-
-
-def _normal_over_uniform(target: Floats) -> float:
-    """Log probability of the points as one normal cloud over that of uniform points in their box; at least 0."""
-    count, dimension = target.shape
-    _, volume = np.linalg.slogdet(np.cov(target, rowvar=False, bias=True))
-    box = float(np.log(np.ptp(target, axis=0)).sum())
-    return float(max(0.0, count * (box - 0.5 * (dimension * math.log(2 * math.pi * math.e) + volume))))
+    from tsis.matching._posterior import LikelyPose, PosePosterior
 
 
 FEWEST = 4  # points: three in the plane fit any affine map
 FEW = {2: 9, 3: 16}  # points, by dimension, below which a bent map fits unrelated sets
 LARGEST = 1e100  # coordinate whose square does not overflow
+SHARPEST_DEG = 0.1  # least standard deviation of a rotation
 THIN = 1e-6  # extent across a line or plane, of that along it, that may be rounding
 
 METHODS: Mapping[str, MatchMethod] = MappingProxyType(
@@ -81,6 +55,25 @@ METHODS: Mapping[str, MatchMethod] = MappingProxyType(
         "shape-context": shape_context.fit,
     }
 )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Alternative:
+    """A pose that the data allow.
+
+    Attributes
+    ----------
+    moved
+        The source's points in this pose, shape (n, d).
+    rotation_deg
+        Angle of its rotation, in [0, 180].
+    probability
+        Posterior probability of all maps about this pose, in [0, 1].
+    """
+
+    moved: Floats
+    rotation_deg: float
+    probability: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,9 +91,12 @@ class Registration:
     trust
         Confidence of each match, in [0, 1], shape (n,); 0 where there is none.
     confidence
-        Confidence of the registration, in [0, 1].
+        Calibrated probability that the root-mean-square error is at most 0.1 of a unit box about the shape, in [0, 1].
     reliable
-        Whether the confidence suffices. Otherwise nothing is matched and the transform is the identity.
+        Whether the confidence is at least 0.999. Otherwise nothing is matched and the transform is the identity.
+    alternatives
+        Poses that the data allow and that differ by more than that error, by falling probability; a symmetric shape has
+        several. The first is the pose of ``"tprl"``.
     notes
         Warnings, a message each.
     move
@@ -115,6 +111,7 @@ class Registration:
     reliable: bool
     notes: tuple[str, ...]
     move: Move
+    alternatives: tuple[Alternative, ...] = ()
 
     def transform(self, points: ArrayLike) -> Floats:
         """Transform points of the source's space, shape (k, d).
@@ -137,7 +134,12 @@ class Registration:
 
 
 def register(
-    source: ArrayLike, target: ArrayLike, *, method: str = "tprl", rng: np.random.Generator | None = None
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    method: str = "tprl",
+    rng: np.random.Generator | None = None,
+    rotation_sd_deg: float | None = None,
 ) -> Registration:
     """Match two point sets that differ by a smooth deformation; points of either may be missing in the other.
 
@@ -151,6 +153,10 @@ def register(
         small rotation between the sets.
     rng
         Random generator, for samples of large sets and for methods that need it; seeded with 0 by default.
+    rotation_sd_deg
+        Standard deviation of the rotation between the sets that is expected before they are compared, in (0, 1000]; at
+        1000 all rotations are equally likely. By default four of five pairs of sets are the same way up within 20
+        degrees, and the fifth is rotated by any angle.
 
     Raises
     ------
@@ -170,12 +176,17 @@ def register(
     >>> registration.transform([[0.0, 0.0]]).round(0).tolist()
     [[3.0, 1.0]]
     """
-    result = match_points(source, target, method=method, rng=rng)
+    result = match_points(source, target, method=method, rng=rng, rotation_sd_deg=rotation_sd_deg)
     return result if result.reliable else _withheld(result, np.array(source, dtype=float))
 
 
 def match_points(
-    source: ArrayLike, target: ArrayLike, *, method: str = "tprl", rng: np.random.Generator | None = None
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    method: str = "tprl",
+    rng: np.random.Generator | None = None,
+    rotation_sd_deg: float | None = None,
 ) -> Registration:
     """Match two point sets as `register` does, but return unreliable matches too.
 
@@ -189,8 +200,41 @@ def match_points(
         )
     rng = np.random.default_rng(0) if rng is None else rng
     require_type("rng", rng, np.random.Generator)
+    if rotation_sd_deg is not None:
+        require_number("rotation_sd_deg", rotation_sd_deg, SHARPEST_DEG, WIDEST_DEG)
     with one_blas_thread():
-        return _match(method, source, target, rng)
+        return _match(method, source, target, rng, rotation_sd_deg)
+
+
+def _match(
+    method: str, source: Floats, target: Floats, rng: np.random.Generator, rotation_sd_deg: float | None
+) -> Registration:
+    start, end = NormalFrame.of(source), NormalFrame.of(target)
+    here, there = start.inward(source), end.inward(target)
+    sample = drawn(here, there, rng=rng)
+    fit, posterior, confidence = confidence_and_posterior(method, *sample, rng=rng, rotation_sd_deg=rotation_sd_deg)
+    notes = []
+    if min(map(len, sample)) < FEW[source.shape[1]]:
+        notes.append("so few points fit almost any others; the confidence means little")
+    if len(sample[0]) < len(here) or len(sample[1]) < len(there):
+        fit = matched_all(fit, here, there)
+        notes.append(
+            f"{len(source):,} and {len(target):,} points are too many for tables of all pairs; "
+            f"{len(sample[0]):,} and {len(sample[1]):,} drawn from them were matched"
+        )
+
+    registration = Registration(
+        method=method,
+        moved=source,
+        matches=fit.matches,
+        trust=fit.trust,
+        confidence=confidence,
+        reliable=confidence >= RELIABLE,
+        notes=tuple(notes),
+        move=_FramedMove(start=start, end=end, move=fit.move),
+        alternatives=tuple(_outward(pose, here, end) for pose in posterior.alternatives()),
+    )
+    return replace(registration, moved=registration.transform(source))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -205,39 +249,51 @@ class _FramedMove:
         return self.end.outward(self.move(self.start.inward(points)))
 
 
-def _match(method: str, source: Floats, target: Floats, rng: np.random.Generator) -> Registration:
-    start, end = NormalFrame.of(source), NormalFrame.of(target)
-    here, there = start.inward(source), end.inward(target)
-    source_sample, target_sample = drawn(here, there, rng=rng)
-    fit = METHODS[method](source_sample, target_sample, rng=rng)
-    confidence = confidence_of(fit, source_sample, target_sample)
-    notes = []
-    if min(len(source_sample), len(target_sample)) < FEW[source.shape[1]]:
-        notes.append("so few points fit almost any others; the confidence means little")
-    if len(source_sample) < len(here) or len(target_sample) < len(there):
-        fit = matched_all(fit, here, there)
-        notes.append(
-            f"{len(source):,} and {len(target):,} points are too many for tables of all pairs; "
-            f"{len(source_sample):,} and {len(target_sample):,} drawn from them were matched"
-        )
+def confidence_and_posterior(
+    method: str,
+    source: Floats,
+    target: Floats,
+    *,
+    rng: np.random.Generator | None = None,
+    rotation_sd_deg: float | None = None,
+) -> tuple[MatchFit, PosePosterior, float]:
+    """The method's fit of normalised points, the posterior over poses that judges it, and its confidence."""
+    rng = np.random.default_rng(0) if rng is None else rng
+    fit, posterior = _fitted(method, source, target, rng, rotation_sd_deg)
+    return fit, posterior, _confidence(fit, posterior, source)
 
-    registration = Registration(
-        method=method,
-        moved=source,
-        matches=fit.matches,
-        trust=fit.trust,
-        confidence=confidence,
-        reliable=confidence >= RELIABLE,
-        notes=tuple(notes),
-        move=_FramedMove(start=start, end=end, move=fit.move),
-    )
-    return replace(registration, moved=registration.transform(source))
+
+def _fitted(
+    method: str, source: Floats, target: Floats, rng: np.random.Generator, rotation_sd_deg: float | None
+) -> tuple[MatchFit, PosePosterior]:
+    """The method's fit, and the posterior over poses that judges it."""
+    if METHODS.get(method) is tprl.fit:
+        posterior = pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg)
+        return tprl.fit(source, target, rng=rng, posterior=posterior), posterior
+    fit = METHODS[method](source, target, rng=rng)
+    also = fit.move(source)
+    return fit, pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg, also=also)
+
+
+def _confidence(fit: MatchFit, posterior: PosePosterior, source: Floats) -> float:
+    """Calibrated probability of a fit of normalised points; 0 without enough matches, and for folded or flat maps."""
+    moved = fit.move(source)
+    few = np.count_nonzero(fit.matches != UNMATCHED) < source.shape[1] + 2
+    if few or is_collapsed(posterior) or not is_sound(fit.move, source):
+        return 0.0
+    return probability_right(posterior, moved)
+
+
+def _outward(pose: LikelyPose, source: Floats, end: NormalFrame) -> Alternative:
+    """A pose of normalised points in the target's unit."""
+    moved = end.outward(transformed_in_blocks(pose.move, source))
+    return Alternative(moved=moved, rotation_deg=pose.rotation_deg, probability=pose.probability)
 
 
 def _withheld(registration: Registration, source: Floats) -> Registration:
     """The registration with the identity as its transform and no matches."""
     note = (
-        f"no reliable match: confidence {registration.confidence:.2f} lies below {RELIABLE:g}; no point was transformed"
+        f"no reliable match: confidence {registration.confidence:.3f} lies below {RELIABLE:g}; no point was transformed"
     )
     return replace(
         registration,

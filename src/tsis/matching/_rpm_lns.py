@@ -16,9 +16,8 @@ from scipy.sparse import csr_array
 from scipy.spatial import KDTree
 
 from tsis.compiled import compiled
-from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit
-from tsis.matching._log_polar import chi_squared, histograms
-from tsis.matching._pairing import assign
+from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit, assign
+from tsis.matching._shape_context import chi_squared, histograms
 from tsis.matching._spline import spline_basis
 
 if TYPE_CHECKING:

@@ -1,5 +1,6 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
+from tsis.model._budget import QuantityBudget, UncertaintyComponent
 from tsis.model._calibration import Calibration, LightMap
 from tsis.model._content import ContentValue
 from tsis.model._estimate import (
@@ -29,6 +30,7 @@ from tsis.model._image_series import (
     grey_sha256,
     image_from_xarray,
     image_stack,
+    require_frames_of_probe,
     require_image_series,
     require_same_probe,
 )
@@ -74,9 +76,11 @@ __all__ = [
     "PressField",
     "PressMap",
     "Probe",
+    "QuantityBudget",
     "Relaxation",
     "SoftSphere",
     "TactileImage",
+    "UncertaintyComponent",
     "as_images",
     "freeze_arrays",
     "freeze_mappings",
@@ -89,6 +93,7 @@ __all__ = [
     "probability_text",
     "require_array",
     "require_ascending",
+    "require_frames_of_probe",
     "require_image_numbers",
     "require_image_series",
     "require_integer",

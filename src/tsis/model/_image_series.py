@@ -57,6 +57,17 @@ def require_same_probe(probe: Probe, calibration: Calibration) -> None:
         )
 
 
+def require_frames_of_probe(frames: Sequence[TactileImage], probe: Probe) -> None:
+    """Refuse, with `ImageMismatchError`, frames whose settings name another probe."""
+    for frame in frames:
+        other = frame.settings.get("probe")
+        if other and probe.name and other != probe.name:
+            raise ImageMismatchError(
+                f"images must be of the probe {probe.name!r:.80}; {frame.name or 'an image'!r} was taken with "
+                f"{other!r:.80}: give the probe and the calibration that belong to the frame"
+            )
+
+
 def require_image_series(frames: list[TactileImage]) -> list[str]:
     """Check that the frames have a force and a scale, fit each other, and differ.
 
@@ -69,7 +80,7 @@ def require_image_series(frames: list[TactileImage]) -> list[str]:
     InputError
         When a force or a scale is unknown, or a frame occurs twice.
     ImageMismatchError
-        When the frames differ in shape, scale, axis or range of values.
+        When the frames differ in shape, scale, axis or range of values, or grey and colour files are mixed.
     """
     first, digests = frames[0], list[str]()
     for frame in frames:
@@ -85,6 +96,12 @@ def require_image_series(frames: list[TactileImage]) -> list[str]:
             raise ImageMismatchError(
                 f"all images must share the shape {first.grey.shape} and axis_px {first.axis_px}; "
                 f"{label!r} has {frame.grey.shape} and {frame.axis_px}"
+            )
+        kind, other = first.settings.get("kind"), frame.settings.get("kind")
+        if kind and other and kind != other:
+            raise ImageMismatchError(
+                f"all images must be {kind} files; {label!r} is a {other} one, of another camera or mode: record all "
+                "in one mode"
             )
         digest = grey_sha256(frame.grey)
         if digest in digests:

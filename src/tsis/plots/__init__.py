@@ -13,7 +13,14 @@ from tsis.plots._detection import (
 from tsis.plots._estimate import LABELS, design_errors, marginal, posterior, trade_off
 from tsis.plots._hardness import contact_growth, contact_rows, modulus, modulus_readings
 from tsis.plots._image import relief, ring_profile, tactile_image
-from tsis.plots._matching import TRIAL_COLOURS, curves_over_levels, point_sets, trial_errors
+from tsis.plots._matching import (
+    TRIAL_COLOURS,
+    alternative_pose,
+    curves_over_levels,
+    point_sets,
+    trial_errors,
+    warped_grid,
+)
 from tsis.plots._optics import (
     guide_index,
     guide_light,
@@ -29,6 +36,7 @@ __all__ = [
     "LABELS",
     "TRIAL_COLOURS",
     "agreement_limits",
+    "alternative_pose",
     "contact_growth",
     "contact_rows",
     "curves_over_levels",
@@ -64,4 +72,5 @@ __all__ = [
     "tactile_image",
     "trade_off",
     "trial_errors",
+    "warped_grid",
 ]

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from matplotlib.axes import Axes
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
+    from tsis.matching import Alternative
     from tsis.matching.trials import TrialSummary
 
 
@@ -22,6 +23,7 @@ CURVE_MARKS = "ovs^Dp*Xhd<>"
 NAMES = {"failures": "share of failures", "seconds": "median time / s"}
 FEW, LARGE, SMALL = 300, 18.0, 4.0  # points up to which the dots are large
 MOST_DRAWN = 5000  # points of each set
+GRID, GRID_LINES, GRID_SAMPLES, GRID_MARGIN = "0.8", 16, 60, 0.05
 
 
 def point_sets(
@@ -58,6 +60,29 @@ def point_sets(
     if first.shape[1] == 3:
         surface.set_zlabel("z")
     ax.legend(loc="best", fontsize="small")
+    return ax
+
+
+def warped_grid(transform: Callable[[NDArray[np.float64]], NDArray[np.float64]], source: ArrayLike, ax: Axes) -> Axes:
+    """Draw the image of a square grid about the source's points, shape (n, 2), under a transform of points (k, 2)."""
+    points = np.asarray(source, dtype=float)
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = GRID_MARGIN * (high - low).max()
+    low, high = low - margin, high + margin
+    step = (high - low).max() / GRID_LINES
+    for axis in range(2):
+        along = np.linspace(low[axis], high[axis], GRID_SAMPLES)
+        for at in np.arange(low[1 - axis], high[1 - axis] + step / 2, step):
+            line = np.empty((GRID_SAMPLES, 2))
+            line[:, axis], line[:, 1 - axis] = along, at
+            ax.plot(*transform(line).T, color=GRID, linewidth=0.6, zorder=0)
+    return ax
+
+
+def alternative_pose(alternative: Alternative, target: ArrayLike, ax: Axes) -> Axes:
+    """Draw the source in one of the poses that the data allow over the target, with its rotation and probability."""
+    point_sets(alternative.moved, target, ax, source_label="source", target_label="target")
+    ax.set_title(f"rotation {alternative.rotation_deg:.0f}°, probability {alternative.probability:.3g}")
     return ax
 
 

@@ -127,6 +127,8 @@ def _frame(frame: Mapping[str, Any], frames: Mapping[str, str]) -> dict[str, Any
 def _options(options: Mapping[str, Any], kind: str) -> dict[str, Any]:
     numbers = {name: options[name] for name in OPTIONS[kind] if _is_number(options.get(name))}
     prior = _prior(options.get("prior"), kind)
+    if "strain" in OPTIONS[kind] and options.get("strain") in ("finite", "small"):
+        numbers["strain"] = options["strain"]
     return numbers | ({"prior": prior} if prior else {})
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 REFERENCE_ROLES = {"inclusion": "plain", "hardness": "ball"}  # role of the reference presses
 PRIORS: Mapping[str, type[InclusionPrior | HardnessPrior]] = {"inclusion": InclusionPrior, "hardness": HardnessPrior}
 OPTIONS = {  # beside the prior
-    "inclusion": (),
+    "inclusion": ("strain",),
     "hardness": ("radius_mm", "radius_sd_mm", "reference_radius_mm", "blur_mm", "drift_sd"),
 }
 
@@ -95,6 +95,7 @@ def estimate_stored(
     call = dict(options) | ({"prior": _prior(request.kind, options["prior"])} if "prior" in options else {})
     call |= {"probe": probe, "reference": reference, "progress": progress}
     if request.kind == ESTIMATES[0]:
+        call.setdefault("strain", "small")  # records without the option are of releases before finite strain
         response = max(response, other, key=lambda item: item.force_sd)
         result = tsis.inclusion.estimate(ready, calibration=response, **call)
     else:

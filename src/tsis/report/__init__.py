@@ -32,6 +32,7 @@ from tsis.report._design import (
     searched_design,
 )
 from tsis.report._document import (
+    budget_document,
     envelope,
     estimate_document,
     estimate_messages,
@@ -57,7 +58,8 @@ from tsis.report._hardness import (
     hardness_report,
     hardness_rows,
 )
-from tsis.report._inclusion import inclusion_report
+from tsis.report._inclusion import budget_notes, budget_tables, inclusion_report
+from tsis.report._matching import draw_poses, draw_registration, registration_report
 from tsis.report._page import Card, Page, Picture, Table, address, html
 from tsis.report._records import (
     entered_text,
@@ -98,6 +100,9 @@ __all__ = [
     "address",
     "analyse_designs",
     "analyse_image",
+    "budget_document",
+    "budget_notes",
+    "budget_tables",
     "calibration_document",
     "calibration_notes",
     "calibration_page",
@@ -117,6 +122,8 @@ __all__ = [
     "design_page",
     "design_rows",
     "draw_errors",
+    "draw_poses",
+    "draw_registration",
     "entered_text",
     "envelope",
     "estimate_cards",
@@ -138,6 +145,7 @@ __all__ = [
     "recomputation_document",
     "recomputation_message",
     "recomputation_notes",
+    "registration_report",
     "report_of_stored_target",
     "require_absent",
     "sd_text",

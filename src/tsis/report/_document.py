@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tsis.imaging import Contact, Features, RadialProfile
-    from tsis.model import Estimate
+    from tsis.inclusion import UncertaintyBudget
+    from tsis.model import Estimate, QuantityBudget
 
 
 NOT_SCALAR = ("profile", "patch")
@@ -52,6 +53,33 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = No
         "flags": list(estimate.flags),
         "notes": list(estimate.printed_notes),
         "provenance": dict(estimate.provenance),
+    }
+
+
+def budget_document(budget: UncertaintyBudget, forces: Mapping[str, QuantityBudget]) -> dict[str, Any]:
+    """Uncertainty budgets of an estimate's parameters and of the ``forces`` by the name of the frame."""
+    return {
+        "parameters": {name: _quantity(quantity) for name, quantity in budget.quantities.items()},
+        "withheld": budget.withheld,
+        "forces": [{"image": name, **_quantity(quantity)} for name, quantity in forces.items()],
+    }
+
+
+def _quantity(budget: QuantityBudget) -> dict[str, Any]:
+    freedom = budget.degrees_of_freedom
+    return {
+        "value": budget.value,
+        "unit": budget.unit,
+        "combined": budget.combined,
+        "degrees_of_freedom": freedom if np.isfinite(freedom) else None,
+        "coverage_factor": budget.coverage_factor,
+        "expanded": budget.expanded,
+        "sampled_sd": budget.sampled_sd,
+        "departure": budget.departure,
+        "components": [
+            {**asdict(component), "sensitivity": component.sensitivity, "fraction": budget.fraction(component)}
+            for component in budget.components
+        ],
     }
 
 

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import itertools
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tsis.imaging import subtract_background
-from tsis.model import INTERVAL_LEVEL, probability_text
+from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text
 from tsis.plots import marginal, trade_off
 from tsis.report._document import estimate_messages, sd_text
 from tsis.report._frames import change_picture, force_of, frame_picture, profile_picture, surface_picture
-from tsis.report._page import Card, Page, Picture, html
+from tsis.report._page import Card, Page, Picture, Table, html
 from tsis.report._relative import comparison_notes, comparison_pictures, comparison_tables
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.inclusion import InclusionPrior
-    from tsis.model import Estimate, TactileImage
+    from tsis.inclusion import InclusionPrior, UncertaintyBudget
+    from tsis.model import Estimate, QuantityBudget, TactileImage
     from tsis.report._relative import PressComparison
 
 
@@ -42,8 +43,11 @@ def inclusion_report(
     truth: Mapping[str, float] | None = None,
     provenance: Mapping[str, Any] | None = None,
     comparison: PressComparison | None = None,
+    budget: UncertaintyBudget | None = None,
+    forces: Mapping[str, QuantityBudget] = MappingProxyType({}),
+    form: Callable[[Page], bytes] = html,
 ) -> bytes:
-    """The report as HTML: images, surface, posterior with the truth where known, and provenance.
+    """The report as HTML or PDF: images, surface, posterior with the truth where known, and provenance.
 
     Pictures show the target of the highest force and the reference nearest to it; the profiles show all frames.
 
@@ -65,14 +69,22 @@ def inclusion_report(
         Additions to the provenance of the estimate.
     comparison
         Relative readings and shapes of the same presses.
+    budget, forces
+        Uncertainty budgets of the estimate, and of the forces by the name of the frame.
+    form
+        Makes the file of the page: `html`, or `tsis.report.paper.pdf` with the extra ``report``.
     """
     target, reference = _shown(targets, references)
-    return html(
+    return form(
         Page(
             title=title,
             subtitle=subtitle,
             cards=inclusion_cards(estimate, truth),
-            notes=(*estimate_messages(estimate), *(() if comparison is None else comparison_notes(comparison))),
+            notes=(
+                *estimate_messages(estimate),
+                *(() if budget is None else budget_notes(budget)),
+                *(() if comparison is None else comparison_notes(comparison)),
+            ),
             pictures=(
                 *((marginals_picture(estimate, prior, truth),) if estimate.trusted else ()),
                 *_image_pictures(target, reference),
@@ -80,7 +92,10 @@ def inclusion_report(
                 *((trade_off_picture(estimate, truth),) if estimate.trusted else ()),
                 *(() if comparison is None else comparison_pictures(comparison)),
             ),
-            tables=() if comparison is None else comparison_tables(comparison),
+            tables=(
+                *(() if budget is None else budget_tables(budget, forces)),
+                *(() if comparison is None else comparison_tables(comparison)),
+            ),
             provenance={**(provenance or {}), **estimate.provenance},
         )
     )
@@ -92,6 +107,59 @@ def _shown(
     """The target of the highest force, and the reference whose force is nearest."""
     target = max(targets, key=force_of)
     return target, min(references, key=lambda frame: abs(force_of(frame) - force_of(target)), default=None)
+
+
+def budget_tables(budget: UncertaintyBudget, forces: Mapping[str, QuantityBudget]) -> tuple[Table, ...]:
+    """The uncertainty budget of each parameter that is not withheld, and of each force."""
+    titled = [(f"Uncertainty budget: {label_of(name)}", quantity) for name, quantity in budget.quantities.items()]
+    titled += [(f"Uncertainty budget: force in {name}", quantity) for name, quantity in forces.items()]
+    return tuple(
+        Table(title=f"{title} {_uncertain(quantity)}", headings=_headings(quantity.unit), rows=_budget_rows(quantity))
+        for title, quantity in titled
+    )
+
+
+def _headings(unit: str) -> tuple[str, ...]:
+    sensitivity, contribution = f"sensitivity / {unit} per unit", f"contribution / {unit}"
+    return "source", "type, distribution", "standard uncertainty", sensitivity, contribution, "variance"
+
+
+def _uncertain(quantity: QuantityBudget) -> str:
+    """The value and its expanded uncertainty to two digits."""
+    expanded = quantity.expanded
+    decimals = int(np.clip(1 - np.floor(np.log10(expanded)), 0, 9)) if expanded > 0 else 3
+    text = f"{quantity.value:.{decimals}f} ± {expanded:.{decimals}f} {quantity.unit}"
+    return f"{text} (95 %, k = {quantity.coverage_factor:.3g})"
+
+
+def _budget_rows(quantity: QuantityBudget) -> tuple[tuple[str, ...], ...]:
+    rows = [
+        (
+            part.source,
+            f"{part.evaluation}, {part.distribution}",
+            _with_unit(part.standard_uncertainty, part.unit),
+            f"{part.sensitivity:.3g}",
+            f"{part.contribution:.2g}",
+            f"{quantity.fraction(part):.1%}",
+        )
+        for part in quantity.components
+    ]
+    totals = [("combined", f"{quantity.combined:.3g}", "100.0%"), ("expanded", f"{quantity.expanded:.3g}", "")]
+    if quantity.sampled_sd is not None and quantity.departure is not None:
+        totals.append(("sd of the samples", f"{quantity.sampled_sd:.3g}", f"{quantity.departure:+.0%}"))
+    return (*rows, *((name, "", "", "", number, note) for name, number, note in totals))
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:.3g}" if unit == NO_UNIT else f"{value:.3g} {unit}"
+
+
+def budget_notes(budget: UncertaintyBudget) -> tuple[str, ...]:
+    """A message for each parameter without a budget."""
+    return tuple(
+        f"The uncertainty budget of the {label_of(name)} is withheld: {reason}."
+        for name, reason in budget.withheld.items()
+    )
 
 
 def inclusion_cards(estimate: Estimate, truth: Mapping[str, float] | None = None) -> tuple[Card, ...]:

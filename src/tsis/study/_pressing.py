@@ -152,7 +152,12 @@ class _Rig:
         evidence["prior"] = str(self.prior)
         try:
             result = estimate(
-                targets, probe=virtual.probe, calibration=calibration, reference=references, prior=self.prior
+                targets,
+                probe=virtual.probe,
+                calibration=calibration,
+                reference=references,
+                prior=self.prior,
+                strain="small",  # as the virtual presses
             )
         except (InputError, MechanicsError) as error:
             return replace(blank, reason=one_line(error), evidence=evidence)

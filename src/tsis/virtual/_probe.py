@@ -223,7 +223,7 @@ class VirtualProbe:
             full_scale=self.sensor.full_scale,
             force_n=force_n,
             name=name,
-            settings={"source": "virtual", "probe": self.probe.name},
+            settings={"source": "virtual", "probe": self.probe.name, "strain": self._strain},
         )
 
 

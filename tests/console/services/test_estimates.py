@@ -164,6 +164,7 @@ def test_an_estimate_is_that_of_the_frames_and_holds_the_truth(probe: Instrument
         probe=tsis.load_probe("tsis-2011"),
         calibration=stage.calibration.response,
         reference=[raw_image(remaining[3])],
+        strain="small",
     )
     assert set(stored.presses) == {item.press.id for item in remaining}
     for name, truth in {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 100.0}.items():

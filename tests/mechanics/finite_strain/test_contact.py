@@ -14,7 +14,7 @@ from tsis.mechanics.finite_strain import _load_path as load_path
 from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
 from tsis.mechanics.finite_strain._contact import SlidingContact
 from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
-from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, join_meshes, weld
+from tsis.mechanics.finite_strain._meshes import MeshPatch, Solid, join_meshes, weld
 from tsis.mechanics.finite_strain._potential import Load, Potential
 from tsis.mechanics.finite_strain._surfaces import Plate, SmoothFace, SoftFace
 

@@ -212,6 +212,16 @@ new one: tsis calibrate)
                 f"calibration {self.name!r} must not come from the future; it was made {self.made:%Y-%m-%d %H:%M} "
                 "(is this computer's clock right?)"
             )
+        self.require_same_instrument(probe=probe, camera=camera, settings=settings)
+
+    def require_same_instrument(
+        self,
+        *,
+        probe: str | None = None,
+        camera: str | None = None,
+        settings: Mapping[str, float] | None = None,
+    ) -> None:
+        """Refuse, with `CalibrationError`, another probe, camera or setting; None is not compared."""
         for what, ours, theirs in (("probe", self.probe, probe), ("camera", self.camera, camera)):
             if theirs is not None and ours and theirs and ours != theirs:
                 raise CalibrationError(

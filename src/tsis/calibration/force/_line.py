@@ -11,7 +11,14 @@ from scipy.optimize import brentq
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.force._frame import PATCH_METHODS
 from tsis.errors import InputError
-from tsis.model import require_integer, require_number, require_one_of, require_type
+from tsis.model import (
+    QuantityBudget,
+    UncertaintyComponent,
+    require_integer,
+    require_number,
+    require_one_of,
+    require_type,
+)
 
 UPPER = 0.975  # quantile at the upper end of a 95 % interval
 LARGEST_LOG = 14.0  # of degrees of freedom: a million is as good as infinity
@@ -138,19 +145,40 @@ class ForceLine:
 
     def with_uncertainty(self, force_n: float) -> MeasuredValue:
         """A force in newtons with the prediction uncertainty of one new frame."""
+        budget = self.budget(force_n)
+        return MeasuredValue(value=force_n, sd=budget.combined, degrees_of_freedom=budget.degrees_of_freedom, unit="N")
+
+    def budget(self, force_n: float) -> QuantityBudget:
+        """The uncertainty budget of a force in newtons that the line gives for one new frame."""
         slope = self.slope_grey_per_n.value
-        light = (slope * force_n) ** 2
         a, ab, b = self.unit_covariance
-        units = max(a + 2 * ab * force_n + b * force_n**2, 0.0) * (1 + 1 / self.units)
-        constant = light * (self.assumed_tip_share**2 + self.drift_share**2 + self.gauge_share**2)
-        parts = (
-            (units, self.units - 1.0),
-            (self.residual_grey.value**2, self.residual_grey.degrees_of_freedom),
-            (light * self.residual_share.value**2, self.residual_share.degrees_of_freedom),
-            (constant, np.inf),
+        units = np.sqrt(max(a + 2 * ab * force_n + b * force_n**2, 0.0) * (1 + 1 / self.units))
+        scatter, relative = self.residual_grey, self.residual_share
+        sources = (
+            ("line of the tip or object", "A", float(units), "grey", 1 / slope, self.units - 1.0),
+            ("scatter of a press", "A", scatter.value, "grey", 1 / slope, scatter.degrees_of_freedom),
+            ("relative scatter of a press", "A", relative.value, "1", force_n, relative.degrees_of_freedom),
+            ("difference of tips, assumed", "B", self.assumed_tip_share, "1", force_n, np.inf),
+            ("drift of the lamps", "B", self.drift_share, "1", force_n, np.inf),
+            ("force gauge of the calibration", "B", self.gauge_share, "1", force_n, np.inf),
         )
-        variance, freedom = combine_variances(parts)
-        return MeasuredValue(value=force_n, sd=float(np.sqrt(variance)) / slope, degrees_of_freedom=freedom, unit="N")
+        _, freedom = combine_variances(
+            tuple(((sd * sensitivity) ** 2, freedom) for _, _, sd, _, sensitivity, freedom in sources)
+        )
+        components = tuple(
+            UncertaintyComponent(
+                source=source,
+                evaluation=evaluation,
+                distribution="normal" if np.isinf(freedom) else "Student's t",
+                standard_uncertainty=abs(sd),
+                unit=unit,
+                contribution=abs(sd * sensitivity),
+            )
+            for source, evaluation, sd, unit, sensitivity, freedom in sources
+        )
+        return QuantityBudget(
+            name="force_n", value=force_n, unit="N", components=components, degrees_of_freedom=freedom
+        )
 
 
 def combine_variances(parts: tuple[tuple[float, float], ...]) -> tuple[float, float]:

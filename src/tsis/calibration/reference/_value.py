@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.lamps import PixelBox, ReferencePatch
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging import SCALE_TOLERANCE, require_image
+from tsis.imaging import SCALE_TOLERANCE, block_means, require_image
 from tsis.model import ContentValue, require_array, require_integer, require_number, require_pixel_scale, require_type
 
 if TYPE_CHECKING:
@@ -24,6 +24,9 @@ LEAST_LIGHT = 0.2  # of the mean: darker pixels are not divided by
 SATURATED_FRACTION = 1e-4  # of the good pixels that may clip
 LAMP_RANGE = (0.8, 1.25)  # of the light at the reference; warm lamps stay within it
 LAMPS_OFF = 0.5  # of the untouched light
+SIGNATURE_BLOCKS = (12, 16)  # rows and columns in which the light of the untouched probe is compared
+SIGNATURE = 0.1  # root mean square difference of that light, relative
+SIGNATURE_NOISE = 4e-3  # the same of the full scale, for probes that are nearly dark without contact
 UNSEEN_DRIFT = 0.01  # of the lamps, assumed without a reference patch
 
 
@@ -165,6 +168,35 @@ class CameraReference(ContentValue):
         """Fraction of good pixels at full scale."""
         self._check(image)
         return float(np.mean(image.grey[self.usable] >= self.full_scale))
+
+    def require_untouched(self, image: TactileImage) -> None:
+        """Refuse a frame of the untouched probe whose light is distributed otherwise than at the reference.
+
+        The light that lamps, layers and lens send to the camera without contact is the probe's signature. Both frames
+        are averaged over blocks, and the lamps' brightness, which drifts, is fitted.
+
+        Raises
+        ------
+        ImageMismatchError
+            When the remaining difference is above `SIGNATURE` of the light, or the frame has another size or scale.
+        InputError
+            When the lamps changed.
+        """
+        self._check(image)
+        blocks = np.minimum(SIGNATURE_BLOCKS, self.dark_grey.shape)
+        shape = (int(blocks[0]), int(blocks[1]))
+        ours, theirs = (block_means(light, shape) for light in (self.untouched_grey, image.grey - self.dark_grey))
+        square = float((ours**2).sum())
+        fitted = float((ours * theirs).sum()) / square if square > 0 else 1.0
+        ratio = float(np.clip(fitted, *LAMP_RANGE)) if self.patch is None else self.lamp_ratio(image)
+        difference = float(np.sqrt(np.mean((theirs / ratio - ours) ** 2)))
+        allowed = max(SIGNATURE * np.sqrt(square / ours.size), SIGNATURE_NOISE * self.full_scale)
+        if difference > allowed:
+            raise ImageMismatchError(
+                f"{image.name or 'the untouched frame'!r} must show the light of the calibration's untouched probe "
+                f"within {allowed:.3g} grey levels; it differs by {difference:.3g} (of another probe, or touched? "
+                "give the calibration of this probe, or take a new reference)"
+            )
 
     def _check(self, image: TactileImage) -> None:
         require_image("image", image)

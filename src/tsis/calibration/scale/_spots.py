@@ -1,7 +1,7 @@
 """Round spots in a frame, dark or bright, with sub-pixel centres.
 
-A spot is a maximum of the difference of two Gaussian blurs, which suppresses a constant level and a slope of the light;
-the blur of the strongest response gives the spots' size (Lindeberg, Int. J. Computer Vision 30, 79, 1998).
+A spot is a maximum of the difference of two Gaussian blurs, which suppresses level and slope of the light; the blur of
+the strongest response gives the spots' size (Lindeberg, Int. J. Computer Vision 30, 79, 1998).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Spots:
     positions_px: NDArray[np.float64]  # centres (x, y), shape (n, 2)
     strength: NDArray[np.float64]  # height above the surroundings, shape (n,), grey levels
     width_px: float  # standard deviation of a Gaussian as wide as the spots
-    bright: bool  # whether they are brighter than their surroundings
+    bright: bool  # brighter than their surroundings
 
     def __post_init__(self) -> None:
         freeze_arrays(self, "positions_px", "strength", dtype=float)
@@ -91,9 +91,8 @@ def _top(values: NDArray[np.float64], index: int) -> float:
     """Offset of the parabola's top through a maximum and its neighbours, in steps."""
     if not 0 < index < len(values) - 1:
         return 0.0
-    before, here, after = values[index - 1 : index + 2]
-    bend = before - 2 * here + after
-    return float(np.clip((before - after) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0
+    bend = (values[index - 1] + values[index + 1]) - 2 * values[index]
+    return float(np.clip((values[index - 1] - values[index + 1]) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0
 
 
 def in_even_light(
@@ -124,15 +123,14 @@ def _noise_gain(blur: float) -> float:
     return float(np.sqrt((1 / first + 1 / second - 4 / (first + second)) / (4 * np.pi)))
 
 
-def _peaks(response: NDArray[np.float64], blur: float, least: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _peaks(response: NDArray[np.float64], blur: float, least: float) -> tuple[NDArray[np.intp], ...]:
     """Rows and columns of the maxima above a level, apart from each other and from the border."""
     size = 2 * round(LEAST_SEPARATION * blur) + 1
     highest = maximum_filter(response, size)
     margin = int(np.ceil(BORDER * blur)) + 1
     inside = np.zeros(response.shape, dtype=bool)
     inside[margin:-margin, margin:-margin] = True
-    rows, columns = np.nonzero((response >= highest) & (response > least) & inside)
-    return rows, columns
+    return np.nonzero((response >= highest) & (response > least) & inside)
 
 
 def _sub_pixel(

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tsis.calibration._measured import MeasuredValue
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
+from tsis.imaging import SCALE_TOLERANCE
 from tsis.model import (
     LARGEST_PIXEL_MM,
     SMALLEST_PIXEL_MM,
@@ -103,13 +106,20 @@ class PixelScale:
         Raises
         ------
         ImageMismatchError
-            When the frame differs in size from those of the measurement.
+            When the frame differs in size from those of the measurement, or has another scale.
         """
         require_type("image", image, TactileImage)
         if image.grey.shape != self.shape:
             raise ImageMismatchError(
                 f"image must have the shape {self.shape} that the scale was measured on; got {image.grey.shape} "
                 "(measure the scale in the camera mode that you use)"
+            )
+        theirs = image.mm_per_pixel
+        if theirs is not None and not np.allclose(theirs, self.mm_per_pixel, rtol=SCALE_TOLERANCE, atol=0.0):
+            ours = " x ".join(f"{size:.4g}" for size in self.mm_per_pixel)
+            raise ImageMismatchError(
+                f"image must have the calibration's scale of {ours} mm per pixel; got "
+                f"{' x '.join(f'{size:.4g}' for size in theirs)} (give the calibration of the probe that took it)"
             )
         return replace(image, mm_per_pixel=self.mm_per_pixel)
 

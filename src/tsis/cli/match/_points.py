@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,8 @@ from tsis.cli._progress import waiting
 from tsis.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -24,29 +27,36 @@ if TYPE_CHECKING:
 
 
 def points(
-    source: Annotated[Path, typer.Argument(metavar="A", help="Source points: CSV, NPY or PLY.")],
-    target: Annotated[Path, typer.Argument(metavar="B", help="Target points: CSV, NPY or PLY.")],
+    source: Annotated[Path, typer.Argument(metavar="A", help="Source points: CSV, NPY, PLY or an image.")],
+    target: Annotated[Path, typer.Argument(metavar="B", help="Target points: CSV, NPY, PLY or an image.")],
     *,
     method: Annotated[str, typer.Option(help="One of tprl, cpd, tps-rpm, rpm-lns, shape-context.")] = "tprl",
     out: Annotated[
         Path | None, typer.Option(help="New CSV file for the transformed points, their matches and confidences.")
     ] = None,
-    figure: Annotated[Path | None, typer.Option(help="New PNG file for a picture of before and after.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="New PNG file: points, correspondences, warped grid and alternative poses.")
+    ] = None,
+    html: Annotated[Path | None, typer.Option(help="New HTML page with the same and the probabilities.")] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the method, where it is random.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Match the points of two files and transform the first onto the second.
 
-    Files contain two or three coordinates per line, with or without a header. Matches are row numbers from 0; -1 is
-    none.
+    Files contain two or three coordinates per line, with or without a header; of an image the contours are matched.
+    Matches are row numbers from 0; -1 is none.
     """
     import numpy as np
 
     tsis.model.require_one_of("method", method, tsis.matching.METHODS)
-    for file in (out, figure):
+    files = {"out": out, "figure": figure, "html": html}
+    for file in files.values():
         _refuse_existing(file)
-    if out is not None and out == figure:
-        raise InputError(f"--out and --figure must be two files; got {tsis.files.printable_path(out)} for both")
+    for (name, file), (other, second_file) in itertools.combinations(files.items(), 2):
+        if file is not None and file == second_file:
+            raise InputError(
+                f"--{name} and --{other} must be two files; got {tsis.files.printable_path(file)} for both"
+            )
     first, second = tsis.matching.read_points(source), tsis.matching.read_points(target)
     if first.shape[1] != second.shape[1]:
         raise InputError(
@@ -59,8 +69,12 @@ def points(
     if out is not None:
         _write(out, tsis.matching.csv_text(transformed, match=matches, trust=result.trust).encode())
     if figure is not None:
-        _write(figure, _picture(first, second, result, method))
-    _result(source, target, first, second, result, method, seed, (out, figure), as_json=as_json)
+        _write(figure, _picture(first, second, result))
+    if html is not None:
+        title = f"{tsis.files.printable_name(source)} to {tsis.files.printable_name(target)}"
+        provenance = {"method": method, "seed": seed, "source": title.split(" to ")[0], "points": len(first)}
+        _write(html, tsis.report.registration_report(first, second, result, title=title, provenance=provenance))
+    _result(source, target, first, second, result, method, seed, files, as_json=as_json)
 
 
 def _result(
@@ -71,7 +85,7 @@ def _result(
     registration: Registration,
     method: str,
     seed: int,
-    files: tuple[Path | None, Path | None],
+    files: Mapping[str, Path | None],
     *,
     as_json: bool,
 ) -> None:
@@ -83,7 +97,6 @@ def _result(
         _rms_distance(item[paired], second[matches[paired]]) for item in (first, np.asarray(registration.moved))
     )
     if as_json:
-        names = {"out": files[0], "figure": files[1]}
         document = tsis.report.envelope(
             "match",
             method=method,
@@ -95,12 +108,16 @@ def _result(
             rms_after=after,
             confidence=registration.confidence,
             reliable=registration.reliable,
+            alternatives=[
+                {"rotation_deg": pose.rotation_deg, "probability": pose.probability, "moved": pose.moved}
+                for pose in registration.alternatives
+            ],
             matches=matches,
             trust=registration.trust,
             moved=registration.moved,
             notes=list(registration.notes),
         )
-        print_json(document | {name: str(file) for name, file in names.items() if file is not None})
+        print_json(document | {name: str(file) for name, file in files.items() if file is not None})
         leave(trusted=registration.reliable)
         return
     console = people()
@@ -117,7 +134,7 @@ def _result(
     console.print(table)
     for note in registration.notes:
         console.print(f"- {note}", markup=False)
-    for file in files:
+    for file in files.values():
         if file is not None:
             console.print(f"Written: {file}", soft_wrap=True, markup=False)
     print_notice(console)
@@ -130,13 +147,16 @@ def _rms_distance(points: NDArray[np.float64], others: NDArray[np.float64]) -> f
     return float(np.sqrt(((points - others) ** 2).sum(axis=1).mean())) if len(points) else None
 
 
-def _picture(first: NDArray[np.float64], second: NDArray[np.float64], registration: Registration, method: str) -> bytes:
+def _picture(first: NDArray[np.float64], second: NDArray[np.float64], registration: Registration) -> bytes:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12.0, 6.0), layout="constrained")
-    before, after = figure.subplots(1, 2, subplot_kw={"projection": "3d"} if first.shape[1] == 3 else {})
-    tsis.plots.point_sets(first, second, before, matches=registration.matches).set_title("before, with the matches")
-    tsis.plots.point_sets(registration.moved, second, after, source_label="moved source").set_title(f"after {method}")
+    figure = Figure(figsize=(12.0, 10.0 if registration.alternatives else 6.0), layout="constrained")
+    if registration.alternatives:
+        parts = figure.subfigures(2, 1, height_ratios=(1.4, 1.0), squeeze=False)
+        tsis.report.draw_registration(parts[0, 0], first, second, registration)
+        tsis.report.draw_poses(parts[1, 0], second, registration.alternatives)
+    else:
+        tsis.report.draw_registration(figure, first, second, registration)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)
     return buffer.getvalue()

@@ -140,10 +140,7 @@ class StudyRepository:
         except TsisError as error:
             return StudySummary(name=name, trouble=one_line(error))
         return StudySummary(
-            name=name,
-            targets=len(study.plan.codes),
-            readings=len(study.readings),
-            unblinded=unblinded_text(study),
+            name=name, targets=len(study.plan.codes), readings=len(study.readings), unblinded=unblinded_text(study)
         )
 
 

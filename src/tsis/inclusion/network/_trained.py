@@ -21,7 +21,15 @@ from tsis.inclusion.network._outputs import (
 )
 from tsis.inclusion.network._training import train_repeatedly
 from tsis.mechanics.surrogate import build_surrogate
-from tsis.model import ContentValue, require_array, require_integer, require_number, require_same_probe, require_type
+from tsis.model import (
+    ContentValue,
+    require_array,
+    require_frames_of_probe,
+    require_integer,
+    require_number,
+    require_same_probe,
+    require_type,
+)
 
 if TYPE_CHECKING:
     import os
@@ -80,8 +88,11 @@ class TrainedNetworks(ContentValue):
             When a force is not that of the training within 5 %, and as `frame_outputs`.
         NotCalibratedError
             When the calibration is of another probe.
+        ImageMismatchError
+            When the settings of a frame name another probe.
         """
         require_same_probe(probe, calibration)
+        require_frames_of_probe((*images, reference), probe)
         if probe.name != self.probe:
             raise InputError(f"probe must be {self.probe!r}, for which the networks were trained; got {probe.name!r}")
         for frame in (*images, reference):

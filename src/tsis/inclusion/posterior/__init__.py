@@ -1,7 +1,7 @@
 """Posterior of an inclusion: forward model of ring profiles, likelihood, and the grid that explores it."""
 
 from tsis.inclusion.posterior._exploration import InclusionPosterior, explore_inclusion
-from tsis.inclusion.posterior._forward import THICKNESS, TISSUE, ForwardModel
+from tsis.inclusion.posterior._forward import NUISANCES, SHARED, THICKNESS, TISSUE, ForwardModel
 from tsis.inclusion.posterior._heterogeneity import (
     HARMONICS,
     LENGTHS_MM,
@@ -10,13 +10,16 @@ from tsis.inclusion.posterior._heterogeneity import (
     build_field_table,
     heterogeneity,
 )
-from tsis.inclusion.posterior._likelihood import InclusionLikelihood, Profiles, least_sd
-from tsis.inclusion.posterior._off_axis import FARTHEST, SHIFTED, off_axis_profile
+from tsis.inclusion.posterior._likelihood import ErrorSources, InclusionLikelihood, Profiles, least_sd
 from tsis.inclusion.posterior._rings import (
+    FARTHEST,
     FLUX_TERMS,
     GROWTH_TERMS,
+    SHIFTED,
     RingShading,
     ShadingUncertainty,
+    off_axis_profile,
+    ring_correction,
     ring_correlation,
     ring_means,
     ring_responses,
@@ -29,9 +32,12 @@ __all__ = [
     "GROWTH_TERMS",
     "HARMONICS",
     "LENGTHS_MM",
+    "NUISANCES",
+    "SHARED",
     "SHIFTED",
     "THICKNESS",
     "TISSUE",
+    "ErrorSources",
     "FieldTable",
     "ForwardModel",
     "Heterogeneity",
@@ -45,6 +51,7 @@ __all__ = [
     "heterogeneity",
     "least_sd",
     "off_axis_profile",
+    "ring_correction",
     "ring_correlation",
     "ring_means",
     "ring_responses",

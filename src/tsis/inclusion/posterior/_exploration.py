@@ -95,7 +95,7 @@ class SignalChart:
         return np.asarray(self._turn(young_kpa) ** 2)[:, None]
 
 
-LINEARISATIONS = 2  # before that of the result
+LINEARISATIONS = 3  # before that of the result
 COARSE, CLOSE, CELLS = 12, 10, 16  # cells along an axis: first search, search near an earlier grid, result
 LEFT = 0.1  # largest residual of the log likelihood's parabola
 CHUNK = 256  # inclusions whose likelihood is evaluated at a time

@@ -20,12 +20,22 @@ if TYPE_CHECKING:
     from tsis.inclusion._prior import Booleans, Floats, InclusionPrior
     from tsis.inclusion.posterior._heterogeneity import Heterogeneity
     from tsis.inclusion.posterior._rings import RingResponses, RingShading
-    from tsis.mechanics.surrogate import TissueSurrogate
+    from tsis.mechanics.surrogate import FiniteCorrection, TissueSurrogate
     from tsis.model import Calibration
 
 
 GAIN, TISSUE, THICKNESS, SITE, PROBE, POISSON, SPREAD = range(7)
 SHADE, SHARED = slice(7, 7 + TERMS), 7 + TERMS
+NUISANCES = (
+    "gain",
+    "tissue",
+    "thickness",
+    "site",
+    "probe",
+    "poisson",
+    "spread",
+    *TERMS * ("shade",),
+)  # the shared ones
 STEP = 1e-3  # of log moduli and log thickness, for derivatives
 
 
@@ -56,6 +66,8 @@ class ForwardModel:
         Standard deviation in mm**2 of the square of the inclusion's distance from the axis.
     heterogeneity
         Hypotheses on how uneven the tissue is; None for even tissue.
+    correction
+        What finite strain adds to the rings' responses; None for small strain.
     """
 
     rings: RingResponses
@@ -69,6 +81,7 @@ class ForwardModel:
     depletion_per_n: float = 0.0
     spread_sd: float = 0.0
     heterogeneity: Heterogeneity | None = None
+    correction: FiniteCorrection | None = None
 
     def nuisance_sd(self, mean_grey: Floats) -> Floats:
         """Prior standard deviations of the nuisances; ``mean_grey`` (frames,) scales the offsets."""
@@ -94,8 +107,9 @@ class ForwardModel:
         presses = {reference: self._press(inclusions, nuisance, reference=reference) for reference in self._shown()}
         count = 1 if inclusions is None else len(inclusions)
         grey = np.empty((count, len(self.force_n), self.rings.count))
+        finite = self._finite(inclusions, nuisance)
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
-            press = self.rings.under(push, presses[bool(self.is_reference[frame])])
+            press = self.rings.under(push, presses[bool(self.is_reference[frame])]) + finite[frame]
             pressure, displacement, slope = np.split(press, OUTPUTS_PER_RING, axis=-1)
             shade = self.shading.factor(displacement, slope, nuisance[SHADE], self._errors(nuisance))
             light = rough_contact(pressure, self.calibration) * shade * self._bent(pressure, nuisance)
@@ -124,16 +138,21 @@ class ForwardModel:
             reference: self._changes(inclusions, nuisance, presses[reference], reference=reference)
             for reference in self._shown()
         }
+        finite = self._finite(inclusions, nuisance)
+        bends = self._finite_changes(inclusions, nuisance, finite)
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
             reference, remaining = bool(self.is_reference[frame]), self._remaining(push, nuisance)
             gain = np.exp(nuisance[GAIN]) * remaining
-            light, by_answer, by_shade, by_errors = self._light(self.rings.under(push, presses[reference]), nuisance)
+            press = self.rings.under(push, presses[reference]) + finite[frame]
+            light, by_answer, by_shade, by_errors = self._light(press, nuisance)
             grey[:, frame] = gain * light + offset / self.level
             slopes[:, frame, :, GAIN] = gain * light
             for name, change in changes[reference].items():
-                slopes[:, frame, :, name] = gain * _along(by_answer, self.rings.under(push, change))
+                slopes[:, frame, :, name] = gain * _along(
+                    by_answer, self.rings.under(push, change) + bends[name][frame]
+                )
             slopes[:, frame, :, SHADE] = gain * by_shade
-            by_force = push * self.rings.per_newton(presses[reference])
+            by_force = push * self.rings.per_newton(presses[reference]) + bends[SHARED][frame]
             by_loss = push * self.shading.uncertainty.by_force
             lost = push * self.depletion_per_n / (1 + self.depletion_per_n * push) + by_loss @ self._errors(nuisance)
             slopes[:, frame, :, SHARED + frame] = gain * (_along(by_answer, by_force) - lost * light)
@@ -158,11 +177,13 @@ class ForwardModel:
         columns = np.zeros((len(factors[next(iter(shown))]), len(self.force_n), self.rings.count, place[-1]))
         inclusions = None if about is None else about[None]
         presses = {reference: self._press(inclusions, nuisance, reference=reference) for reference in shown}
+        finite = self._finite(inclusions, nuisance)
         for frame, (push, _) in enumerate(self._pushes(nuisance)):
             reference = bool(self.is_reference[frame])
             first = int(place[sorted(shown).index(reference)])
             gain = np.exp(nuisance[GAIN]) * self._remaining(push, nuisance)
-            _, by_answer, _, _ = self._light(self.rings.under(push, presses[reference]), nuisance)
+            press = self.rings.under(push, presses[reference]) + finite[frame]
+            _, by_answer, _, _ = self._light(press, nuisance)
             change = gain * _along(by_answer, self.rings.under(push, factors[reference]))
             columns[:, frame, :, first : first + change.shape[1]] = np.swapaxes(change, 1, 2)
         return columns.reshape(len(columns), -1, columns.shape[-1])
@@ -218,6 +239,43 @@ class ForwardModel:
             return result
         by_poisson, by_spread = self._linear(inclusions, reference=reference)
         return np.asarray(result + nuisance[POISSON] * by_poisson + nuisance[SPREAD] * by_spread)
+
+    def _finite(self, inclusions: Floats | None, nuisance: Floats, *, shift: dict[int, float] | None = None) -> Floats:
+        """What finite strain adds to the rings' responses, (frames, n or 1, 3 rings), nuisances shifted by ``shift``.
+
+        A probe and tissue stiffer by a factor under a force larger by it have pressures larger by it.
+        """
+        if self.correction is None:
+            return np.zeros((len(self.force_n), 1, 1))
+        moved = nuisance[:SHARED].copy()
+        for name, step in (shift or {}).items():
+            moved[name : name + 1] += step
+        stiffer = float(np.exp(moved[PROBE]))
+        forces = np.array([push for push, _ in self._pushes(nuisance)]) * np.exp((shift or {}).get(SHARED, 0.0))
+        tissue = self.prior.tissue_young_kpa * np.exp(moved[TISSUE] + self.is_reference * moved[SITE])
+        thickness = self.prior.thickness_mm * np.exp(moved[THICKNESS]) * np.ones_like(tissue)
+        states = np.column_stack([tissue, thickness, forces]) / np.array([stiffer, 1.0, stiffer])
+        result = self.correction.without_inclusion(states)[:, None]
+        targets = np.flatnonzero(~self.is_reference)
+        if inclusions is not None and len(targets):
+            contrast = inclusions[:, 2] / tissue[targets[0]]
+            change = self.correction.change(inclusions[:, 0], inclusions[:, 1], contrast, states[targets])
+            result = np.repeat(result, len(inclusions), axis=1)
+            result[targets] += change
+        result[..., : self.rings.count] *= stiffer
+        return np.asarray(result)
+
+    def _finite_changes(self, inclusions: Floats | None, nuisance: Floats, finite: Floats) -> dict[int, Floats]:
+        """Derivatives of `_finite` by the nuisances of the press, that by a frame's log force under `SHARED`."""
+        nothing = np.zeros((len(self.force_n), 1, 1))
+        if self.correction is None:
+            return dict.fromkeys((TISSUE, THICKNESS, SITE, PROBE, POISSON, SPREAD, SHARED), nothing)
+        by = {
+            name: (self._finite(inclusions, nuisance, shift={name: STEP}) - finite) / STEP
+            for name in (TISSUE, THICKNESS, PROBE, SHARED)
+        }
+        site = np.where(self.is_reference[:, None, None], by[TISSUE], 0.0)
+        return by | {SITE: site, POISSON: nothing, SPREAD: nothing}
 
     def _changes(
         self, inclusions: Floats | None, nuisance: Floats, press: Floats, *, reference: bool

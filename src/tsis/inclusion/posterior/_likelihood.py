@@ -9,6 +9,8 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from tsis.inclusion._prior import Booleans, Floats, Integers
@@ -124,6 +126,53 @@ class InclusionLikelihood:
             constant=hypotheses.log_weight - _log_root(roots) - 0.5 * square[:, -1, -1],
         )
 
+    def sources(self, inclusion: Floats, nuisance: Floats, *, model_error: float) -> ErrorSources:
+        """Sensitivities to an inclusion (3,), and the covariance of each source of error, linearised there.
+
+        ``model_error`` is the relative error of the surrogate that the variance of the profiles contains. The
+        covariance by uneven tissue is the mean over the hypotheses, by their probability at this inclusion.
+        """
+        grey, slopes = self.model.profiles(inclusion[None], nuisance)
+        rotated = self._used(slopes) * self._sd
+        residual = self._used(self._data.grey - grey) + rotated @ self._units(nuisance)
+        hypotheses = self._hypotheses(inclusion, nuisance)
+        weight = np.exp(
+            [
+                _fit(residual @ whitening.T, whitening @ rotated, self._sd)[0][0] + log_weight - log_root
+                for whitening, log_weight, log_root in zip(
+                    hypotheses.whitening, hypotheses.log_weight, hypotheses.log_root, strict=True
+                )
+            ]
+            - _mixed(hypotheses, residual, rotated, self._sd).log_evidence[0]
+        )
+        uneven = np.tensordot(weight, hypotheses.covariance, axes=1) - self._noise
+        model, given = self.model.heterogeneity, self.model.calibration
+        frames, rings = self._data.grey.shape
+        correlation = np.eye(rings) if self.model.correlation is None else self.model.correlation
+        relative = self._data.grey.ravel()[:, None] * self._data.grey.ravel()
+        modelled = (model_error * self._data.grey.ravel()) ** 2
+        every = {
+            "pattern": given.pattern_sd**2 * relative * np.kron(np.ones((frames, frames)), correlation),
+            "repeatability": given.repeatability_sd**2 * relative * np.kron(np.eye(frames), correlation),
+            "pixels": np.diag(self._data.variance.ravel() - modelled),
+            "model": np.diag(modelled),
+        }
+        used = np.ix_(self._use, self._use)
+        return ErrorSources(
+            by_inclusion=self._by_inclusion(inclusion, nuisance).T,
+            by_nuisance=rotated[0],
+            nuisance_sd=self._sd,
+            covariance={name: covariance[used] for name, covariance in every.items()} | {"heterogeneity": uneven},
+            tissue_sd=0.0 if model is None else float(np.sqrt(weight @ model.sd**2)),
+            frames=len(self.model.force_n),
+        )
+
+    def _by_inclusion(self, inclusion: Floats, nuisance: Floats) -> Floats:
+        """Derivatives of the used rings with respect to diameter, depth and modulus, shape (3, used rings)."""
+        steps = np.diag(DERIVATIVE_STEP * inclusion)
+        ends = self.model.grey(np.concatenate([inclusion + steps, inclusion - steps]), nuisance)
+        return np.asarray(self._used(ends[:3] - ends[3:]) / (2 * np.diag(steps))[:, None])
+
     def with_information(self, inclusion: Floats, nuisance: Floats) -> tuple[LikelihoodFit, Floats]:
         """The fit of an inclusion (3,) and its Fisher information (3, 3), with the nuisances integrated out.
 
@@ -132,9 +181,7 @@ class InclusionLikelihood:
         grey, slopes = self.model.profiles(inclusion[None], nuisance)
         rotated = self._used(slopes) * self._sd
         residual = self._used(self._data.grey - grey)
-        steps = np.diag(DERIVATIVE_STEP * inclusion)
-        ends = self.model.grey(np.concatenate([inclusion + steps, inclusion - steps]), nuisance)
-        change = self._used(ends[:3] - ends[3:]) / (2 * np.diag(steps))[:, None]
+        change = self._by_inclusion(inclusion, nuisance)
         hypotheses = self._hypotheses(inclusion, nuisance)
         fit = _mixed(hypotheses, residual + rotated @ self._units(nuisance), rotated, self._sd)
         root = cholesky(hypotheses.covariance[fit.hypothesis[0]] + rotated[0] @ rotated[0].T, lower=True)
@@ -169,6 +216,35 @@ class InclusionLikelihood:
     def _used(self, columns: Floats) -> Floats:
         """The used rings of (n, frames, rings, ...); shape (n, used rings, ...)."""
         return columns.reshape(len(columns), -1, *columns.shape[3:])[:, self._use]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ErrorSources:
+    """Linear model of the used rings about an inclusion.
+
+    Attributes
+    ----------
+    by_inclusion
+        Derivatives with respect to diameter, depth and modulus, shape (rings, 3).
+    by_nuisance
+        Change by one standard deviation of each nuisance, shape (rings, nuisances).
+    nuisance_sd
+        Those standard deviations, shape (nuisances,).
+    covariance
+        Covariance (rings, rings) by each other source: ``"pattern"``, ``"repeatability"``, ``"pixels"``, ``"model"``
+        and ``"heterogeneity"``.
+    tissue_sd
+        Root mean square standard deviation of the logarithm of the tissue's modulus over the hypotheses.
+    frames
+        Number of frames.
+    """
+
+    by_inclusion: Floats
+    by_nuisance: Floats
+    nuisance_sd: Floats
+    covariance: Mapping[str, Floats]
+    tissue_sd: float
+    frames: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,8 +18,7 @@ from tsis.imaging import (
     smoothed,
     subtract_background,
 )
-from tsis.inclusion._binary import binary_features
-from tsis.inclusion._frames import correct_light
+from tsis.inclusion._frames import binary_features, correct_light
 from tsis.model import Calibration, as_images, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:

@@ -4,7 +4,16 @@ from tsis.matching.trials._distort import Distortion, Family, Trial, distort, pu
 from tsis.matching.trials._methods import OWN_METHODS, PEERS, RIVAL_METHODS, BenchmarkMethod
 from tsis.matching.trials._runs import TRIAL_ROW_HEAD, TrialRow, read_trial_rows, run_trials
 from tsis.matching.trials._shapes import SHAPES, even_texture, strokes
-from tsis.matching.trials._summary import FAILURE_RMS, ErrorRatio, TrialSummary, summarise, summarise_pooled
+from tsis.matching.trials._summary import (
+    FAILURE_RMS,
+    ErrorRatio,
+    TrialSummary,
+    TrustCase,
+    fit_trust,
+    summarise,
+    summarise_pooled,
+    trust_case,
+)
 from tsis.matching.trials._trials import (
     FAMILIES,
     HIDDEN_FRACTIONS,
@@ -39,9 +48,11 @@ __all__ = [
     "Trial",
     "TrialRow",
     "TrialSummary",
+    "TrustCase",
     "distort",
     "distorted_set",
     "even_texture",
+    "fit_trust",
     "hotel_set",
     "hotel_trials",
     "matching_error",
@@ -52,4 +63,5 @@ __all__ = [
     "strokes",
     "summarise",
     "summarise_pooled",
+    "trust_case",
 ]

@@ -1,10 +1,11 @@
 """Large deformations: neo-Hookean bodies that slide on one another without friction and may separate.
 
-From the bottom up: material (`_neo_hookean`), bodies (`_patches`, `_elastic_body`), meshes (`_meshes`), contact
-(`_surfaces`, `_contact`), energy and load steps (`_potential`, `_load_path`), and the two arrangements
+From the bottom up: material (`_neo_hookean`), meshes (`_meshes`), bodies (`_elastic_body`), contact
+(`_surfaces`, `_contact`), energy and load steps (`_potential`, `_load_path`, `_continuation`), and the two arrangements
 (`_probe_on_slab`, `_sphere`).
 """
 
+from tsis.mechanics.finite_strain._continuation import PressContinuation, SlabPress, SolvedPress
 from tsis.mechanics.finite_strain._load_path import State, find_first_contact, follow_load_path
 from tsis.mechanics.finite_strain._meshes import FiniteResolution
 from tsis.mechanics.finite_strain._press import (
@@ -32,7 +33,10 @@ __all__ = [
     "TOUCH",
     "WIDEST_CONTACT",
     "FiniteResolution",
+    "PressContinuation",
     "ProbeOnSlab",
+    "SlabPress",
+    "SolvedPress",
     "SphereOnProbe",
     "SpherePress",
     "SphereResolution",

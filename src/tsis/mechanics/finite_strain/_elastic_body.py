@@ -16,7 +16,7 @@ from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
 from tsis.mechanics.finite_strain._neo_hookean import HOOP, RR, RZ, ZR, ZZ
 
 if TYPE_CHECKING:
-    from tsis.mechanics.finite_strain._patches import Solid
+    from tsis.mechanics.finite_strain._meshes import Solid
 
 
 FIXED, OWN = -1, -2  # node directions without a shared unknown: fixed, or with an unknown of their own

@@ -36,6 +36,10 @@ GROWTH = 2.0
 EASY_ROUNDS = 9  # a step with no more rounds is followed by a larger step
 
 
+class StalledError(MechanicsError):
+    """Newton's method does not converge, for no reason that the last state shows."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class State:
     """A state of equilibrium.
@@ -129,7 +133,12 @@ def find_first_contact(
 
 
 def follow_load_path(
-    potential: Potential, first: State, forces_mn: Sequence[float], *, refuse: Callable[[State], str | None]
+    potential: Potential,
+    first: State,
+    forces_mn: Sequence[float],
+    *,
+    refuse: Callable[[State], str | None],
+    explain: Callable[[State], str | None] = lambda _: None,
 ) -> Iterator[State]:
     """Equilibrium at each of the ascending ``forces_mn``, with adaptive steps between them.
 
@@ -143,11 +152,15 @@ def follow_load_path(
         Ascending forces in mN.
     refuse
         Reason why a state lies outside the model's range, or None.
+    explain
+        Reason why nothing may converge beyond a state, or None.
 
     Raises
     ------
     MechanicsError
         When a load does not converge or is refused; the message names the last valid load.
+    StalledError
+        When a load does not converge and ``explain`` finds no reason.
     """
     state, force, before = first, potential.reaction(first.unknowns, first.load), None
     largest = float(forces_mn[-1])
@@ -162,7 +175,10 @@ def follow_load_path(
             if equilibrium is None:
                 step, before = (next_force - force) / 2, None
                 if step < SMALLEST_STEP * next_force:
-                    raise MechanicsError(_last(f"the press does not converge at {next_force / MN_PER_N:.3g} N", force))
+                    reason = explain(state)
+                    cause = f" because {reason}" if reason else ""
+                    problem = f"the press does not converge at {next_force / MN_PER_N:.3g} N{cause}"
+                    raise (MechanicsError if reason else StalledError)(_last(problem, force))
                 continue
             reason = refuse(equilibrium)
             if reason is not None:

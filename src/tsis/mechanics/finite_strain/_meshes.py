@@ -1,4 +1,7 @@
-"""Meshes of the probe and of the slab; the probe's rim is rounded, so that contact has a direction everywhere."""
+"""Meshes of the probe and of the slab: patches of quadrilaterals welded together, one list of nodes a body.
+
+The probe's rim is rounded, so that contact has a direction everywhere.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from tsis.mechanics._mesh import (
     LayeredMesh,
     block_outline,
     face_lines,
     graded,
+    layer_of,
     mesh_around,
     mesh_inside,
     mesh_rectangle,
@@ -19,11 +26,88 @@ from tsis.mechanics._mesh import (
     refine,
     shape_on_axis,
 )
-from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, weld
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tsis.mechanics._element import Booleans, Floats, Integers
-    from tsis.model import Phantom, Probe
+    from tsis.model import Layer, Phantom, Probe
+
+
+SAME_POINT_MM = 1e-7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeshPatch:
+    """One logical rectangle of elements and the material of each element layer, shape (layers,)."""
+
+    mesh: LayeredMesh
+    young_kpa: Floats
+    poisson: Floats
+
+    @classmethod
+    def uniform(cls, mesh: LayeredMesh, material: Phantom | Layer) -> MeshPatch:
+        """A patch of one material."""
+        young, poisson = (np.full(mesh.layers, value) for value in (material.young_kpa, material.poisson))
+        return cls(mesh=mesh, young_kpa=young, poisson=poisson)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solid:
+    """A body as a list of nodes and elements."""
+
+    nodes: Floats  # reference positions (r, z) in mm, shape (n, 2)
+    cells: Integers  # nodes of each element in the order of `reference_element`, shape (elements, (order + 1)**2)
+    order: int  # polynomial order
+    young_kpa: Floats  # of each element
+    poisson: Floats  # of each element
+    patches: tuple[Integers, ...]  # node indices of each welded patch in its logical grid, shape (na, nb)
+
+    def shifted(self, first: int) -> tuple[Integers, ...]:
+        """Node indices of the patches, counted from ``first``."""
+        return tuple(patch + first for patch in self.patches)
+
+
+def weld(patches: Sequence[MeshPatch]) -> Solid:
+    """One body from patches: nodes at one position are merged, also those of collapsed edges."""
+    positions = np.concatenate([patch.mesh.nodes.reshape(-1, 2) for patch in patches])
+    pairs = cKDTree(positions).query_pairs(SAME_POINT_MM, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(positions),) * 2)
+    count, label = connected_components(links, directed=False)
+    nodes = np.zeros((count, 2))
+    nodes[label] = positions
+    numbers, cells, young, poisson, start = [], [], [], [], 0
+    for patch in patches:
+        shape = patch.mesh.nodes.shape[:2]
+        grid = label[start : start + shape[0] * shape[1]].reshape(shape).astype(np.int64)
+        start += grid.size
+        numbers.append(grid)
+        for layer in range(patch.mesh.layers):
+            row = layer_of(grid, patch.mesh.order, layer)
+            cells.append(row)
+            young.append(np.full(len(row), patch.young_kpa[layer]))
+            poisson.append(np.full(len(row), patch.poisson[layer]))
+    return Solid(
+        nodes=nodes,
+        cells=np.concatenate(cells),
+        order=patches[0].mesh.order,
+        young_kpa=np.concatenate(young),
+        poisson=np.concatenate(poisson),
+        patches=tuple(numbers),
+    )
+
+
+def join_meshes(solid: Solid, other: Solid) -> Solid:
+    """Two separate bodies of one order in one list of nodes: first ``solid``, then ``other``."""
+    first = len(solid.nodes)
+    return Solid(
+        nodes=np.concatenate([solid.nodes, other.nodes]),
+        cells=np.concatenate([solid.cells, other.cells + first]),
+        order=solid.order,
+        young_kpa=np.concatenate([solid.young_kpa, other.young_kpa]),
+        poisson=np.concatenate([solid.poisson, other.poisson]),
+        patches=solid.patches + other.shifted(first),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,10 +284,19 @@ class MeshedSlab:
     inclusion: Booleans  # mask of the elements in the inclusion
 
 
-def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> MeshedSlab:
-    """Mesh a slab with the inclusion of ``phantom``, or without any."""
-    order, thickness = resolution.order, phantom.thickness_mm
-    edge = probe.radius_mm
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlabLines:
+    """Element boundaries of a slab: two slabs meshed on the same lines have the same topology."""
+
+    radial_mm: Floats  # from the axis to the outer radius
+    depth: Floats  # from the skin to the chest wall as fractions of the thickness
+    split: int  # index of the radial line around the block of the inclusion
+    extent: int  # index of the radial line that ends the skin in contact
+
+
+def slab_lines(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> SlabLines:
+    """Element boundaries that suit a slab and its inclusion."""
+    thickness, edge = phantom.thickness_mm, probe.radius_mm
     largest = resolution.largest * probe.radius_mm
     cells = int(np.ceil(min(SLIDING_MM, SLIDING_FRACTION * probe.radius_mm) / resolution.rim_mm))
     fine = edge - resolution.rim_mm * np.arange(cells + 1)[::-1]
@@ -215,17 +308,31 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     beyond = outer_lines(edge, outer, finest=resolution.rim_mm, growth=resolution.growth)
     lines = np.concatenate([inside, beyond[1:]])
     depth = graded(thickness, 1.5 * resolution.rim_mm, resolution.growth, thickness / 4)
-    extent = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
+    width = 0.0 if phantom.inclusion is None else shape_on_axis(phantom).half_width
+    return SlabLines(
+        radial_mm=lines,
+        depth=depth / thickness,
+        split=int(np.searchsorted(lines, max(0.75 * probe.radius_mm, 1.3 * width))),
+        extent=int(np.searchsorted(lines, edge + 2 * resolution.rim_mm)),
+    )
+
+
+def mesh_slab(
+    phantom: Phantom, probe: Probe, resolution: FiniteResolution, lines: SlabLines | None = None
+) -> MeshedSlab:
+    """Mesh a slab with the inclusion of ``phantom``, or without any, on its own ``lines`` or on those given."""
+    order = resolution.order
+    lines = slab_lines(phantom, probe, resolution) if lines is None else lines
+    radial, depth, extent, split = lines.radial_mm, lines.depth * phantom.thickness_mm, lines.extent, lines.split
     if phantom.inclusion is None:
-        solid = weld([MeshPatch.uniform(mesh_rectangle(lines, depth, order, a_is_radius=True), phantom)])
+        solid = weld([MeshPatch.uniform(mesh_rectangle(radial, depth, order, a_is_radius=True), phantom)])
         return MeshedSlab(
             solid=solid,
             skin=solid.patches[0][: extent * order + 1, 0],
             inclusion=np.zeros(len(solid.cells), dtype=bool),
         )
     spheroid = shape_on_axis(phantom)
-    split = int(np.searchsorted(lines, max(0.75 * probe.radius_mm, 1.3 * spheroid.half_width)))
-    near, far = lines[: split + 1], lines[split:]
+    near, far = radial[: split + 1], radial[split:]
     boundary = block_outline(near, depth, depth[-1], order, below_cells=max(2, len(near) // 2))
     around = mesh_around(boundary, spheroid, order, layers=resolution.ray_layers)
     within = mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -10,6 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._mesh import shape_on_axis
+from tsis.mechanics.finite_strain._continuation import path_around
+from tsis.mechanics.finite_strain._load_path import StalledError
 from tsis.mechanics.finite_strain._meshes import FiniteResolution
 from tsis.mechanics.finite_strain._probe_on_slab import FinitePress, ProbeOnSlab
 from tsis.model import MN_PER_N, Phantom, PressField, Probe, require_number, require_type
@@ -29,9 +32,8 @@ def press_finite(
 
     Probe, tissue and inclusion are neo-Hookean. The tissue is bonded to the chest wall; it slides without friction on
     the face and may leave it. The face ends in a rim rounded with 0.5 mm (less on thin first layers and small faces).
-    A radius on the rim belongs to the undeformed probe. The field of a phantom with an inclusion is the field of tissue
-    without inclusion plus the inclusion's change. The change is computed with and without contrast on one mesh, so
-    ``press_finite(p, with) - press_finite(p, without)`` is a converged signal.
+    A radius on the rim belongs to the undeformed probe. A field with an inclusion is that of tissue without it plus its
+    change, computed with and without contrast on one mesh: a converged signal.
 
     Parameters
     ----------
@@ -138,4 +140,11 @@ def _solve_path(
     probe: Probe, phantom: Phantom, forces_n: tuple[float, ...], resolution: FiniteResolution, contrast: bool
 ) -> tuple[FinitePress, ...]:
     with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
-        return ProbeOnSlab(probe, phantom, resolution, contrast=contrast).path(forces_n)
+        try:
+            return ProbeOnSlab(probe, phantom, resolution, contrast=contrast).path(forces_n)
+        except StalledError:
+            own = phantom.inclusion
+            if own is not None and not contrast:
+                same = replace(own, young_kpa=phantom.young_kpa, poisson=phantom.poisson)
+                phantom = replace(phantom, inclusion=same)
+            return path_around(probe, phantom, forces_n, resolution)

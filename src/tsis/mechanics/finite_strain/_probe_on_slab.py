@@ -17,8 +17,14 @@ from tsis.mechanics.finite_strain import _load_path as load_path
 from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
 from tsis.mechanics.finite_strain._contact import SlidingContact
 from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
-from tsis.mechanics.finite_strain._meshes import FiniteResolution, RoundedProbe, mesh_probe, mesh_slab, rounded
-from tsis.mechanics.finite_strain._patches import join_meshes
+from tsis.mechanics.finite_strain._meshes import (
+    FiniteResolution,
+    RoundedProbe,
+    join_meshes,
+    mesh_probe,
+    mesh_slab,
+    rounded,
+)
 from tsis.mechanics.finite_strain._potential import Potential
 from tsis.mechanics.finite_strain._surfaces import SmoothFace, SoftFace
 from tsis.model import MN_PER_N, PressField
@@ -27,6 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.mechanics.finite_strain._load_path import State
+    from tsis.mechanics.finite_strain._meshes import SlabLines
     from tsis.model import Phantom, Probe
 
 
@@ -92,6 +99,7 @@ STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer
 STEERING = 20.0  # the same for the open or closed decision in Newton's method
 TOUCH = 0.02  # travel of the first touch as a fraction of the slab's or the probe's thickness, the smaller
 LARGEST_STRETCH = 3.0
+COLLAPSED = 0.5  # least determinant of the deformation gradient near which Newton's method may fail
 RIM_CELL = 0.8  # largest cell on the rim as a fraction of its radius
 PULLING = 0.05  # of the mean pressure; with more tension the mesh does not resolve the contact
 INNER = 0.9  # of the face's radius; outside it the rounded rim makes the pressure steep
@@ -108,12 +116,12 @@ class LoadedFace(ABC, Generic[Result]):
     face: SoftFace
     contact: SlidingContact
     potential: Potential
-    _touch_mm: float  # travel of the first touch
+    touch_mm: float  # travel of the first touch
     _strained: Booleans  # elements whose stretch is limited
     _largest_stretch: float
 
     @abstractmethod
-    def _deformed(self, travel_mm: float) -> Floats:
+    def deformed(self, travel_mm: float) -> Floats:
         """Unknowns when undeformed bodies move by ``travel_mm``."""
 
     @abstractmethod
@@ -124,9 +132,9 @@ class LoadedFace(ABC, Generic[Result]):
         """Results at ascending ``forces_n`` in newtons."""
         forces = [force * MN_PER_N for force in forces_n]
         first = load_path.find_first_contact(
-            self.potential, self._deformed, self._touch_mm, SPRING, below_mn=forces[0] / 2
+            self.potential, self.deformed, self.touch_mm, SPRING, below_mn=forces[0] / 2
         )
-        states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
+        states = load_path.follow_load_path(self.potential, first, forces, refuse=self.refuse, explain=self.explain)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
     def stretch(self, state: State) -> float:
@@ -135,12 +143,32 @@ class LoadedFace(ABC, Generic[Result]):
         stretches = neo_hookean.principal_stretches(gradient)
         return float(max(stretches.max(), (1 / stretches).max()))
 
-    def _refuse(self, state: State) -> str | None:
+    def refuse(self, state: State) -> str | None:
         """Reason why a state lies outside the model's range, or None."""
         stretch = self.stretch(state)
         if stretch <= self._largest_stretch:
             return None
         return f"lengths change {stretch:.2g} times, more than {self._largest_stretch:g}, the limit of this model,"
+
+    def explain(self, state: State) -> str | None:
+        """Reason why the model ends near a state, or None: the contact's edge, its size, or a collapsing element."""
+        positions = self.potential.positions(state.unknowns)
+        parts = self.contact.pressed(positions)
+        if not parts:
+            return "the bodies do not touch"
+        outer = parts[-1]
+        edge = self.contact.points(np.array([outer.edge]), np.array([outer.high]), positions)
+        arc = float(self.face.face.closest(positions[self.face.nodes], edge).parameter[0])
+        # Half of the rim's arc: beyond it the tissue wraps around the side.
+        if arc > self.shape.middle_mm:
+            return "the tissue wraps around the probe's rim"
+        if outer.edge == 0:
+            return "the contact is smaller than a cell of the mesh"
+        gradient = self.potential.body.gradient(self.potential.displacements(state.unknowns))
+        smallest = float(neo_hookean.volume_ratio(gradient).min())
+        if smallest < COLLAPSED:
+            return f"an element is compressed to {smallest:.2g} of its volume"
+        return None
 
     def _field(self, state: State, force_n: float, *, glass_moves: bool) -> PressField:
         """Displacement of the face towards the glass, and its pressure."""
@@ -168,17 +196,28 @@ class FinitePress:
 
 
 class ProbeOnSlab(LoadedFace[FinitePress]):
-    """A probe on a slab; ``contrast=False`` gives the inclusion the tissue's own material on the same mesh."""
+    """A probe on a slab; ``contrast=False`` gives the inclusion the tissue's own material on the same mesh.
 
-    def __init__(self, probe: Probe, phantom: Phantom, resolution: FiniteResolution, *, contrast: bool = True) -> None:
+    ``lines`` are the element boundaries of the slab; by default those that suit the phantom.
+    """
+
+    def __init__(
+        self,
+        probe: Probe,
+        phantom: Phantom,
+        resolution: FiniteResolution,
+        *,
+        contrast: bool = True,
+        lines: SlabLines | None = None,
+    ) -> None:
         if probe.face_curvature_mm is not None:  # the edge of the contact travels over the whole face
             resolution = replace(resolution, largest=resolution.largest / 2)
         self.shape = rounded(probe, resolution.fillet_mm)
         # The cells of a small rim are small too.
         resolution = replace(resolution, rim_mm=min(resolution.rim_mm, RIM_CELL * self.shape.fillet_mm))
         largest, finest = resolution.largest, resolution.rim_mm / probe.radius_mm
-        lines = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)
-        meshed, slab = mesh_probe(self.shape, lines, resolution), mesh_slab(phantom, probe, resolution)
+        along = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)
+        meshed, slab = mesh_probe(self.shape, along, resolution), mesh_slab(phantom, probe, resolution, lines)
         tissue = slab.solid
         if contrast and phantom.inclusion is not None:
             tissue = replace(
@@ -202,11 +241,11 @@ class ProbeOnSlab(LoadedFace[FinitePress]):
         stiffness = (STIFFNESS * softer, STEERING * softer)
         self.contact = SlidingContact(solid.nodes, skin, resolution.order, self.face, *stiffness)
         self.potential = Potential(body, [self.contact], 0)
-        self._touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)
+        self.touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)
         self._strained = _away_from_rim(solid.nodes[solid.cells].mean(axis=1), self.shape)
         self._largest_stretch = LARGEST_STRETCH
 
-    def _deformed(self, travel_mm: float) -> Floats:
+    def deformed(self, travel_mm: float) -> Floats:
         """Unknowns when the whole undeformed probe moves by ``travel_mm``."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[: self._probe_nodes, 1]

@@ -11,8 +11,15 @@ from threadpoolctl import threadpool_limits
 from tsis.mechanics._mesh import LayeredMesh, graded, refine
 from tsis.mechanics.finite_strain._contact import SlidingContact
 from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
-from tsis.mechanics.finite_strain._meshes import FiniteResolution, mesh_probe, rounded
-from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, join_meshes, weld
+from tsis.mechanics.finite_strain._meshes import (
+    FiniteResolution,
+    MeshPatch,
+    Solid,
+    join_meshes,
+    mesh_probe,
+    rounded,
+    weld,
+)
 from tsis.mechanics.finite_strain._potential import Potential
 from tsis.mechanics.finite_strain._press import require_ascending_forces, require_enough_force
 from tsis.mechanics.finite_strain._probe_on_slab import STEERING, STIFFNESS, LoadedFace
@@ -225,10 +232,10 @@ class SphereOnProbe(LoadedFace[SpherePress]):
             nodes, surface[::-1][:extent] + self._first, order, Plate(plate, 2 * radius_mm), *stiffness
         )
         self.potential = Potential(body, [self.contact, above], 0)
-        self._touch_mm, self._largest_stretch = TOUCH * radius_mm, LARGEST_STRETCH
+        self.touch_mm, self._largest_stretch = TOUCH * radius_mm, LARGEST_STRETCH
         self._strained = np.ones(len(solid.cells), dtype=bool)
 
-    def _deformed(self, travel_mm: float) -> Floats:
+    def deformed(self, travel_mm: float) -> Floats:
         """Unknowns when the plate moves by ``travel_mm`` and the sphere by half of it."""
         unknowns = np.zeros(self.potential.size)
         axial = self.potential.body.numbering.of_node[self._first : self._plate, 1]

@@ -1,6 +1,8 @@
 """Presses as polynomials over a box of inclusions and tissues, with their measured error and a disk cache."""
 
 from tsis.mechanics.surrogate._build import build_surrogate, cached_arrays, mechanical_content
+from tsis.mechanics.surrogate._correction_build import build_finite_correction
+from tsis.mechanics.surrogate._finite_correction import CorrectionBox, FiniteCorrection, correction_box
 from tsis.mechanics.surrogate._full_contact import (
     FULL_CONTACT_DEGREES,
     FullContactParts,
@@ -21,17 +23,21 @@ from tsis.mechanics.surrogate._polynomial import (
 __all__ = [
     "FULL_CONTACT_DEGREES",
     "Box",
+    "CorrectionBox",
     "Degrees",
+    "FiniteCorrection",
     "FullContactParts",
     "FullContactProfiles",
     "FullContactSurrogate",
     "PressSurrogate",
     "Surrogate",
     "TissueSurrogate",
+    "build_finite_correction",
     "build_full_contact_surrogate",
     "build_surrogate",
     "cached_arrays",
     "contrast_factor",
+    "correction_box",
     "mechanical_content",
     "signal_scale",
 ]

@@ -16,12 +16,12 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from tsis.files import content_key, read_cached_arrays, write_cached_arrays
-from tsis.mechanics.surrogate import _chebyshev as chebyshev
 from tsis.mechanics.surrogate._polynomial import (
     Box,
     Degrees,
     PressSurrogate,
     Surrogate,
+    chebyshev_points,
     contrast_factor,
     contrast_from_factor,
     log_range,
@@ -54,10 +54,10 @@ def solve_all(
     ``slabs`` gives the slabs of a thickness in mm. ``progress`` is called with (slabs solved, slabs in all).
     """
     thicknesses, tissues = _tissue_points(box, degrees.thickness, degrees.tissue)
-    factors = _nonzero(chebyshev.points(box.contrast_factor, degrees.contrast))
+    factors = _nonzero(chebyshev_points(box.contrast_factor, degrees.contrast))
     spheres = list(
         itertools.product(
-            chebyshev.points(box.diameter_mm, degrees.diameter), chebyshev.points(box.depth_mm, degrees.depth)
+            chebyshev_points(box.diameter_mm, degrees.diameter), chebyshev_points(box.depth_mm, degrees.depth)
         )
     )
     total, done = len(thicknesses) * len(spheres), itertools.count(1)
@@ -171,8 +171,8 @@ def _nonzero(factor: Any) -> Floats:
 def _tissue_points(box: Box, thicknesses: int, tissues: int) -> tuple[list[float], list[float]]:
     """Chebyshev points of slab thickness in mm and tissue modulus in kPa."""
     return (
-        np.exp(chebyshev.points(log_range(box.thickness_mm), thicknesses)).tolist(),
-        np.exp(chebyshev.points(log_range(box.tissue_young_kpa), tissues)).tolist(),
+        np.exp(chebyshev_points(log_range(box.thickness_mm), thicknesses)).tolist(),
+        np.exp(chebyshev_points(log_range(box.tissue_young_kpa), tissues)).tolist(),
     )
 
 

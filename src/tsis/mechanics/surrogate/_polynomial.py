@@ -8,13 +8,14 @@ divided by that, which is smooth enough for low degrees. Changes come from solve
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from tsis.errors import InputError
 from tsis.mechanics._face import hats
-from tsis.mechanics.surrogate import _chebyshev as chebyshev
 from tsis.model import require_number
 
 if TYPE_CHECKING:
@@ -109,6 +110,44 @@ def log_range(interval: tuple[float, float]) -> tuple[float, float]:
     return float(np.log(low)), float(np.log(high))
 
 
+def chebyshev_points(interval: tuple[float, float], count: int) -> Floats:
+    """The ``count`` Chebyshev points of the first kind on ``interval``, ascending."""
+    low, high = interval
+    unit = -np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    return np.asarray((low + high) / 2 + (high - low) / 2 * unit)
+
+
+def chebyshev_weights(interval: tuple[float, float], count: int, x: Floats) -> Floats:
+    """Matrix from values at `chebyshev_points` to the interpolating polynomial at ``x``, shape (len(x), count)."""
+    low, high = interval
+    unit = (2 * np.atleast_1d(x) - low - high) / (high - low)
+    # NumPy's own recurrence spends more time on checks than on work for few points.
+    terms = np.ones((count, unit.size))
+    if count > 1:
+        terms[1] = unit
+    for n in range(2, count):
+        terms[n] = 2 * unit * terms[n - 1] - terms[n - 2]
+    return np.asarray(terms.T @ _coefficients(count))
+
+
+@lru_cache(maxsize=1024)  # callers repeat few positions
+def chebyshev_weights_at(interval: tuple[float, float], count: int, x: float) -> Floats:
+    """`chebyshev_weights` at one position, shape (count,)."""
+    row = np.array(chebyshev_weights(interval, count, np.array([x]))[0])
+    row.flags.writeable = False
+    return row
+
+
+@cache
+def _coefficients(count: int) -> Floats:
+    """Matrix from values at the points to Chebyshev coefficients."""
+    matrix = np.asarray(
+        np.linalg.inv(chebyshev.chebvander(chebyshev_points((-1.0, 1.0), count), count - 1)), dtype=float
+    )
+    matrix.flags.writeable = False
+    return matrix
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Surrogate:
     """Outputs of presses as polynomials over a box.
@@ -159,8 +198,8 @@ class Surrogate:
 
     def _mix(self, points: tuple[int, ...], tissue_young_kpa: float, thickness_mm: float) -> Floats:
         """Weights of the points along tissue and thickness, flat."""
-        tissue = chebyshev.weights_at(log_range(self.box.tissue_young_kpa), points[0], float(np.log(tissue_young_kpa)))
-        slab = chebyshev.weights_at(log_range(self.box.thickness_mm), points[1], float(np.log(thickness_mm)))
+        tissue = chebyshev_weights_at(log_range(self.box.tissue_young_kpa), points[0], float(np.log(tissue_young_kpa)))
+        slab = chebyshev_weights_at(log_range(self.box.thickness_mm), points[1], float(np.log(thickness_mm)))
         return np.asarray((tissue[:, None] * slab).ravel())
 
 
@@ -177,9 +216,9 @@ class TissueSurrogate:
         """Inclusions (diameter, depth, modulus) at the points of ``change``, shape (d * h * g, 3)."""
         nd, nh, ng, _ = self.change.shape
         axes = (
-            chebyshev.points(self.box.diameter_mm, nd),
-            chebyshev.points(self.box.depth_mm, nh),
-            contrast_from_factor(chebyshev.points(self.box.contrast_factor, ng)) * self.tissue_young_kpa,
+            chebyshev_points(self.box.diameter_mm, nd),
+            chebyshev_points(self.box.depth_mm, nh),
+            contrast_from_factor(chebyshev_points(self.box.contrast_factor, ng)) * self.tissue_young_kpa,
         )
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
@@ -194,9 +233,9 @@ class TissueSurrogate:
         """Outputs for inclusions, three arrays of shape (n,); shape (n, outputs)."""
         box, (nd, nh, ng, outputs) = self.box, self.change.shape
         factor = contrast_factor(np.asarray(young_kpa) / self.tissue_young_kpa)
-        in_d = chebyshev.weights(box.diameter_mm, nd, diameter_mm)
-        in_h = chebyshev.weights(box.depth_mm, nh, depth_mm)
-        in_g = chebyshev.weights(box.contrast_factor, ng, factor)
+        in_d = chebyshev_weights(box.diameter_mm, nd, diameter_mm)
+        in_h = chebyshev_weights(box.depth_mm, nh, depth_mm)
+        in_g = chebyshev_weights(box.contrast_factor, ng, factor)
         # Diameter and depth in one matrix product, then the contrast: half the work of one product over all three.
         table = self.change.reshape(nd * nh, ng * outputs)
         change = np.empty((len(factor), outputs))

@@ -123,7 +123,7 @@ class FiniteStrainSlabs:
     def without_inclusion(self, tissues: list[float]) -> Floats:
         """See `Slabs`."""
         press = partial(press_finite, self._probe, force_n=self._force_n, resolution=self._resolution)
-        return np.array([_row_of(press(self._phantom(tissue, None))) for tissue in tissues])
+        return np.array([row_of_field(press(self._phantom(tissue, None))) for tissue in tissues])
 
     def changes(self, sphere: tuple[float, float], factors: Floats, tissues: list[float]) -> Floats:
         """See `Slabs`."""
@@ -140,7 +140,7 @@ class FiniteStrainSlabs:
         ((with_it, without),) = press_pairs(
             self._probe, self._phantom(tissue, inclusion), forces_n=(self._force_n,), resolution=self._resolution
         )
-        return (_row_of(with_it) - _row_of(without)) / float(signal_scale(diameter, depth, factor))
+        return (row_of_field(with_it) - row_of_field(without)) / float(signal_scale(diameter, depth, factor))
 
     def _phantom(self, tissue: float, inclusion: Inclusion | None) -> Phantom:
         return Phantom(young_kpa=tissue, thickness_mm=self._thickness_mm, poisson=self._poisson, inclusion=inclusion)
@@ -150,7 +150,7 @@ def _row(press: FacePress) -> Floats:
     return np.concatenate([press.pressure_kpa, press.face_displacement_mm, [press.approach_mm]])
 
 
-def _row_of(field: PressField) -> Floats:
+def row_of_field(field: PressField) -> Floats:
     """A row at fewer radii; each pressure is a mean of means, so that they sum up to the force."""
     fine = field.radius_mm
     coarse = np.linspace(0.0, fine[-1], FACE_POINTS)

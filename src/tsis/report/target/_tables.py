@@ -42,8 +42,7 @@ def parameter_label(name: str) -> tuple[str, str]:
     """Name and unit of a parameter."""
     if name in TITLES:
         return TITLES[name]
-    unit = unit_of(name)
-    return label_of(name), "" if unit == NO_UNIT else unit
+    return label_of(name), "" if unit_of(name) == NO_UNIT else unit_of(name)
 
 
 def measure(value: float, unit: str) -> str:
@@ -72,9 +71,9 @@ def _active_estimate(record: TargetRecord, stored: StoredEstimate) -> Table:
         values = (*hardness_rows(stored.estimate), *true)
         return Table(title=title, headings=("quantity", "value"), rows=values)
     headings = ("quantity", "mean", "90 % interval", "sd", "prior sd", "least sd (Cramér-Rao)")
-    names = (*stored.estimate.names, *(name for name in truth if name not in stored.estimate.names))
-    rows = tuple(_parameter_row(stored.estimate, name, truth) for name in names)
-    return Table(title=title, headings=(*headings, "truth") if truth else headings, rows=rows)
+    names = dict.fromkeys((*stored.estimate.names, *truth))
+    rows, last = tuple(_parameter_row(stored.estimate, name, truth) for name in names), ("truth",) if truth else ()
+    return Table(title=title, headings=headings + last, rows=rows)
 
 
 def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) -> tuple[str, ...]:

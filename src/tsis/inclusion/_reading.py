@@ -1,0 +1,149 @@
+"""Ring profiles, position of the inclusion and likelihood of the frames of one target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.inclusion._frames import (
+    depletion_per_n,
+    ring_edges,
+    ring_light,
+    ring_profiles,
+)
+from tsis.inclusion._verdict import (
+    OFF_AXIS_MM,
+)
+from tsis.inclusion.checks import (
+    FieldHarmonics,
+    InclusionPosition,
+    heterogeneity_evidence,
+    inclusion_position,
+)
+from tsis.inclusion.posterior import (
+    ForwardModel,
+    InclusionLikelihood,
+    Profiles,
+    build_field_table,
+    heterogeneity,
+    ring_correction,
+    ring_correlation,
+    ring_responses,
+)
+
+if TYPE_CHECKING:
+    from tsis.inclusion._prior import Floats, InclusionPrior
+    from tsis.inclusion.posterior import FieldTable
+    from tsis.mechanics.surrogate import FiniteCorrection, FullContactSurrogate
+    from tsis.model import (
+        Calibration,
+        Probe,
+        TactileImage,
+    )
+
+
+LIKELY = 0.01  # chance of a shift by uneven tissue above which it is none of an inclusion
+LIKE_FORCE = 0.1  # largest relative difference of the forces of target and reference that locate the inclusion
+
+
+def relative_model_error(surrogate: FullContactSurrogate, correction: FiniteCorrection | None) -> float:
+    """Relative error of the model's pressures."""
+    return float(np.hypot(surrogate.error, 0.0 if correction is None else correction.error))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameReading:
+    """The likelihood of inclusions, its ring profiles, the position of the inclusion and the tissue's harmonics."""
+
+    likelihood: InclusionLikelihood
+    data: Profiles
+    position: InclusionPosition | None
+    uneven: FieldHarmonics | None
+
+
+def _position(
+    targets: list[TactileImage],
+    references: list[TactileImage],
+    calibration: Calibration,
+    probe: Probe,
+    uneven: FieldHarmonics | None,
+) -> InclusionPosition | None:
+    """Position of the inclusion by the strongest press and the reference of the nearest force."""
+    if not references:
+        return None
+    target = max(targets, key=lambda frame: frame.force_n or 0.0)
+    reference = min(references, key=lambda frame: abs((frame.force_n or 0.0) - (target.force_n or 0.0)))
+    if abs((reference.force_n or 0.0) / (target.force_n or 1.0) - 1) > LIKE_FORCE:
+        return InclusionPosition(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
+    if uneven is None:
+        return inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm)
+    causes = uneven.of_sites(1, [target, reference])
+    found = inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm, uneven=causes)
+    if found.distance_mm > OFF_AXIS_MM and uneven.shift_chance(target, reference) > LIKELY:
+        return replace(found, noise_mm=np.inf, sd_mm=np.inf)  # uneven tissue alone explains it
+    return found
+
+
+def read_frames(
+    targets: list[TactileImage],
+    references: list[TactileImage],
+    surrogate: FullContactSurrogate,
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    prior: InclusionPrior,
+    correction: FiniteCorrection | None = None,
+) -> FrameReading:
+    """Ring profiles, position and likelihood of the frames of one target, at small strain without ``correction``."""
+    frames, edges = targets + references, ring_edges(probe)
+    light = ring_light(frames[0], calibration, edges)
+    model_error = relative_model_error(surrogate, correction)
+    data = ring_profiles(frames, calibration, edges, light=light.level, model_error=model_error)
+    uneven = _heterogeneity(references or targets, probe, calibration, prior, light.level)
+    position = _position(targets, references, calibration, probe, uneven)
+    offset, spread_sd = _offset(position, prior)
+    model = ForwardModel(
+        rings=ring_responses(surrogate, edges, light.level, offset_mm=offset),
+        level=light.level,
+        shading=light.shading,
+        calibration=calibration,
+        prior=prior,
+        force_n=np.array([frame.force_n for frame in frames]),
+        is_reference=np.array([False] * len(targets) + [True] * len(references)),
+        depletion_per_n=depletion_per_n(calibration, probe),
+        correlation=ring_correlation(edges, calibration.grain_mm),
+        spread_sd=spread_sd,
+        heterogeneity=None if uneven is None else uneven.hypotheses,
+        correction=None if correction is None else ring_correction(correction, edges, light.level, offset_mm=offset),
+    )
+    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, position=position, uneven=uneven)
+
+
+@lru_cache(maxsize=4)
+def _field_table(probe: Probe, prior: InclusionPrior) -> FieldTable:
+    return build_field_table(probe, prior)
+
+
+def _heterogeneity(
+    frames: list[TactileImage], probe: Probe, calibration: Calibration, prior: InclusionPrior, level: Floats
+) -> FieldHarmonics | None:
+    """Hypotheses on the tissue after the harmonics of the frames of one site; None for even tissue."""
+    if prior.heterogeneity_sd == 0:
+        return None
+    is_domed = probe.face_curvature_mm is not None
+    hypotheses = heterogeneity(_field_table(probe, prior), prior, ring_edges(probe), level, is_domed=is_domed)
+    before = FieldHarmonics(hypotheses=hypotheses, calibration=calibration, probe=probe)
+    return replace(before, hypotheses=hypotheses.informed(heterogeneity_evidence(frames, before)))
+
+
+def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple[float, float]:
+    """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
+    if inclusion is None or inclusion.sd_mm > prior.offset_sd_mm:
+        # An examiner aims at the axis; the limit of a square at zero is neglected.
+        return 0.0, 2 * prior.offset_sd_mm**2
+    # Noise adds twice the variance of a coordinate to the squared distance.
+    square = max(inclusion.distance_mm**2 - 2 * inclusion.sd_mm**2, 0.0)
+    return float(np.sqrt(square)), float(2 * inclusion.sd_mm * np.sqrt(square + inclusion.sd_mm**2))

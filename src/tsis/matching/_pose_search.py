@@ -1,0 +1,367 @@
+"""Maps of the source on the target from many rotations, with the evidence of each.
+
+Affine maps are annealed from a grid of rotations, plain and between the whitened sets; the likeliest different ones are
+annealed with a smooth field. Then pairs and map alternate, first soft, then one to one, and outlines slide along each
+other by whole points: slid maps explain nearly as much as the right one, and only their evidence tells them apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from tsis.matching import _refinement as refinement
+from tsis.matching._annealing import START, Cooling, anneal, annealed_map, balanced_pairs
+from tsis.matching._fit import UNMATCHED, spacing
+from tsis.matching._outline import chains, main_curve, outline_alignments, slid, successors
+from tsis.matching._pose_evidence import (
+    SIGMAS,
+    PoseEvidence,
+    SmoothField,
+    hard_evidence,
+    soft_evidence,
+)
+from tsis.matching._relaxation import poses, rotations, whitening
+from tsis.matching._spline import spline_basis, spread_indices
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from tsis.matching._fit import Floats, Integers
+
+COARSE, FINE = (60, 90), (120, 300)  # largest samples of source and target
+COARSE_SIGMAS = np.geomspace(0.4, 0.12, 8)  # in root-mean-square radii
+FIRST_SIGMA, MIDDLE_SIGMA, LAST_SIGMA, FINE_STEPS = 0.3, 0.12, 0.5, 14  # the last in spacings
+WIDE_SIGMAS = np.geomspace(0.9, 0.33, 8)
+DIFFERENT = 0.1  # root-mean-square distance of two starts
+ANNEALED, FOLLOWED, PROPOSED = 10, 6, 3  # starts annealed with a field, of them to the end, and poses beside them
+FIELD_WIDTHS, FIELD_AMPLITUDES = (0.5, 0.9), (0.05, 0.2)
+AFFINE_SD = 0.3
+SOFT_ROUNDS, BALANCINGS = 4, 10
+GATES = (1.5, 1.2, 0.9, 0.7, 0.5, 0.4, 0.3, 0.3, 0.5, 0.5, 0.5, 0.5)  # largest distance of a pair, in spacings
+LEAST_VARIANCE = 2 * SIGMAS[1] ** 2  # of a pair's distance
+REJECTED = 9.0  # medians of the squared distance beyond which a pair is dropped
+SLIDES, MOST_SLIDES = (-2, -1, 1, 2), 6
+BEHIND = 1.5  # log evidence per point that a map may lie behind the best and still be refined
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoseSearch:
+    """What the steps of a search share; sets are normalised."""
+
+    field: SmoothField
+    target: Floats
+    step: float  # distance of neighbours
+    following: Integers  # next point of the source along its curve, shape (n,)
+
+    @property
+    def source(self) -> Floats:
+        """The source's points, shape (n, d)."""
+        return self.field.points
+
+    @classmethod
+    def of(cls, source: Floats, target: Floats) -> PoseSearch:
+        """Between normalised points, shapes (n, d) and (m, d)."""
+        return cls(
+            field=SmoothField.of(source),
+            target=np.ascontiguousarray(target),
+            step=max(spacing(source), spacing(target)),
+            following=successors(source),
+        )
+
+
+def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEvidence]:
+    """Maps by falling evidence; slid neighbours are among them."""
+    aligned = sorted(_aligned_maps(search), key=lambda item: -item.log)
+    if aligned and complete(search, aligned[0]):
+        better = [_mended(search, item) for item in distinct(aligned, DIFFERENT)[:MENDED]]
+        return sorted([*better, *aligned], key=lambda item: -item.log)
+    maps = [item for moved in _annealed_maps(search) if (item := settled(search, moved)) is not None]
+    found = _improved(search, _refined(search, maps, aligned))
+    if found and complete(search, found[0]):
+        return found
+    proposed = [item for moved in _proposed_maps(search, rng) if (item := settled(search, moved)) is not None]
+    more = _refined(search, proposed, found)
+    return more if found and more[0] is found[0] else _improved(search, more)
+
+
+def _improved(search: PoseSearch, found: list[PoseEvidence]) -> list[PoseEvidence]:
+    """All maps, and those that growth, order along curves and shifts make of the likeliest."""
+    if not found:
+        return found
+    result = list(found)
+    curves = chains(search.following)
+    ranking = refinement.Ranking.of(search.field, search.target)
+    done = [_followed(search, item) for item in distinct(found, IMPROVED_DISTANCE)[:IMPROVED]]
+    top = max(done, key=lambda item: item.log)
+    for matches in refinement.shifted(main_curve(search.source), ranking, top):
+        item = hard_evidence(search.field, search.target, matches, width=top.width)
+        if item is not None:
+            done += [item, _followed(search, item)]
+    top = max(done, key=lambda item: item.log)
+    turned = distinct(refinement.turned(search.field, search.target, search.step, top), IMPROVED_DISTANCE)[:TURNED]
+    done += [*turned, *(_followed(search, item) for item in turned)]
+    top = max(done, key=lambda item: item.log)
+    for _ in range(MOST_SEGMENTS):
+        items = [
+            item
+            for order, closed in curves
+            if len(order) > 5
+            for matches in refinement.segment_shifts(order, closed, ranking, top)
+            if (item := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
+        ]
+        best = max(items, key=lambda item: item.log, default=top)
+        if best.log <= top.log + 0.01:
+            break
+        top = _followed(search, best)
+        done += [*items, top]
+    if len(search.target) > DENSER * len(search.source):
+        for item in _target_slid_maps(search, top):
+            done.append(item)
+            top = max(top, item, key=lambda item: item.log)
+    done.append(refinement.repatched(search.field, search.target, search.step, top))
+    return sorted([*result, *done], key=lambda item: -item.log)
+
+
+def _mended(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
+    """The map of an alignment after growth and re-pairing of patches: points of a curve may be in the wrong order."""
+    item = refinement.grown(search.field, search.target, search.step, item)
+    if item.sigma <= CLEAN * SIGMAS[0]:
+        return item
+    return refinement.repatched(search.field, search.target, search.step, item)
+
+
+def _target_slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
+    """Maps whose pairs slid along the curves of the denser target."""
+    ahead = successors(search.target)
+    back = np.full(len(ahead), UNMATCHED)
+    linked = np.flatnonzero(ahead != UNMATCHED)
+    back[ahead[linked]] = linked
+    top = found
+    for direction in (ahead, back):
+        for _ in range(MOST_TARGET_SLIDES):
+            matches = np.where(top.matches == UNMATCHED, UNMATCHED, direction[top.matches])
+            item = hard_evidence(search.field, search.target, matches, width=top.width)
+            if item is None:
+                break
+            item = _followed(search, item)
+            if item.log <= top.log + 0.01:
+                break
+            top = item
+            yield item
+
+
+def _followed(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
+    """The map that growth and order along curves reach."""
+    for _ in range(3):
+        before = item.log
+        item = refinement.grown(search.field, search.target, search.step, item)
+        item = refinement.chained(search.field, search.target, search.step, search.following, item)
+        if item.log < before + 0.5:
+            break
+    return item
+
+
+COOLING, COLDEST, COOLED = 0.85, 0.35, 3
+TURNED = 4  # maps of the rotated source that are followed
+MENDED, CLEAN = 8, 1.1  # alignments that are mended, and noise in SIGMAS[0] of a map that needs no mending
+MOST_SEGMENTS, MOST_TARGET_SLIDES = 8, 4
+DENSER = 1.2  # ratio of the sets' sizes beyond which pairs also slide along the target's curves
+IMPROVED, IMPROVED_DISTANCE = 3, 0.1
+
+
+def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
+    """Maps of the alignments of two outlines."""
+    alignments = outline_alignments(search.field, search.target)
+    return [item for each in alignments if (item := hard_evidence(search.field, search.target, each)) is not None]
+
+
+def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
+    """The map that alternating soft pairs and fields reach from moved points, shape (n, d)."""
+    if len(search.source) * len(search.target) > refinement.MANY_PAIRS:
+        first = hard_evidence(
+            search.field, search.target, refinement.one_to_one(moved, search.target, GATES[0] * search.step)
+        )
+        return None if first is None else _tightened(search, first)
+    sigma, result = LAST_SIGMA * search.step, None
+    for _ in range(SOFT_ROUNDS):
+        pairs = balanced_pairs(np.ascontiguousarray(moved), search.target, sigma, BALANCINGS)
+        result = soft_evidence(search.field, search.target, pairs)
+        if result is None:
+            return None
+        moved, sigma = result.moved, max(result.sigma, 0.1 * search.step)
+    return result
+
+
+def complete(search: PoseSearch, found: PoseEvidence) -> bool:
+    """Whether nearly all points of the smaller set have a partner at the measurement's standard deviation."""
+    fewest = min(len(search.source), len(search.target))
+    return found.paired >= 0.97 * fewest and found.sigma <= 1.5 * SIGMAS[1]
+
+
+def _refined(
+    search: PoseSearch, maps: Iterable[PoseEvidence], found: Iterable[PoseEvidence] = ()
+) -> list[PoseEvidence]:
+    """All maps with their tightened and slid successors, by falling evidence."""
+    result = list(found)
+    for item in sorted(distinct(maps, 0.3 * search.step), key=lambda item: -item.log)[:FOLLOWED]:
+        best = max((other.log for other in result), default=item.log)
+        result.append(item)
+        if item.log < best - BEHIND * len(search.target):
+            continue
+        tight = _tightened(search, item)
+        result += [tight, *_slid_maps(search, tight)]
+    return sorted(result, key=lambda item: -item.log)
+
+
+def distinct(maps: Iterable[PoseEvidence], least: float) -> list[PoseEvidence]:
+    """The maps by falling evidence that lie at least so far from those before them."""
+    result: list[PoseEvidence] = []
+    for item in sorted(maps, key=lambda item: -item.log):
+        if all(((item.moved - other.moved) ** 2).sum(axis=1).mean() > least**2 for other in result):
+            result.append(item)
+    return result
+
+
+def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:
+    """The best map while pairs are assigned one to one within a shrinking distance."""
+    moved, best, last = found.moved, found, None
+    for gate in GATES:
+        matches = refinement.one_to_one(moved, search.target, gate * search.step)
+        rows = np.flatnonzero(matches != UNMATCHED)
+        away = ((moved[rows] - search.target[matches[rows]]) ** 2).sum(axis=1)
+        if len(rows):
+            matches[rows[away > REJECTED * max(float(np.median(away)), LEAST_VARIANCE)]] = UNMATCHED
+        if last is not None and np.array_equal(matches, last):
+            continue
+        last = matches
+        item = hard_evidence(search.field, search.target, matches, width=found.width)
+        if item is None:
+            break
+        moved = item.moved
+        best = max(best, item, key=lambda item: item.log)
+    return best
+
+
+def _slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
+    """Maps whose pairs slid along the outline, from the best found so far on."""
+    top = found
+    for _ in range(MOST_SLIDES):
+        matches = refinement.one_to_one(top.moved, search.target, max(3 * top.sigma, 0.6 * search.step))
+        better = top
+        for steps in SLIDES:
+            item = _repaired(search, slid(matches, search.following, steps), top.width)
+            if item is None:
+                continue
+            yield item
+            if item.log > better.log + 0.01:
+                better = item
+        if better is top:
+            return
+        top = _tightened(search, better)
+        yield top
+
+
+def _repaired(search: PoseSearch, matches: Integers, width: float) -> PoseEvidence | None:
+    """The better of the map of the matches and the map of the pairs that it leads to."""
+    item = hard_evidence(search.field, search.target, matches, width=width)
+    if item is None:
+        return None
+    matches = refinement.one_to_one(item.moved, search.target, max(2 * item.sigma, 0.3 * search.step))
+    again = hard_evidence(search.field, search.target, matches, width=width)
+    return item if again is None else max(item, again, key=lambda item: item.log)
+
+
+def _annealed_maps(search: PoseSearch) -> Iterator[Floats]:
+    """Moved source points of the best starts, annealed with a field."""
+    source, target = search.source, search.target
+    rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
+    sample = np.ascontiguousarray(target[columns])
+    design, ridge = _annealing_design(source, rows)
+    here = np.ascontiguousarray(design[rows])
+    last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
+    sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
+    middle = int(np.searchsorted(-sigmas, -MIDDLE_SIGMA))
+    maps = []
+    for affine in _coarse_starts(search):
+        start = np.zeros((design.shape[1], source.shape[1]))
+        start[: len(affine)] = affine
+        maps.append((annealed_map(here, ridge, sample, start, sigmas[:middle], rounds=2), start))
+    maps.sort(key=lambda item: -item[0].score)
+    for item, _ in maps[:FOLLOWED]:
+        yield design @ annealed_map(here, ridge, sample, item.coordinates, sigmas[middle:], rounds=2).coordinates
+    start = np.zeros((design.shape[1], source.shape[1]))
+    start[1 : 1 + source.shape[1]] = np.eye(source.shape[1])
+    whole = np.concatenate([WIDE_SIGMAS, sigmas])
+    yield design @ annealed_map(here, ridge, sample, start, whole, rounds=2).coordinates
+
+
+def _proposed_maps(search: PoseSearch, rng: np.random.Generator) -> Iterator[Floats]:
+    """Moved source points: a spline annealed from the identity, and poses of relaxation labelling with a field."""
+    source, target = search.source, search.target
+    rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
+    basis = spline_basis(source, control=source[rows])
+    cooling = Cooling(factor=COOLING, start=START, end=(COLDEST * search.step) ** 2, rounds=COOLED)
+    yield basis.design @ anneal(basis, basis.rest, target, cooling)
+    sample = np.ascontiguousarray(target[columns])
+    design, ridge = _annealing_design(source, rows)
+    here = np.ascontiguousarray(design[rows])
+    last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
+    sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
+    for pose in poses(source[rows], sample, rng=rng)[:PROPOSED]:
+        start = np.zeros((design.shape[1], source.shape[1]))
+        start[: len(pose.affine)] = pose.affine
+        yield design @ annealed_map(here, ridge, sample, start, sigmas, rounds=2).coordinates
+
+
+def _annealing_design(source: Floats, rows: Integers) -> tuple[Floats, Floats]:
+    """Affine columns and field columns at the source's points, shape (n, k), and the inverse variances, shape (k,)."""
+    control = source[rows]
+    among, across = (
+        sum(
+            amplitude**2 * np.exp(-0.5 * cdist(points, control, "sqeuclidean") / width**2)
+            for width, amplitude in zip(FIELD_WIDTHS, FIELD_AMPLITUDES, strict=True)
+        )
+        for points in (control, source)
+    )
+    value, vector = np.linalg.eigh(among)
+    large = value > 1e-5 * value[-1]
+    bends = across @ (vector[:, large] / np.sqrt(value[large]))
+    dimension = source.shape[1]
+    ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2), np.ones(bends.shape[1])])
+    return np.column_stack([np.ones(len(source)), source, bends]), ridge
+
+
+def _coarse_starts(search: PoseSearch) -> list[Floats]:
+    """Affine parts, shape (d + 1, d), of the likeliest different affine maps from all rotations."""
+    source, target = search.source, search.target
+    dimension = source.shape[1]
+    here = source[spread_indices(source, COARSE[0])]
+    there = np.ascontiguousarray(target[spread_indices(target, COARSE[1])])
+    design = np.column_stack([np.ones(len(here)), here])
+    ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2)])
+    found = [
+        annealed_map(design, ridge, there, np.vstack([np.zeros(dimension), matrix]), COARSE_SIGMAS)
+        for matrix in _start_matrices(source, target)
+    ]
+    found.sort(key=lambda item: -item.score)
+    chosen: list[Floats] = []
+    for item in found:
+        moved = [design @ (item.coordinates - other) for other in chosen]
+        if all((away**2).sum(axis=1).mean() > DIFFERENT**2 for away in moved):
+            chosen.append(item.coordinates)
+    return chosen[:ANNEALED]
+
+
+def _start_matrices(source: Floats, target: Floats) -> Iterator[Floats]:
+    """Rotations, of sets of different numbers in two sizes, and rotations between the whitened sets."""
+    dimension = source.shape[1]
+    turns = rotations(dimension) if dimension == 3 else refinement.plane_rotations()
+    ratio = len(target) / len(source)
+    for size in (1.0, 0.75) if ratio > 1.15 else (1.0, 1.25) if ratio < 0.9 else (1.0,):
+        yield from size * turns
+    here, there = whitening(source), np.linalg.inv(whitening(target))
+    yield from (here @ turn @ there for turn in turns)

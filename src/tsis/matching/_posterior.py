@@ -1,0 +1,301 @@
+"""Probabilities of the poses that the data allow, the fit of the likeliest, and the trust in any answer.
+
+The posterior over poses is a model's; it does not know of the poses that a search missed, nor of deformations that its
+prior does not hold. A logistic regression on its log odds and on how well the best map explains the sets turns it into
+a frequency. `benchmarks.matching_trust --calibrate` fits the weights on the calibration generator.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.distance import cdist
+from scipy.special import i0e, logsumexp
+
+from tsis.matching._fit import UNMATCHED, MatchFit, assign, nearest_pairs
+from tsis.matching._outline import self_resemblance
+from tsis.matching._pose_evidence import PoseEvidence, gaussian_kernel, size_and_stretch, unrelated_evidence
+from tsis.matching._pose_search import PoseSearch, distinct, search_poses, settled
+from tsis.matching._spline import spline_basis
+
+if TYPE_CHECKING:
+    from tsis.matching._fit import Floats, Move
+    from tsis.matching._spline import ThinPlateSpline
+
+TOLERANCE = 0.245  # 0.1 of the unit box, in root-mean-square radii of the transformed source
+DUPLICATE = 0.02  # root-mean-square radii within which two maps are one
+MOST_ALTERNATIVES = 12
+LEAST_PROBABILITY = 1e-4
+LARGEST_ODDS = 400.0
+UPRIGHT, UPRIGHT_SD_DEG = 0.8, 20.0  # default: this fraction of all pairs is the same way up, within so many degrees
+WIDEST_DEG = 1000.0  # a standard deviation from which all rotations are equally likely
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldMap:
+    """An affine map and a smooth displacement field."""
+
+    affine: Floats  # shape (d + 1, d)
+    control: Floats  # shape (c, d)
+    weights: Floats  # shape (c, d)
+    width: float
+
+    def __call__(self, points: Floats, /) -> Floats:
+        """Transform ``points``, shape (k, d)."""
+        bent = gaussian_kernel(points, self.control, self.width) @ self.weights
+        return np.asarray(self.affine[0] + points @ self.affine[1:] + bent)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LikelyPose:
+    """One of the poses that the data allow, in normalised coordinates."""
+
+    move: FieldMap
+    rotation_deg: float
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PosePosterior:
+    """Maps with their log probabilities, and that of no relation between the sets."""
+
+    search: PoseSearch
+    maps: tuple[PoseEvidence, ...]  # by falling probability
+    logs: Floats  # log probability of each map, shape (k,)
+    unrelated: float  # log probability
+
+    @property
+    def best(self) -> PoseEvidence | None:
+        """The most probable map; None where no map has enough partners."""
+        return self.maps[0] if self.maps else None
+
+    def move(self, found: PoseEvidence) -> FieldMap:
+        """The map of normalised points."""
+        return FieldMap(
+            affine=found.affine, control=self.search.field.control, weights=found.kernel_weights, width=found.width
+        )
+
+    def log_odds(self, moved: Floats) -> float:
+        """Log odds of the maps within the tolerance of moved points, shape (n, d), against all others."""
+        if not self.maps:
+            return -LARGEST_ODDS
+        near = np.array([distance(item.moved, moved) <= TOLERANCE * _radius(moved) for item in self.maps])
+        here = logsumexp(self.logs[near]) if near.any() else -math.inf
+        others = logsumexp(np.append(self.logs[~near], self.unrelated))
+        return float(np.clip(here - others, -LARGEST_ODDS, LARGEST_ODDS))
+
+    def alternatives(self) -> tuple[LikelyPose, ...]:
+        """Poses that differ by more than the tolerance, by falling probability; the first is the best."""
+        left = list(range(len(self.maps)))
+        result: list[LikelyPose] = []
+        while left and len(result) < MOST_ALTERNATIVES:
+            first = self.maps[left[0]]
+            near = [k for k in left if distance(self.maps[k].moved, first.moved) <= TOLERANCE * _radius(first.moved)]
+            probability = float(np.exp(logsumexp(self.logs[near])))
+            if result and probability < LEAST_PROBABILITY:
+                break
+            result.append(
+                LikelyPose(
+                    move=self.move(first),
+                    rotation_deg=rotation_deg(first.affine[1:]),
+                    probability=min(probability, 1.0),
+                )
+            )
+            left = [k for k in left if k not in near]
+        return tuple(sorted(result, key=lambda pose: -pose.probability))
+
+
+def pose_posterior(
+    source: Floats,
+    target: Floats,
+    *,
+    rng: np.random.Generator,
+    rotation_sd_deg: float | None = None,
+    also: Floats | None = None,
+) -> PosePosterior:
+    """Posterior over the maps that a search finds, and over that of a given answer ``also``, shape (n, d).
+
+    Sets are normalised, shapes (n, d) and (m, d). Without ``rotation_sd_deg`` the prior of `log_rotation_prior` holds.
+    """
+    search = PoseSearch.of(source, target)
+    maps = search_poses(search, rng=rng)
+    if also is not None and (given := settled(search, also)) is not None:
+        maps.append(given)
+    upright = [item for item in maps if np.linalg.det(item.affine[1:]) > 0]
+    posterior = {
+        id(item): item.log + log_rotation_prior(item.affine[1:], rotation_sd_deg)
+        for item in distinct(upright, DUPLICATE)
+    }
+    chosen = sorted((item for item in upright if id(item) in posterior), key=lambda item: -posterior[id(item)])
+    logs = np.array([posterior[id(item)] for item in chosen])
+    unrelated = unrelated_evidence(target)
+    total = logsumexp(np.append(logs, unrelated))
+    return PosePosterior(search=search, maps=tuple(chosen), logs=logs - total, unrelated=float(unrelated - total))
+
+
+def distance(moved: Floats, other: Floats) -> float:
+    """Root-mean-square distance of two maps' points, shape (n, d)."""
+    return float(np.sqrt(((moved - other) ** 2).sum(axis=1).mean()))
+
+
+def _radius(points: Floats) -> float:
+    return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
+
+
+def log_rotation_prior(matrix: Floats, sd_deg: float | None) -> float:
+    """Log density of the nearest rotation to a matrix, shape (d, d), over that of equally likely rotations.
+
+    With ``sd_deg`` the angle has a von Mises distribution (in space: that of its exponent on all rotations) of this
+    standard deviation. None is the default mixture: `UPRIGHT` within `UPRIGHT_SD_DEG`, else any rotation.
+
+    Examples
+    --------
+    >>> round(log_rotation_prior(np.eye(2), 1000.0), 6)
+    0.0
+    """
+    cosine = math.cos(math.radians(rotation_deg(matrix)))
+    if sd_deg is None:
+        upright = math.exp(_concentrated(cosine, UPRIGHT_SD_DEG, len(matrix)))
+        return math.log(UPRIGHT * upright + 1 - UPRIGHT)
+    return 0.0 if sd_deg >= WIDEST_DEG else _concentrated(cosine, sd_deg, len(matrix))
+
+
+def rotation_deg(matrix: Floats) -> float:
+    """Angle of the nearest rotation to a matrix, shape (d, d), in [0, 180]."""
+    left, _, right = np.linalg.svd(matrix)
+    trace = float(np.trace(left @ right))
+    return math.degrees(math.acos(float(np.clip(trace / 2 if len(matrix) == 2 else (trace - 1) / 2, -1.0, 1.0))))
+
+
+def _concentrated(cosine: float, sd_deg: float, dimension: int) -> float:
+    concentration = 1 / math.radians(sd_deg) ** 2
+    return concentration * (cosine - 1) - _log_normaliser(concentration, dimension)
+
+
+@lru_cache(maxsize=32)
+def _log_normaliser(concentration: float, dimension: int) -> float:
+    """Log mean of ``exp(concentration (cos - 1))`` over all rotations."""
+    if dimension == 2:
+        return math.log(float(i0e(concentration)))
+    angle = np.linspace(0, np.pi, 20_001)
+    density = np.exp(concentration * (np.cos(angle) - 1)) * (1 - np.cos(angle)) / np.pi
+    return math.log(float(np.trapezoid(density, angle)))
+
+
+NEAREST = 1.5  # largest distance of a pair, in spacings
+CERTAIN_DISTANCE = 0.2  # root-mean-square distance of partners, of the spacing, below which pairs are unambiguous
+INTERPOLATING = 1e-7  # bending ridge of a spline through unambiguous partners
+
+
+def fit(
+    source: Floats, target: Floats, /, *, rng: np.random.Generator, posterior: PosePosterior | None = None
+) -> MatchFit:
+    """Match normalised points, shapes (n, d) and (m, d); ``rng`` draws the samples of the pose consensus.
+
+    A ``posterior`` of the same sets saves the search.
+    """
+    posterior = pose_posterior(source, target, rng=rng) if posterior is None else posterior
+    best = posterior.best
+    if best is None:
+        return MatchFit(move=np.copy, matches=np.full(len(source), UNMATCHED), trust=np.zeros(len(source)))
+    move = _interpolated(source, best.moved, target, posterior.search.step) or posterior.move(best)
+    matches, trust = nearest_pairs(move(source), target, tolerance=posterior.search.step)
+    return MatchFit(move=move, matches=matches, trust=trust)
+
+
+def _interpolated(source: Floats, moved: Floats, target: Floats, spacing: float) -> ThinPlateSpline | None:
+    """The spline through the partners of moved points where these are unambiguous.
+
+    A residual is noise or fine deformation, which the points do not distinguish. Where it is small against the spacing,
+    the partner is the better estimate of the position.
+    """
+    squared = cdist(moved, target, "sqeuclidean")
+    pairs = assign(squared, dummy=(NEAREST * spacing) ** 2)
+    rows = np.flatnonzero(pairs != UNMATCHED)
+    away = squared[rows, pairs[rows]]
+    if len(rows) <= source.shape[1] or np.mean(away) > (CERTAIN_DISTANCE * spacing) ** 2:
+        return None
+    basis = spline_basis(source)
+    return basis.spline(basis.at(rows).coordinates(target[pairs[rows]], bending=INTERPOLATING))
+
+
+STEP = 1e-3  # of the numerical gradient of a map
+MOST_FOLDED, MOST_STRETCH = 0.2, 1.4  # fraction of folded points, and log ratio of singular values, of a sound map
+RELIABLE = 0.999  # least probability of a reliable answer
+MOST_RESEMBLANCE = 1e4
+MOST_NOISE, LEAST_NOISE = 0.5, -3.0  # log of the standard deviation in spacings, in the calibration
+COLLAPSED = -0.05  # unpaired fraction below which points of one set share partners
+# Where fractions h of the source and s of the target lack partners, a search misses more poses and log odds count less.
+HIDDEN, STRAY = 40.0, 3.0  # the divisor is 1 + HIDDEN h + STRAY s
+ALIKE = 0.2  # log odds count up to this fraction of the loss of a wrong alignment of the outline with itself
+MOST_ODDS = 20.0  # log odds beyond which they count by their logarithm: a missed pose is likelier than a rival
+CONTRADICTED = 3.0  # log odds against an answer beyond which its distance from the best map counts
+MOST_UNSUPPORTED = 0.99
+WEIGHTS = (2.117, 0.1231, 1.377, 0.07682, 0.6256, 0.5388)
+
+
+def trust_measures(posterior: PosePosterior, moved: Floats) -> Floats:
+    """What the trust in an answer's points, shape (n, d), depends on, shape (6,).
+
+    Log odds of the answer; loss of a wrong alignment of the source's outline with itself; fractions of source and
+    target without partner; log of the noise in spacings; distance from the best map, in tolerances.
+    """
+    odds, best, search = posterior.log_odds(moved), posterior.best, posterior.search
+    if best is None:
+        return np.array([odds, 0.0, 1.0, 1.0, MOST_NOISE, 1.0])
+    resemblance = min(self_resemblance(search.field), MOST_RESEMBLANCE)
+    far = distance(best.moved, moved) / (TOLERANCE * _radius(moved))
+    hidden, stray = 1 - best.paired / len(moved), 1 - best.paired / len(search.target)
+    return np.array([odds, resemblance, hidden, stray, math.log(best.sigma / search.step), far])
+
+
+def trust_features(measures: Floats) -> Floats:
+    """Columns of the regression, shape (..., 6), from `trust_measures`, shape (..., 6)."""
+    odds, resemblance, hidden, stray, noise, far = np.moveaxis(np.asarray(measures), -1, 0)
+    support = np.maximum(np.minimum(odds, ALIKE * resemblance), 0.0)
+    support = support / (1 + HIDDEN * np.maximum(hidden, 0.0) + STRAY * np.maximum(stray, 0.0))
+    columns = [
+        np.ones_like(odds),
+        np.minimum(support, MOST_ODDS),
+        np.log1p(support),
+        -np.log1p(np.maximum(-odds, 0.0)),
+        np.clip(noise, LEAST_NOISE, MOST_NOISE),
+        -np.clip(-odds, 0.0, CONTRADICTED) / CONTRADICTED * np.log(np.maximum(far, 1.0)),
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def is_collapsed(posterior: PosePosterior) -> bool:
+    """Whether points of one set share partners in the best map."""
+    best = posterior.best
+    return best is None or best.paired > (1 - COLLAPSED) * min(len(best.moved), len(posterior.search.target))
+
+
+def is_sound(move: Move, source: Floats) -> bool:
+    """Whether a map of normalised points, shape (n, d), neither folds nor mirrors nor flattens the set."""
+    dimension = source.shape[1]
+    centred = source - source.mean(axis=0)
+    matrix = np.linalg.lstsq(centred, move(source), rcond=None)[0]
+    if np.linalg.det(matrix) <= 0 or size_and_stretch(matrix)[1] > MOST_STRETCH:
+        return False
+    steps = STEP * np.eye(dimension)
+    gradient = np.stack([(move(source + step) - move(source - step)) / (2 * STEP) for step in steps], axis=1)
+    return bool(np.mean(np.linalg.det(gradient) <= 0) <= MOST_FOLDED)
+
+
+def probability_right(posterior: PosePosterior, moved: Floats) -> float:
+    """Probability that an answer's points, shape (n, d), are right: their error is at most 0.1 of the unit box.
+
+    It is at most the probability that the sets are related. It is at most `MOST_UNSUPPORTED` without posterior odds of
+    `RELIABLE`, or where the source's outline could as well lie on itself in another way, as that of a symmetric shape.
+    """
+    features = trust_features(trust_measures(posterior, moved))
+    chance = float(1 / (1 + math.exp(-float(np.clip(features @ np.array(WEIGHTS), -50.0, 50.0)))))
+    chance *= 1 - math.exp(min(posterior.unrelated, 0.0))
+    odds = min(posterior.log_odds(moved), 0.5 * self_resemblance(posterior.search.field))
+    supported = odds >= math.log(RELIABLE / (1 - RELIABLE))
+    return chance if supported else min(chance, MOST_UNSUPPORTED)

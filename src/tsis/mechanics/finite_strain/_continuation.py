@@ -1,0 +1,182 @@
+"""Continuation in state: equilibria of neighbouring slabs, each started from the last one.
+
+All slabs are meshed on the same lines, so that their meshes have one topology and their nodes move smoothly with
+diameter, depth and thickness. Displacements and pressures of one equilibrium then start Newton's method in the next;
+where it does not converge, a state in between comes first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+from tsis.errors import MechanicsError
+from tsis.mechanics.finite_strain import _load_path as load_path
+from tsis.mechanics.finite_strain._meshes import FiniteResolution, slab_lines
+from tsis.mechanics.finite_strain._potential import Load
+from tsis.mechanics.finite_strain._probe_on_slab import SPRING, ProbeOnSlab
+from tsis.model import MN_PER_N, Inclusion, Phantom
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.mechanics.finite_strain._load_path import State
+    from tsis.mechanics.finite_strain._meshes import SlabLines
+    from tsis.mechanics.finite_strain._probe_on_slab import FinitePress
+    from tsis.model import Probe
+
+
+SMALLEST_PART = 1 / 256  # of the way to a state, before the continuation gives up
+GROWTH = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlabPress:
+    """A press with ``force_n`` on a phantom; an inclusion of the tissue's own material leaves the tissue uniform."""
+
+    phantom: Phantom
+    force_n: float
+
+    @classmethod
+    def on_sphere(
+        cls,
+        *,
+        diameter_mm: float,
+        depth_mm: float,
+        contrast: float,
+        tissue_young_kpa: float,
+        thickness_mm: float,
+        force_n: float,
+        poisson: float = 0.49,
+    ) -> SlabPress:
+        """A press on a sphere ``contrast`` times stiffer than the tissue, both with one Poisson's ratio."""
+        sphere = Inclusion(
+            diameter_mm=diameter_mm, depth_mm=depth_mm, young_kpa=contrast * tissue_young_kpa, poisson=poisson
+        )
+        slab = Phantom(young_kpa=tissue_young_kpa, poisson=poisson, thickness_mm=thickness_mm, inclusion=sphere)
+        return cls(phantom=slab, force_n=force_n)
+
+    def with_contrast(self, contrast: float) -> SlabPress:
+        """The press with an inclusion ``contrast`` times stiffer than the tissue; 1 is uniform tissue, same mesh."""
+        own = self.phantom.inclusion
+        if own is None:
+            return self
+        same = replace(own, young_kpa=contrast * self.phantom.young_kpa, poisson=self.phantom.poisson)
+        return replace(self, phantom=replace(self.phantom, inclusion=same))
+
+    def towards(self, other: SlabPress, fraction: float) -> SlabPress:
+        """Press at a fraction of the way; lengths in proportion, moduli and forces in their logarithms."""
+        if fraction == 1.0:
+            return other
+        here, there = self.phantom, other.phantom
+        inclusion = there.inclusion
+        if here.inclusion is not None and there.inclusion is not None:
+            inclusion = _between(here.inclusion, there.inclusion, fraction, ("diameter_mm", "depth_mm", "poisson"))
+        slab = replace(_between(here, there, fraction, ("thickness_mm", "poisson")), inclusion=inclusion)
+        return SlabPress(phantom=slab, force_n=_geometric(self.force_n, other.force_n, fraction))
+
+
+Body = TypeVar("Body", Phantom, Inclusion)
+
+
+def _between(here: Body, there: Body, fraction: float, linear: Sequence[str]) -> Body:
+    mixed = {name: (1 - fraction) * getattr(here, name) + fraction * getattr(there, name) for name in linear}
+    result: Body = replace(there, young_kpa=_geometric(here.young_kpa, there.young_kpa, fraction), **mixed)
+    return result
+
+
+def _geometric(here: float, there: float, fraction: float) -> float:
+    return float(here ** (1 - fraction) * there**fraction)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SolvedPress:
+    """A press in equilibrium, from which others start."""
+
+    press: SlabPress
+    state: State
+    result: FinitePress
+
+
+class PressContinuation:
+    """Presses of one probe on slabs whose meshes have one topology, that of ``like``."""
+
+    def __init__(self, probe: Probe, like: Phantom, resolution: FiniteResolution | None = None) -> None:
+        self.probe, self._resolution = probe, resolution or FiniteResolution()
+        self._lines: SlabLines = slab_lines(like, probe, self._resolution)
+        self.solves = 0  # calls of Newton's method, those without convergence included
+
+    def first(self, press: SlabPress) -> SolvedPress:
+        """A press without a neighbour, by load steps."""
+        model = self._model(press)
+        force = press.force_n * MN_PER_N
+        touch = load_path.find_first_contact(
+            model.potential, model.deformed, model.touch_mm, SPRING, below_mn=force / 2
+        )
+        (state,) = load_path.follow_load_path(model.potential, touch, [force], refuse=model.refuse)
+        return SolvedPress(press=press, state=state, result=model.read(state, press.force_n))
+
+    def follow(self, start: SolvedPress, target: SlabPress) -> SolvedPress:
+        """The press ``target``, started from another one.
+
+        Raises
+        ------
+        MechanicsError
+            When a state on the way does not converge or lies outside the range of the model; the message names it.
+        """
+        done, part, here = 0.0, 1.0, start
+        while done < 1.0:
+            ahead = 1.0 if done + part > 0.999 else done + part
+            press = start.press.towards(target, ahead)
+            solved = self._solve(here, press, exact=ahead == 1.0)
+            if isinstance(solved, SolvedPress):
+                part, done, here = (ahead - done) * GROWTH, ahead, solved
+                continue
+            part = (ahead - done) / 2
+            if part < SMALLEST_PART:
+                reason = self._model(here.press).explain(here.state)
+                cause, last = f" because {reason}" if reason else "", here.press
+                raise MechanicsError(
+                    f"{solved} at {press.force_n:.3g} N on tissue of {press.phantom.young_kpa:.3g} kPa{cause}; the "
+                    f"last press that converged has {last.force_n:.3g} N on {last.phantom.young_kpa:.3g} kPa: "
+                    "choose a smaller force or a state nearer to it"
+                )
+        return here
+
+    def _model(self, press: SlabPress) -> ProbeOnSlab:
+        return ProbeOnSlab(self.probe, press.phantom, self._resolution, lines=self._lines)
+
+    def _solve(self, start: SolvedPress, press: SlabPress, *, exact: bool) -> SolvedPress | str:
+        """The press, or why there is none."""
+        model = self._model(press)
+        self.solves += 1
+        state = load_path.solve_equilibrium(
+            model.potential,
+            start.state.unknowns,
+            start.state.pressures,
+            Load(force_mn=press.force_n * MN_PER_N),
+            decrement=load_path.DECREMENT if exact else load_path.ROUGH,
+        )
+        if state is None:
+            return "the press does not converge"
+        reason = model.refuse(state)
+        if reason is not None:
+            return reason
+        return SolvedPress(press=press, state=state, result=model.read(state, press.force_n))
+
+
+STIFFER = 1.5  # tissue of the press from which a stalled load path is circumvented
+
+
+def path_around(
+    probe: Probe, phantom: Phantom, forces_n: Sequence[float], resolution: FiniteResolution
+) -> tuple[FinitePress, ...]:
+    """The presses of a load path that stalls, reached through stiffer tissue."""
+    continuation = PressContinuation(probe, phantom, resolution)
+    stiffer = replace(phantom, young_kpa=STIFFER * phantom.young_kpa)
+    press = SlabPress(phantom=stiffer, force_n=STIFFER * forces_n[0]).with_contrast(1.0)
+    here, results = continuation.first(press), []
+    for force in forces_n:
+        here = continuation.follow(here, SlabPress(phantom=phantom, force_n=force))
+        results.append(here.result)
+    return tuple(results)

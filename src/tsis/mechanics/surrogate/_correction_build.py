@@ -1,0 +1,400 @@
+"""Build the correction by finite strain: pairs of presses with and without contrast, each started from the last.
+
+A low-discrepancy design fills the box; a short tour orders it, so that neighbours start each other.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import qmc
+from threadpoolctl import threadpool_limits
+
+from tsis.errors import MechanicsError
+from tsis.files import read_cached_arrays, remove_cached, write_cached_arrays
+from tsis.mechanics._face import hats, ring_points
+from tsis.mechanics.finite_strain import FiniteResolution, PressContinuation, SlabPress
+from tsis.mechanics.small_strain import Resolution
+from tsis.mechanics.surrogate._build import CHECKED_FRACTION, PRESS_OUTPUTS, surrogate_key
+from tsis.mechanics.surrogate._finite_correction import (
+    CorrectionBox,
+    CorrectionProcess,
+    FiniteCorrection,
+    correction_box,
+    fit_lengths,
+)
+from tsis.mechanics.surrogate._polynomial import (
+    Box,
+    Degrees,
+    chebyshev_points,
+    contrast_from_factor,
+    signal_scale,
+)
+from tsis.mechanics.surrogate._presses import FACE_POINTS, SmallStrainSlabs, full_contact_rows, row_of_field
+from tsis.model import MN_PER_N, Inclusion, Phantom, Probe, require_integer, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.mechanics._element import Floats
+    from tsis.mechanics.finite_strain import SolvedPress
+
+    Progress = Callable[[int, int], None]
+
+
+FORMAT_VERSION = 1
+KIND = "finite-strain"
+PAIRS, CHECKS = 300, 30  # presses with and without contrast: to learn from, and to measure the error
+SAVED_EVERY = 20  # presses
+PARTS = ("pairs", "checks")  # names of an unfinished build's presses
+TISSUES, THICKNESSES, LOADS = 4, 3, 8  # Chebyshev points of the correction without inclusion
+PRESSURE_MODES, DISPLACEMENT_MODES = 10, 6
+LEADING_MODES = 4  # of the pressure and of the displacement: slow functions of the state
+BOTTOM = 0.97  # of the thickness: the deepest point of a sphere
+MODES_FRACTION = 0.85  # of the face's radius, over which profiles are decomposed
+RINGS = 20  # of the inner face, over which an estimate and the error take means
+TOUR_WEIGHTS = np.array([0.6, 0.6, 0.2, 1.0, 1.0, 1.5])  # of the coordinates, for the length of a step
+TOUR_ROUNDS = 30
+EASY_SPHERE = (8.0, 6.0)  # diameter and depth of the sphere in the mesh of presses without inclusion, mm
+OUTPUTS = 2 * FACE_POINTS  # pressures and displacements
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Solver:
+    """Presses of one probe by both models."""
+
+    probe: Probe
+    box: CorrectionBox
+    poisson: float
+    continuation: PressContinuation
+
+    def small(
+        self, tissue: float, thickness: float, sphere: tuple[float, float, float] | None
+    ) -> tuple[Floats, Floats]:
+        """Rows of `full_contact_rows` at small strain: without inclusion, and the signal over its scale."""
+        slabs = SmallStrainSlabs(self.probe, self._mesh_box, Resolution(), full_contact_rows, thickness)
+        without = slabs.without_inclusion([tissue])[0]
+        if sphere is None:
+            return without, np.zeros_like(without)
+        diameter, depth, factor = sphere
+        return without, slabs.changes((diameter, depth), np.array([factor]), [tissue])[0, 0]
+
+    @property
+    def _mesh_box(self) -> Box:
+        """Ranges that all small-strain meshes of a build suit, those of an estimate's surrogate for this box."""
+        ranges = self.box
+        thinnest = max(ranges.thickness_mm[0], 1.01 * (ranges.diameter_mm[1] + ranges.depth_mm[1]))
+        return Box(
+            diameter_mm=ranges.diameter_mm,
+            depth_mm=ranges.depth_mm,
+            tissue_young_kpa=ranges.tissue_young_kpa,
+            thickness_mm=(thinnest, max(1.01 * thinnest, ranges.thickness_mm[1])),
+            poisson=self.poisson,
+        )
+
+    def unit_force_n(self, tissue: float, without: Floats) -> float:
+        """Force of a unit load; ``without`` is the row at small strain."""
+        if self.probe.face_curvature_mm is None:
+            return tissue * self.probe.radius_mm**2 / MN_PER_N
+        return float(without[-1])
+
+    def at_force(self, row: Floats, force_n: float) -> Floats:
+        """Pressures and displacements at small strain under a force."""
+        pressed = force_n * row[:OUTPUTS]
+        return pressed if len(row) == PRESS_OUTPUTS else pressed + row[PRESS_OUTPUTS : PRESS_OUTPUTS + OUTPUTS]
+
+    def press(
+        self, start: SolvedPress | None, tissue: float, thickness: float, force: float, sphere: tuple[float, float]
+    ) -> SolvedPress:
+        """The press without contrast on the mesh of a sphere."""
+        target = SlabPress.on_sphere(
+            diameter_mm=sphere[0],
+            depth_mm=sphere[1],
+            contrast=1.0,
+            tissue_young_kpa=tissue,
+            thickness_mm=thickness,
+            force_n=force,
+            poisson=self.poisson,
+        )
+        return self.continuation.first(target) if start is None else self.continuation.follow(start, target)
+
+
+def design(box: CorrectionBox, count: int, seed: int) -> Floats:
+    """States of a box in the order of a short tour: diameter, depth, contrast factor, tissue, thickness, load; (n, 6).
+
+    Diameters whose sphere would reach below 0.97 of the thickness are shortened to it.
+    """
+    unit = qmc.Sobol(6, seed=seed).random_base2(int(np.ceil(np.log2(count))))[:count]
+    low, high = box.coordinates
+    states = low + unit * (high - low)
+    states[:, 3:5] = np.exp(states[:, 3:5])
+    # Even in diameter and depth: the largest signals are those of large spheres.
+    for axis, (first, last) in enumerate((box.diameter_mm, box.depth_mm)):
+        states[:, axis] = first + unit[:, axis] * (last - first)
+    deepest = BOTTOM * states[:, 4]
+    states[:, 1] = np.minimum(states[:, 1], deepest - box.diameter_mm[0])
+    states[:, 0] = np.minimum(states[:, 0], deepest - states[:, 1])
+    ordered: Floats = states[_tour(unit * TOUR_WEIGHTS)]
+    return ordered
+
+
+def _tour(places: Floats) -> list[int]:
+    """A short open tour: the nearest next, then reversals of parts that shorten it."""
+    distance = np.linalg.norm(places[:, None] - places, axis=2)
+    left, tour = set(range(1, len(places))), [0]
+    while left:
+        tour.append(min(left, key=lambda other: float(distance[tour[-1], other])))
+        left.remove(tour[-1])
+    order = np.array(tour)
+    for _ in range(TOUR_ROUNDS):
+        shorter = False
+        for first in range(1, len(order) - 2):
+            ends, afters = order[first:-1], order[first + 1 :]
+            before = order[first - 1]
+            gain = distance[before, order[first]] + distance[ends, afters]
+            gain = gain - distance[before, ends] - distance[order[first], afters]
+            best = int(gain.argmax())
+            if gain[best] > 1e-9:
+                order[first : first + best + 1] = order[first : first + best + 1][::-1].copy()
+                shorter = True
+        if not shorter:
+            break
+    return [int(index) for index in order]
+
+
+def build_finite_correction(
+    probe: Probe,
+    box: Box | None = None,
+    *,
+    seed: int = 1,
+    pairs: int = PAIRS,
+    checks: int = CHECKS,
+    resolution: FiniteResolution | None = None,
+    progress: Progress | None = None,
+    cached: bool = True,
+) -> FiniteCorrection:
+    """Build what finite strain adds to the presses of a probe that cover its face, or load it from the disk cache.
+
+    An interrupted build continues where it stopped. A build takes about a second a pair on one core.
+
+    Parameters
+    ----------
+    probe, box
+        The probe, and the inclusions and slabs that the correction covers; by default those of the default prior. The
+        catalog's probes have tables for it.
+    seed
+        Seed of the design, in [0, 2**31).
+    pairs, checks
+        Number of presses with and without contrast to learn from, at least 20, and to measure the error.
+    resolution
+        Mesh density of the finite-strain presses.
+    progress
+        Called with (presses solved, presses in all).
+    cached
+        Whether to read and write the disk cache.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+    MechanicsError
+        When more than a tenth of the presses do not converge.
+    """
+    require_type("probe", probe, Probe)
+    seed = require_integer("seed", seed, 0, 2**31 - 1)
+    pairs = require_integer("pairs", pairs, 20, 4096)
+    checks = require_integer("checks", checks, 1, 1024)
+    ranges, poisson = correction_box(probe, box), 0.49 if box is None else box.poisson
+    mesh = resolution or FiniteResolution()
+    others = {
+        "correction": asdict(ranges),
+        "poisson": poisson,
+        "seed": seed,
+        "pairs": pairs,
+        "checks": checks,
+        "points": [TISSUES, THICKNESSES, LOADS],
+        "modes": [PRESSURE_MODES, DISPLACEMENT_MODES],
+        "small": asdict(Resolution()),
+    }
+    key = surrogate_key(FORMAT_VERSION, probe, Box(), Degrees(), mesh, others)
+    arrays = read_cached_arrays(KIND, key) if cached else None
+    if arrays is None:
+        widest = Inclusion(diameter_mm=ranges.diameter_mm[1], depth_mm=1.0, young_kpa=1.0)
+        thick = max(30.0, ranges.diameter_mm[1] + 2, 0.6 * ranges.thickness_mm[1])
+        like = Phantom(young_kpa=1.0, poisson=poisson, thickness_mm=thick, inclusion=widest)
+        solver = _Solver(probe=probe, box=ranges, poisson=poisson, continuation=PressContinuation(probe, like, mesh))
+        with threadpool_limits(limits=1, user_api="blas"):
+            arrays = _solve(solver, seed, pairs, checks, key if cached else None, progress)
+        if cached:
+            write_cached_arrays(KIND, key, arrays)
+            for part in PARTS:
+                remove_cached(KIND, f"{key}-{part}")
+    return _loaded(probe, ranges, arrays, key)
+
+
+def _loaded(probe: Probe, box: CorrectionBox, arrays: dict[str, Floats], key: str) -> FiniteCorrection:
+    """A correction from the arrays on disk."""
+    values = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
+    ends = np.cumsum([0, 2 * LEADING_MODES, values["coefficients"].shape[1] - 2 * LEADING_MODES])
+    processes = tuple(
+        CorrectionProcess.through(values["points"], values["coefficients"][:, start:end], row[:-1], float(row[-1]))
+        for (start, end), row in zip(itertools.pairwise(ends.tolist()), values["lengths"], strict=True)
+    )
+    return FiniteCorrection(
+        radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
+        box=box,
+        is_domed=probe.face_curvature_mm is not None,
+        unit_force_n=values["unit_force_n"],
+        baseline=values["baseline"],
+        modes=values["modes"],
+        processes=processes,
+        error=float(values["error"][0]),
+        signal_error=(float(values["error"][1]), float(values["error"][2])),
+        key=key,
+    )
+
+
+def _solve(
+    solver: _Solver, seed: int, pairs: int, checks: int, key: str | None, progress: Progress | None
+) -> dict[str, Floats]:
+    total = pairs + checks + TISSUES * THICKNESSES * LOADS
+    solved = 0
+
+    def advance() -> None:
+        nonlocal solved
+        solved += 1
+        if progress is not None:
+            progress(solved, total)
+
+    unit_force, baseline = _without_inclusion(solver, advance)
+    name = None if key is None else f"{key}-{PARTS[0]}"
+    learnt = _pairs(solver, design(solver.box, pairs, seed), name, advance)
+    modes, coefficients, points = _decomposed(solver.box, learnt)
+    scaled = coefficients / coefficients.std(axis=0)
+    fits = [fit_lengths(points, part) for part in np.split(scaled, [2 * LEADING_MODES], axis=1)]
+    arrays: dict[str, Floats] = {
+        "unit_force_n": unit_force,
+        "baseline": baseline.astype("f4"),
+        "modes": modes.astype("f4"),
+        "points": points.astype("f4"),
+        "coefficients": coefficients.astype("f4"),
+        "lengths": np.array([np.append(*fit) for fit in fits]),
+        "error": np.zeros(3),
+    }
+    correction = _loaded(solver.probe, solver.box, arrays, "")
+    name = None if key is None else f"{key}-{PARTS[1]}"
+    fresh = _pairs(solver, design(solver.box, checks, seed + 1), name, advance)
+    return arrays | {"error": _measured(correction, fresh)}
+
+
+def _without_inclusion(solver: _Solver, advance: Callable[[], None]) -> tuple[Floats, Floats]:
+    """Log force of a unit load (tissue, thickness), and the correction (tissue, thickness, load, outputs)."""
+    low, high = solver.box.coordinates
+    tissues, thicknesses = (
+        np.exp(chebyshev_points((float(low[i]), float(high[i])), count)).tolist()
+        for i, count in ((3, TISSUES), (4, THICKNESSES))
+    )
+    loads = chebyshev_points(solver.box.load, LOADS)
+    unit, result = np.zeros((TISSUES, THICKNESSES)), np.zeros((TISSUES, THICKNESSES, LOADS, OUTPUTS))
+    here: SolvedPress | None = None
+    order = list(range(LOADS))
+    for j, thickness in enumerate(thicknesses):
+        for i in range(TISSUES)[:: 1 if j % 2 == 0 else -1]:
+            without, _ = solver.small(tissues[i], thickness, None)
+            force = solver.unit_force_n(tissues[i], without)
+            unit[i, j] = np.log(force)
+            for k in order:
+                here = solver.press(here, tissues[i], thickness, float(loads[k]) * force, EASY_SPHERE)
+                finite = row_of_field(here.result.field)[:OUTPUTS]
+                result[i, j, k] = finite - solver.at_force(without, float(loads[k]) * force)
+                advance()
+            order.reverse()
+    return unit, result
+
+
+def _pairs(solver: _Solver, states: Floats, name: str | None, advance: Callable[[], None]) -> dict[str, Floats]:
+    """Signals of both models over their scale at the states that converge; an earlier build's are taken first."""
+    arrays = None if name is None else read_cached_arrays(KIND, name)
+    found = {} if arrays is None else dict(zip(arrays["index"].tolist(), arrays["rows"], strict=True))
+    failed = [] if arrays is None else arrays["failed"].tolist()
+    here: SolvedPress | None = None
+    for index, (diameter, depth, factor, tissue, thickness, load) in enumerate(states.tolist()):
+        if index not in found and index not in failed:
+            without, change = solver.small(tissue, thickness, (diameter, depth, factor))
+            force = load * solver.unit_force_n(tissue, without)
+            try:
+                here = solver.press(here, tissue, thickness, force, (diameter, depth))
+                contrast = float(contrast_from_factor(factor))
+                there = solver.continuation.follow(here, here.press.with_contrast(contrast))
+            except MechanicsError as error:
+                failed.append(index)
+                if len(failed) > max(2, len(states) // 10):
+                    raise MechanicsError(
+                        f"more than a tenth of the presses of this box do not converge: {error}"
+                    ) from error
+            else:
+                signal = row_of_field(there.result.field) - row_of_field(here.result.field)
+                scale = float(signal_scale(diameter, depth, factor))
+                small, reference = solver.at_force(change, force), solver.at_force(without, force)
+                found[index] = np.array([signal[:OUTPUTS] / scale, small, reference])
+            if name is not None and (index % SAVED_EVERY == 0 or index == len(states) - 1):
+                saved = {"index": list(found), "rows": list(found.values()), "failed": failed}
+                write_cached_arrays(KIND, name, {key: np.array(values) for key, values in saved.items()})
+        advance()
+    rows = np.array([found[index] for index in sorted(found)])
+    return {"states": states[sorted(found)], "finite": rows[:, 0], "small": rows[:, 1], "reference": rows[:, 2]}
+
+
+def _decomposed(box: CorrectionBox, pairs: dict[str, Floats]) -> tuple[Floats, Floats, Floats]:
+    """Modes (k, outputs) of the correction of the signal, coefficients (n, k), and unit coordinates (n, 6)."""
+    low, high = box.coordinates
+    states = pairs["states"].copy()
+    states[:, [0, 1, 3, 4]] = np.log(states[:, [0, 1, 3, 4]])
+    difference = pairs["finite"] - pairs["small"]
+    near = _ring_means(MODES_FRACTION)
+    root = np.sqrt(np.arange(1, RINGS + 1))
+    parts = []
+    for first, count in ((0, PRESSURE_MODES), (FACE_POINTS, DISPLACEMENT_MODES)):
+        profiles = difference[:, first : first + FACE_POINTS]
+        rings = (profiles @ near.T) * root
+        _, _, directions = np.linalg.svd(rings, full_matrices=False)
+        coefficients = rings @ directions[:count].T
+        # Profiles of the whole face that go with the coefficients.
+        whole, *_ = np.linalg.lstsq(coefficients, profiles, rcond=None)
+        parts.append((coefficients, np.pad(whole, ((0, 0), (first, OUTPUTS - FACE_POINTS - first)))))
+    order = [slice(0, LEADING_MODES), slice(LEADING_MODES, None)]
+    return (
+        np.concatenate([profiles[rows] for rows in order for _, profiles in parts]),
+        np.concatenate([values[:, rows] for rows in order for values, _ in parts], axis=1),
+        (states - low) / (high - low),
+    )
+
+
+def _ring_means(fraction: float) -> Floats:
+    """Matrix from profiles to means over equally wide rings inside a fraction of the face's radius."""
+    points, areas = ring_points(np.linspace(0.0, fraction, RINGS + 1))
+    shape = (RINGS, len(points) // RINGS)
+    weights = areas.reshape(shape) / areas.reshape(shape).sum(axis=1, keepdims=True)
+    values = hats(np.linspace(0.0, 1.0, FACE_POINTS), points).reshape(*shape, -1)
+    return np.asarray(np.einsum("rq,rqn->rn", weights, values))
+
+
+def _measured(correction: FiniteCorrection, pairs: dict[str, Floats]) -> Floats:
+    """Errors of fresh presses; see `FiniteCorrection`."""
+    near = _ring_means(CHECKED_FRACTION)
+    shares, peaks = [], []
+    for (diameter, depth, factor, tissue, thickness, load), finite, small, reference in zip(
+        pairs["states"].tolist(), pairs["finite"], pairs["small"], pairs["reference"], strict=True
+    ):
+        force = load / correction.box.load[1] * correction.forces_n(tissue, thickness)[1]
+        contrast = np.array([float(contrast_from_factor(factor))])
+        state = np.array([[tissue, thickness, force]])
+        (expected,) = correction.change(np.array([diameter]), np.array([depth]), contrast, state)[0]
+        scale = float(signal_scale(diameter, depth, factor))
+        error = near @ (expected - scale * (finite - small))[:FACE_POINTS]
+        shares.append(np.mean(error**2) / (near @ reference[:FACE_POINTS]).mean() ** 2)
+        peaks.append(np.abs(error).max() / (scale * np.abs(near @ small[:FACE_POINTS]).max()))
+    return np.array([np.sqrt(np.mean(shares)), np.median(peaks), np.max(peaks)])

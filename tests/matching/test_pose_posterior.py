@@ -1,0 +1,108 @@
+"""Evidence of a pose against the density written out, and what it says of symmetric, mirrored and unrelated sets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from tsis.matching import match_points, register
+from tsis.matching._pose_evidence import (
+    AMPLITUDES,
+    SIGMAS,
+    WIDTHS,
+    SmoothField,
+    _affine_prior,
+    _count_prior,
+    gaussian_kernel,
+    hard_evidence,
+    size_and_stretch,
+)
+from tsis.matching._posterior import is_sound
+
+
+def _outline(*radii: float, count: int = 80) -> np.ndarray:
+    """An outline with a radius of 1 and the given cosines of one, two, ... periods."""
+    angle = 2 * np.pi * np.arange(count) / count
+    radius = 1 + sum(size * np.cos((order + 1) * angle + order) for order, size in enumerate(radii))
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def _rotated(points: np.ndarray, degrees: float) -> np.ndarray:
+    angle = np.radians(degrees)
+    return np.asarray(points @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]))
+
+
+def test_the_evidence_equals_the_restricted_likelihood() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(18, 2))
+    target = points + 0.1 * np.sin(2 * points[:, ::-1]) + 0.02 * rng.normal(size=points.shape)
+    span = np.column_stack([np.ones(18), points])
+    size, stretch = size_and_stretch(np.array(np.linalg.lstsq(span, target, rcond=None)[0][1:], dtype=float))
+    free = null_space(span.T).T
+    logs = []
+    for width in WIDTHS:
+        kernel = gaussian_kernel(points, points, width)
+        for amplitude in AMPLITUDES:
+            for sigma in SIGMAS:
+                covariance = size**2 * free @ (amplitude**2 * kernel + sigma**2 * np.eye(18)) @ free.T
+                normal = multivariate_normal(np.zeros(len(free)), covariance)
+                logs.append(normal.logpdf((free @ target).T).sum())
+    expected = logsumexp(logs) - np.log(len(logs)) + _affine_prior(size, stretch, 18, 2) + _count_prior(18, 18, target)
+    found = hard_evidence(SmoothField.of(points), target, np.arange(18))
+    assert found is not None
+    assert found.log == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["tprl", "cpd", "tps-rpm"])
+@pytest.mark.parametrize("order", [2, 3, 5])
+def test_a_symmetric_shape_has_alternatives_and_is_not_reliable(order: int, method: str) -> None:
+    shape = _outline(*[0.0] * (order - 1), 0.2, count=60)
+    found = register(shape, _rotated(shape, 5.0), method=method, rotation_sd_deg=1000.0)
+    assert not found.reliable
+    assert len(found.alternatives) >= order
+    assert found.alternatives[0].probability < 0.9
+
+
+def test_a_circle_is_not_reliable() -> None:
+    found = register(_outline(), _rotated(_outline(), 2.0), rotation_sd_deg=1000.0)
+    assert not found.reliable
+    assert len(found.alternatives) > 3
+
+
+def test_a_prior_of_the_rotation_orders_the_alternatives() -> None:
+    shape = _outline(0.0, 0.25)
+    found = match_points(shape, _rotated(shape, 170.0), rotation_sd_deg=5.0)
+    assert found.alternatives[0].rotation_deg < 90
+
+
+def test_an_outline_with_a_mark_is_reliable() -> None:
+    shape = _outline(0.05, 0.25, 0.15, 0.1)
+    target = _rotated(shape + 0.03 * np.sin(3 * shape[:, ::-1]), 40.0)
+    found = register(shape, target)
+    assert found.reliable
+    np.testing.assert_allclose(found.moved, target, atol=0.02)
+    assert sum(pose.probability for pose in found.alternatives) <= 1 + 1e-9
+
+
+@pytest.mark.parametrize("method", ["tprl", "cpd"])
+@pytest.mark.parametrize("count", [40, 400])
+def test_unrelated_sets_are_not_reliable(method: str, count: int) -> None:
+    rng = np.random.default_rng(2)
+    found = register(rng.uniform(size=(40, 2)), rng.uniform(size=(count, 2)), method=method)
+    assert found.confidence < 0.5
+    assert not found.reliable
+
+
+def test_a_mirrored_cloud_is_not_reliable() -> None:
+    cloud = np.random.default_rng(3).normal(size=(60, 3)) * [1.0, 0.7, 0.4]
+    assert not register(cloud, cloud * [-1.0, 1.0, 1.0]).reliable
+
+
+@pytest.mark.parametrize("matrix", [np.diag([-1.0, 1.0, 1.0]), np.diag([1.0, 1.0, 0.1]), np.diag([5.0, 1.0, 1.0])])
+def test_a_mirrored_or_sheared_map_is_not_sound(matrix: np.ndarray) -> None:
+    cloud = np.random.default_rng(4).normal(size=(50, 3))
+    assert is_sound(lambda points: points @ np.diag([1.2, 1.0, 0.9]), cloud)
+    assert not is_sound(lambda points: points @ matrix, cloud)

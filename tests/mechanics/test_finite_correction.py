@@ -1,0 +1,195 @@
+"""The correction by finite strain: its limits, an independent solution, fresh presses, and building it."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import tsis
+from tsis.errors import InputError
+from tsis.files import read_cached_arrays
+from tsis.inclusion import InclusionPrior
+from tsis.mechanics.finite_strain import FiniteResolution, PressContinuation
+from tsis.mechanics.surrogate import (
+    Box,
+    CorrectionBox,
+    FiniteCorrection,
+    build_finite_correction,
+    correction_box,
+    signal_scale,
+)
+from tsis.mechanics.surrogate import _correction_build as build
+from tsis.mechanics.surrogate._finite_correction import CorrectionProcess, fit_lengths
+from tsis.model import Inclusion, Phantom
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+COARSE = FiniteResolution(order=3, rim_mm=0.4, growth=3.0, largest=0.3, ray_layers=2)
+NAMES = ("tsis-2011", "tsis-domed")
+# Change of the face's displacement in micrometres by a sphere (10, 5 mm; 100 kPa in 5 kPa, 30 mm thick) under the flat
+# probe with the same rim, at material radii in mm: another program, trusted to 1.5 %.
+INDEPENDENT = {
+    0.25: {0: 12.7511, 1: 12.3352, 2: 11.2099, 3: 9.52972, 4: 7.51518, 5: 5.33001, 6: 3.21661},
+    0.75: {0: 40.247, 1: 38.9339, 2: 35.4243, 3: 30.1947, 4: 23.9036, 5: 17.1557, 6: 10.637},
+}
+WITHOUT_UM = {0.25: 41.0049, 0.75: 115.034}  # displacement at the centre without the sphere, to 0.5 %
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def shipped(request: pytest.FixtureRequest) -> FiniteCorrection:
+    return build_finite_correction(tsis.load_probe(request.param))
+
+
+def solver(name: str, *, resolution: FiniteResolution | None = None) -> build._Solver:
+    probe = tsis.load_probe(name)
+    like = Phantom(
+        young_kpa=5.0,
+        poisson=0.49,
+        thickness_mm=30.0,
+        inclusion=Inclusion(diameter_mm=15.0, depth_mm=1.0, young_kpa=9.0),
+    )
+    return build._Solver(
+        probe=probe,
+        box=correction_box(probe),
+        poisson=0.49,
+        continuation=PressContinuation(probe, like, resolution),
+    )
+
+
+def test_an_independent_solution_under_the_flat_probe() -> None:
+    """Small strain and the correction together are the finite-strain signal of another program."""
+    correction, both = build_finite_correction(tsis.load_probe("tsis-2011")), solver("tsis-2011")
+    factor = float((20 - 1) / (20 + 1.5))
+    without, change = both.small(5.0, 30.0, (10.0, 5.0, factor))
+    for force, expected in INDEPENDENT.items():
+        state = np.array([[5.0, 30.0, force]])
+        signal = signal_scale(10.0, 5.0, factor) * both.at_force(change, force)
+        signal += correction.change(np.array([10.0]), np.array([5.0]), np.array([20.0]), state)[0, 0]
+        found = np.interp(list(expected), correction.radius_mm, 1e3 * signal[121:])
+        np.testing.assert_allclose(found, list(expected.values()), atol=0.03 * expected[0])
+        plain = both.at_force(without, force) + correction.without_inclusion(state)[0]
+        assert 1e3 * plain[121] == pytest.approx(WITHOUT_UM[force], rel=0.015)
+
+
+@given(load=st.floats(1e-6, 1e-2), tissue=st.floats(3.5, 7.0), thickness=st.floats(27.0, 36.0))
+def test_a_light_flat_press_has_a_correction_in_proportion_to_its_force(
+    load: float, tissue: float, thickness: float
+) -> None:
+    correction = build_finite_correction(tsis.load_probe("tsis-2011"))
+    states = np.array([[tissue, thickness, load], [tissue, thickness, 2 * load]])
+    plain = correction.without_inclusion(states)
+    np.testing.assert_allclose(2 * plain[0], plain[1], rtol=1e-9)
+    change = correction.change(np.array([8.0]), np.array([6.0]), np.array([12.0]), states)
+    np.testing.assert_allclose(2 * change[0], change[1], rtol=1e-9)
+
+
+def test_without_contrast_there_is_no_correction_of_the_signal(shipped: FiniteCorrection) -> None:
+    state = np.array([[5.0, 30.0, 0.6]])
+    change = shipped.change(np.full(2, 8.0), np.full(2, 6.0), np.array([1.0, 12.0]), state)[0]
+    assert np.all(change[0] == 0)
+    assert np.abs(change[1]).max() > 0.01
+
+
+def test_states_outside_the_box_are_taken_at_its_ends(shipped: FiniteCorrection) -> None:
+    _, most = shipped.forces_n(5.0, 30.0)
+    np.testing.assert_array_equal(
+        *shipped.without_inclusion(np.array([[5.0, 30.0, most], [5.0, 30.0, 2 * most]])),
+    )
+    thick = shipped.box.thickness_mm[1]
+    at_end, beyond = (shipped.forces_n(5.0, thickness)[1] for thickness in (thick, 1.2 * thick))
+    assert at_end == beyond
+
+
+def test_its_matrices_map_the_outputs(shipped: FiniteCorrection) -> None:
+    rng = np.random.default_rng(0)
+    one, other = rng.standard_normal((2, 5, 242))
+    mapped, state = shipped.mapped(one, other), np.array([[5.0, 30.0, 0.7], [4.5, 31.0, 0.6]])
+    sphere = (np.array([8.0, 5.0]), np.array([6.0, 5.0]), np.array([12.0, 20.0]))
+    np.testing.assert_allclose(mapped.without_inclusion(state), shipped.without_inclusion(state) @ one.T, atol=1e-9)
+    np.testing.assert_allclose(mapped.change(*sphere, state), shipped.change(*sphere, state) @ other.T, atol=1e-9)
+
+
+def test_the_default_prior_lies_inside_the_shipped_boxes(shipped: FiniteCorrection) -> None:
+    assert shipped.box.holds(InclusionPrior().box())
+    assert not shipped.box.holds(Box(tissue_young_kpa=(10.0, 12.0), young_kpa=(80.0, 200.0)))
+
+
+def test_the_design_stays_inside_the_slab_and_the_box() -> None:
+    box = CorrectionBox()
+    states = build.design(box, 100, 5)
+    assert len(np.unique(states[:, 5])) == 100
+    assert np.all(states[:, 0] + states[:, 1] <= 0.97 * states[:, 4] + 1e-9)
+    for column, ends in ((0, box.diameter_mm), (1, box.depth_mm), (3, box.tissue_young_kpa), (4, box.thickness_mm)):
+        assert ends[0] - 1e-9 <= states[:, column].min()
+        assert states[:, column].max() <= ends[1] + 1e-9
+    step = np.linalg.norm(np.diff(states[:, 3:5] / [7.4, 37.0], axis=0), axis=1)
+    shuffled = np.random.default_rng(0).permutation(states)[:, 3:5] / [7.4, 37.0]
+    assert step.mean() < 0.6 * np.linalg.norm(np.diff(shuffled, axis=0), axis=1).mean()
+
+
+def test_processes_pass_through_smooth_data() -> None:
+    rng = np.random.default_rng(1)
+    points, fresh = rng.uniform(size=(120, 6)), rng.uniform(size=(40, 6))
+
+    def values(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.column_stack([np.exp(at[:, 0] * at[:, 5]), np.sin(at[:, 1] + at[:, 3]) + at[:, 4]])
+
+    lengths, nugget = fit_lengths(points, values(points))
+    process = CorrectionProcess.through(points, values(points), lengths, nugget)
+    found = np.array([process(one[None, :3], one[None, 3:])[0, 0] for one in fresh])
+    np.testing.assert_allclose(found, values(fresh), atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"), [({"seed": -1}, "seed"), ({"pairs": 5}, "pairs"), ({"checks": 0}, "checks")]
+)
+def test_options_out_of_range(options: dict[str, int], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        build_finite_correction(tsis.load_probe("tsis-2011"), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_an_interrupted_build_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(build, "LOADS", 3)
+    # On the coarse mesh tissue wraps around the rim earlier.
+    monkeypatch.setattr("tsis.mechanics.surrogate._finite_correction.FLAT_LOADS", (0.1, 0.8))
+    built = partial(build_finite_correction, tsis.load_probe("tsis-2011"), pairs=24, checks=4, resolution=COARSE)
+    steps: list[int] = []
+
+    def stop(done: int, _: int) -> None:
+        steps.append(done)
+        if done == 36 + 22:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        built(progress=stop)
+    (saved,) = (tmp_path / build.KIND).glob("*-pairs")
+    stored = read_cached_arrays(build.KIND, saved.name)
+    assert stored is not None
+    assert len(stored["index"]) == 21
+    again = built()
+    whole = built(cached=False)
+    assert [path.name for path in (tmp_path / build.KIND).iterdir()] == [again.key]
+    np.testing.assert_allclose(again.modes, whole.modes, atol=1e-4 * np.abs(whole.modes).max())
+    np.testing.assert_array_equal(built().modes, again.modes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_fresh_presses(name: str) -> None:
+    """Presses that the table was not built from, with another sequence than that of its own error."""
+    correction, one = build_finite_correction(tsis.load_probe(name)), solver(name)
+    pairs = build._pairs(one, build.design(correction.box, 16, 4711), None, lambda: None)
+    share, median, largest = build._measured(correction, pairs)
+    assert share < 2 * correction.error
+    assert median < 0.015
+    assert largest < 0.06
