@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.simulated_presses import DEFAULT, DRAWN, PROTOCOLS, Protocol, SimulatedCase, simulate
-from benchmarks.worlds import WORLDS, World, simulate_world
+from benchmarks.worlds import WORLDS, World, seen_by_product, simulate_world
 
 import tsis
 from tsis.cli import progress_bar
@@ -99,6 +99,9 @@ class PressBank:
 
     def case(self, index: int) -> SimulatedCase:
         """Case ``index``; a MechanicsError where the drawn tissue is too soft for the mechanics."""
+        return seen_by_product(self.world, self.protocol, self._raw(index))
+
+    def _raw(self, index: int) -> SimulatedCase:
         if self.folder is None:
             return self._simulated(index)
         path = self._place / f"{index:06d}.npz"

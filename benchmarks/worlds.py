@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.lamp_laws import LAMP_LAWS, CalibratedProbe, calibrated_probe
 from benchmarks.simulated_presses import Protocol, SimulatedCase, draw
 from scipy.special import jv
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 WAVES, HARMONICS, GRID_MM = 100, 6, 0.25
 FARTHEST = 2.5  # of the face's radius; tissue beyond hardly matters to the press
 FINE_MESH = FieldMesh(order=4, finest=0.04, largest=0.14, growth=1.8, points=121)
+STRAY_SD = 0.01  # of the light of a press, under lamps
 RANDOM_SD, RANDOM_MM = (0.0, 0.2), (2.0, 13.0)  # ranges of fields that are drawn anew in each case
 
 
@@ -44,6 +46,8 @@ class World:
         Whether the correlation is exponential in the distance, and not Gaussian.
     strain
         Mechanics of the presses of even tissue.
+    lamps
+        One of `LAMP_LAWS`, with the calibration that the product makes; empty for the estimator's own light map.
     """
 
     name: str
@@ -51,6 +55,7 @@ class World:
     length_mm: float | None = 5.0
     rough: bool = False
     strain: str = "small"
+    lamps: str = ""
 
 
 WORLDS = {
@@ -66,6 +71,7 @@ WORLDS = {
         ),
         World(name="rough-10-5", sd=0.1, rough=True),
         World(name="finite-uneven-10-5", sd=0.1, strain="finite"),
+        *(World(name=f"lamps-{law}", lamps=law) for law in LAMP_LAWS),
     )
 }
 
@@ -100,8 +106,12 @@ class RandomField:
 class UnevenProbe(VirtualProbe):
     """A virtual probe on tissue whose modulus is a random field."""
 
-    def __init__(self, probe: Probe, *, rng: np.random.Generator, strain: str) -> None:
-        super().__init__(probe, rng=rng, strain=strain)
+    def __init__(
+        self, probe: Probe, *, rng: np.random.Generator, strain: str, lamps: CalibratedProbe | None = None
+    ) -> None:
+        light, truth = (None, None) if lamps is None else (lamps.light, lamps.truth)
+        super().__init__(probe, rng=rng, strain=strain, light=light, calibration=truth)
+        self._level = None if light is None else light.at(*self.sensor.axes_mm())
         steps = int(np.ceil(probe.radius_mm / GRID_MM))
         self._axis = GRID_MM * np.arange(-steps, steps + 1)
         self._change: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
@@ -139,6 +149,14 @@ class UnevenProbe(VirtualProbe):
                         total[press] += inside * values * wave(order * angle)
         self._change = pressure, displacement
 
+    def light(self, phantom: Phantom, *, force_n: float) -> NDArray[np.float64]:
+        """As for a `VirtualProbe`; the stray light of lamps follows their light on the face, as does the machine's."""
+        light = super().light(phantom, force_n=force_n)
+        if self._level is None:
+            return light
+        stray = STRAY_SD * self._rng.standard_normal() * float(np.median(light / np.maximum(self._level, 0.02)))
+        return light + stray * self._level
+
     def _rendered_press(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
         even = self._round_press(phantom, force_n)
         if self._change is None:
@@ -158,11 +176,15 @@ class UnevenProbe(VirtualProbe):
 def simulate_world(
     world: World, protocol: Protocol, prior: InclusionPrior, *, seed: int, index: int, blank: bool = False
 ) -> SimulatedCase:
-    """Case ``index`` of a seed in a world; ``blank`` leaves the inclusion out."""
+    """Case ``index`` of a seed in a world; ``blank`` leaves the inclusion out.
+
+    The frames are raw, with the nominal calibration; `seen_by_product` gives those of a world of lamps to an estimate.
+    """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
     phantom = draw(prior, rng)
     phantom = phantom.without_inclusion() if blank else phantom
-    virtual = UnevenProbe(protocol.probe, rng=rng, strain=world.strain)
+    lamps = calibrated_probe(world.lamps, protocol.probe) if world.lamps else None
+    virtual = UnevenProbe(protocol.probe, rng=rng, strain=world.strain, lamps=lamps)
     nearby = phantom.young_kpa * float(np.exp(virtual.calibration.site_sd * rng.standard_normal()))
     drawn_sd, drawn_mm = rng.uniform(*RANDOM_SD), float(np.exp(rng.uniform(*np.log(RANDOM_MM))))
     sd = drawn_sd if world.sd is None else world.sd
@@ -172,3 +194,12 @@ def simulate_world(
         virtual.on_site(site, RandomField.drawn(length, rng, rough=world.rough), sd)
         presses.append(tuple(virtual.press(site, force_n=force) for force in protocol.forces_n))
     return SimulatedCase(phantom=phantom, frames=presses[0], references=presses[1], calibration=virtual.calibration)
+
+
+def seen_by_product(world: World, protocol: Protocol, case: SimulatedCase) -> SimulatedCase:
+    """The case with the frames and the calibration that the product hands to an estimate."""
+    if not world.lamps:
+        return case
+    frames, known = calibrated_probe(world.lamps, protocol.probe).corrected((*case.frames, *case.references))
+    count = len(case.frames)
+    return replace(case, frames=frames[:count], references=frames[count:], calibration=known)

@@ -25,12 +25,13 @@ if TYPE_CHECKING:
     from tsis.model import Calibration, TactileImage
 
 FRAMES, RINGS, PARAMETERS = 2, 12, 3
+LIGHT = 3  # errors of light that was not measured
 PROBE, PRIOR = tsis.load_probe("tsis-2011"), InclusionPrior()
 ANSWER = nominal_calibration(Sensor())
 
 
 def linear_sources(rng: np.random.Generator) -> ErrorSources:
-    nuisances, rings = len(NUISANCES) + 2 * FRAMES, FRAMES * RINGS
+    nuisances, rings = len(NUISANCES) + 2 * FRAMES + LIGHT, FRAMES * RINGS
     roots = {name: rng.normal(size=(rings, 4)) for name in ("pattern", "repeatability", "model", "heterogeneity")}
     return ErrorSources(
         by_inclusion=rng.normal(size=(rings, PARAMETERS)) * [3.0, 1.0, 0.02],
@@ -38,6 +39,7 @@ def linear_sources(rng: np.random.Generator) -> ErrorSources:
         nuisance_sd=rng.uniform(0.01, 0.2, nuisances),
         covariance={name: 0.1 * root @ root.T for name, root in roots.items()} | {"pixels": 0.5 * np.eye(rings)},
         tissue_sd=0.1,
+        frames=FRAMES,
     )
 
 

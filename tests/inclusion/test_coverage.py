@@ -13,6 +13,7 @@ from benchmarks.coverage import kept_at, run
 from benchmarks.judgement import Judgement, compared
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import CLEARANCE, LARGEST_POISSON, PROTOCOLS, draw, simulate
+from benchmarks.worlds import WORLDS
 
 from tsis.errors import InputError
 from tsis.inclusion import PARAMETERS, InclusionPrior
@@ -42,6 +43,17 @@ def test_ninety_percent_intervals_hold_the_truth() -> None:
         assert 0.85 <= coverage <= 0.95, f"{name}: {coverage:.3f}"
     narrowing = found.sd / np.array([PRIOR.sd[name] for name in PARAMETERS])
     assert (narrowing[:, :2].mean(axis=0) < 0.3).all(), "intervals that say something"
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.parametrize("law", ["traced", "growing", "absorbing"])
+def test_intervals_hold_with_the_calibration_of_the_product(law: str) -> None:
+    """Of 40 presses; each coverage scatters by 5 % around 90."""
+    lamps = PressBank(protocol=PROTOCOLS["domed"], prior=PRIOR, seed=9, world=WORLDS[f"lamps-{law}"])
+    found = Judgement.of(run(lamps, 40))
+    assert (np.array(found.coverage(0.9)) >= 0.78).all(), "two and a half standard deviations below"
+    assert found.flags["light_not_measured"] == len(found.truth)
 
 
 def test_phantoms_are_drawn_from_the_prior() -> None:

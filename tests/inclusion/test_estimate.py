@@ -88,6 +88,25 @@ def test_so_they_are_under_the_uneven_light_of_lamps(name: str) -> None:
     assert "model_does_not_fit" in blind.flags, "who does not know the light must not be believed"
 
 
+def test_light_that_was_not_measured_on_dents_is_flagged_and_costs_width(
+    lump: tuple[TactileImage, TactileImage], found: Estimate
+) -> None:
+    """The presses give the gain: a response that is wrong by a factor of three changes nothing."""
+    unmeasured = replace(ANSWER, light=None)
+    wide, thrice = (
+        estimate(lump[0], probe=PROBE, calibration=known, reference=lump[1])
+        for known in (unmeasured, replace(unmeasured, gain_grey_per_kpa=3 * ANSWER.gain_grey_per_kpa))
+    )
+    assert "light_not_measured" in wide.flags
+    assert "light_not_measured" not in found.flags
+    assert "model_does_not_fit" not in wide.flags
+    assert wide.flags == thrice.flags
+    for parameter, truth in (("diameter_mm", 10.0), ("depth_mm", 5.0)):
+        assert wide.untrusted.sd[parameter] > found.untrusted.sd[parameter]
+        assert abs(wide.untrusted.mean[parameter] - truth) < 3 * wide.untrusted.sd[parameter]
+        assert wide.untrusted.mean[parameter] == pytest.approx(thrice.untrusted.mean[parameter], rel=0.02)
+
+
 @pytest.mark.parametrize("name", ["size-2", "hardness-100", "depth-12", "plain"])
 @pytest.mark.parametrize("with_reference", [True, False])
 def test_the_grid_against_brute_force(name: str, *, with_reference: bool, flat: FullContactSurrogate) -> None:

@@ -19,6 +19,7 @@ from tsis.inclusion.posterior import (
     InclusionLikelihood,
     Profiles,
     RingShading,
+    ShadingUncertainty,
     ring_correction,
     ring_correlation,
     ring_means,
@@ -186,6 +187,36 @@ def test_slopes_are_derivatives(model: ForwardModel, place: int) -> None:
     expected = np.broadcast_to((high - low) / 2e-3, found.shape)
     np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
     assert np.abs(expected).max() > 0.1
+
+
+def test_errors_of_an_unmeasured_light_change_the_profiles_as_stated(model: ForwardModel) -> None:
+    """By the formula, with the press of the model without them; and their slopes are derivatives."""
+    rng = np.random.default_rng(4)
+    errors = ShadingUncertainty(
+        by_displacement=rng.standard_normal((20, 4)),
+        by_slope=rng.standard_normal((20, 4)),
+        by_force=np.array([0.1, -0.2, 0.05, 0.0]),
+        by_square=np.array([0.0, 0.002, -0.001, 0.003]),
+    )
+    wide = replace(model, shading=replace(SHADING, uncertainty=errors))
+    at = np.append(np.zeros(NUISANCES), [0.3, -0.5, 0.2, 0.8])
+    drawn = at[NUISANCES:]
+    found, without = wide.grey(INCLUSIONS, at), model.grey(INCLUSIONS, at[:NUISANCES])
+    for frame, force in enumerate(model.force_n):
+        shown = None if model.is_reference[frame] else INCLUSIONS
+        pressed = model.rings.under(float(force), model.rings.on(PRIOR.tissue_young_kpa, PRIOR.thickness_mm, shown))
+        pressure, displacement, slope = np.split(pressed, 3, axis=-1)
+        logarithm = (errors.by_displacement @ drawn) * displacement + (errors.by_slope @ drawn) * slope
+        logarithm -= errors.by_force @ drawn * force + errors.by_square @ drawn * pressure**2
+        expected = without[:, frame] * np.exp(logarithm)
+        np.testing.assert_allclose(found[:, frame], expected, rtol=1e-9)
+    grey, slopes = wide.profiles(INCLUSIONS, at)
+    np.testing.assert_allclose(grey, found, rtol=1e-12)
+    for place in range(SHARED, len(at)):
+        step = np.zeros(len(at))
+        step[place] = 1e-4
+        numeric = (wide.grey(INCLUSIONS, at + step) - wide.grey(INCLUSIONS, at - step)) / 2e-4
+        np.testing.assert_allclose(slopes[..., place], numeric, atol=1e-5 * np.abs(numeric).max())
 
 
 @pytest.mark.parametrize("name", ["tsis-2011", "tsis-domed"])

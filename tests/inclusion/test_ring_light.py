@@ -41,8 +41,21 @@ def test_means_are_those_of_the_map_and_a_ring_without_pixels_is_undented() -> N
     assert [found.shading.growth_per_mm[4], found.shading.bend_per_mm2[4], found.shading.flux[4]] == [0.0, 0.0, 0.0]
 
 
-def test_no_map_is_even_light() -> None:
-    found = ring_light(FRAME, known(None), EDGES)
-    np.testing.assert_array_equal(found.level, np.ones(5))
+def test_a_uniform_map_is_even_light_that_is_known() -> None:
+    found = ring_light(FRAME, known(LightMap.uniform()), EDGES)
+    np.testing.assert_allclose(found.level, np.ones(5))
     for part in (found.shading.growth_per_mm, found.shading.bend_per_mm2, found.shading.flux):
         np.testing.assert_array_equal(part, np.zeros(5))
+    assert found.shading.uncertainty.count == 0
+
+
+def test_no_map_is_even_light_whose_change_by_a_dent_is_hardly_known() -> None:
+    edges = np.linspace(0.0, 9.6, 21)
+    found = ring_light(FRAME, known(None), edges)
+    np.testing.assert_array_equal(found.level, np.ones(20))
+    np.testing.assert_allclose(found.shading.growth_per_mm, 0.25)
+    assert found.shading.flux[-1] == 0.8 * 0.5  # at 9.6 of 12 mm
+    np.testing.assert_allclose(found.shading.flux / found.shading.flux[-1], (np.arange(20) + 0.5) / 19.5)
+    sd = np.sqrt((found.shading.uncertainty.by_displacement**2).sum(axis=1))
+    assert (sd > 0.25).all()
+    assert (sd < 1.0).all(), "traced lamps grow by -0.4 to 0.4 per mm along the radius"

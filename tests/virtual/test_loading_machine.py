@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -8,6 +10,7 @@ from scipy.special import erf
 import tsis
 from tsis.errors import InputError
 from tsis.imaging import LedDrift, Sensor
+from tsis.model import LightMap
 from tsis.virtual import VirtualLoadingMachine
 from tsis.virtual._loading_camera import MachineErrors
 
@@ -51,6 +54,28 @@ def test_light_adds_up_to_the_integral_of_the_saturating_pressure(tip_mm: float,
     def ring(r: float) -> float:
         pressure = p0 * np.sqrt(max(0.0, 1 - (r / a) ** 2))
         return float(2 * np.pi * r * answer.gain_grey_per_kpa * top * erf(np.sqrt(np.pi) / 2 * pressure / top))
+
+    light = quad(ring, 0.0, a)[0] / (SENSOR.mm_per_pixel[0] * SENSOR.mm_per_pixel[1])
+    assert bench.expected_grey(tip_mm, force_n) == pytest.approx(light, rel=2e-3)
+
+
+def test_light_grows_with_the_dent_of_a_tip() -> None:
+    """The integral of the pressure times the light at Hertz's displacement."""
+    even = LightMap.uniform()
+    growth, tip_mm, force_n = 0.3, 10.0, 0.5
+    bench = VirtualLoadingMachine(
+        tsis.load_probe("tsis-direct"),
+        rng=np.random.default_rng(3),
+        sensor=SENSOR,
+        light=replace(even, growth_per_mm=np.full_like(even.relative, growth)),
+    )
+    contact, answer = bench.contact(tip_mm, force_n), bench.truth.response
+    a, p0, top = contact.contact_radius_mm, contact.peak_pressure_kpa, answer.saturation_kpa
+
+    def ring(r: float) -> float:
+        pressure, sunk = p0 * np.sqrt(max(0.0, 1 - (r / a) ** 2)), (a**2 - r**2 / 2) / tip_mm
+        shown = answer.gain_grey_per_kpa * top * erf(np.sqrt(np.pi) / 2 * pressure / top)
+        return float(2 * np.pi * r * shown * np.exp(growth * sunk))
 
     light = quad(ring, 0.0, a)[0] / (SENSOR.mm_per_pixel[0] * SENSOR.mm_per_pixel[1])
     assert bench.expected_grey(tip_mm, force_n) == pytest.approx(light, rel=2e-3)

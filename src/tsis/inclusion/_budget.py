@@ -43,6 +43,7 @@ OF_NUISANCE = MappingProxyType(
         "shade": ("shading of the dented face", "1"),
         "force": ("force of each frame", "1"),
         "offset": ("offset of each frame", "grey"),
+        "light": ("light that was not measured on dents", "1"),
     }
 )
 OF_COVARIANCE = MappingProxyType(
@@ -190,6 +191,7 @@ def _components(found: InclusionAnalysis) -> list[_Part]:
             contribution=np.sqrt(np.diag(spread[name])),
         )
         for name, (source, unit) in OF_NUISANCE.items()
+        if name in spread
     ]
     parts += [
         _Part(
@@ -218,8 +220,12 @@ def _components(found: InclusionAnalysis) -> list[_Part]:
 
 def nuisance_columns(name: str, sources: ErrorSources) -> list[int]:
     """Columns of a nuisance; forces and offsets have one a frame."""
-    frames = (len(sources.nuisance_sd) - SHARED) // 2
-    columns = {"force": range(SHARED, SHARED + frames), "offset": range(SHARED + frames, SHARED + 2 * frames)}
+    first, frames = SHARED, sources.frames
+    columns = {
+        "force": range(first, first + frames),
+        "offset": range(first + frames, first + 2 * frames),
+        "light": range(first + 2 * frames, len(sources.nuisance_sd)),
+    }
     return list(columns.get(name, [place for place, shared in enumerate(NUISANCES) if shared == name]))
 
 

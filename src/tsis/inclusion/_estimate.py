@@ -14,6 +14,7 @@ from tsis.errors import InputError, NotCalibratedError
 from tsis.inclusion._frames import (
     covering_force_n,
     require_valid_forces,
+    with_gain_of_presses,
 )
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._reading import FrameReading, read_frames, relative_model_error
@@ -22,6 +23,7 @@ from tsis.inclusion._verdict import (
     cramer_rao_sd,
     findings,
     identifiability,
+    light_findings,
     misfit_chance,
     misfit_finding,
     position_findings,
@@ -190,6 +192,7 @@ def analyse(
             _correction(probe, box) if progress is None else build_finite_correction(probe, box, progress=progress)
         )
     require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, correction=correction)
+    response = with_gain_of_presses(references or targets, calibration, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
 
         def read(frames: list[TactileImage]) -> FrameReading:
@@ -198,15 +201,16 @@ def analyse(
                 references,
                 surrogate,
                 probe=probe,
-                calibration=calibration,
+                calibration=response,
                 prior=prior,
                 correction=correction,
             )
 
         reading = read(targets)
-        of_images = image_findings(targets, references, probe=probe, calibration=calibration, uneven=reading.uneven)
+        of_images = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
         result = explore_inclusion(reading.likelihood, prior)
         flagged = [*findings(result, prior, reading.data), *position_findings(reading.position), *of_images]
+        flagged += light_findings(calibration)
         chance = misfit_chance(result, reading.data)
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)

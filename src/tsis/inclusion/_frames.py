@@ -10,7 +10,16 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.imaging import Features, features, radial_profile
-from tsis.inclusion.posterior import Profiles, RingShading
+from tsis.inclusion.posterior import (
+    FLUX_TERMS,
+    GROWTH_TERMS,
+    ForwardModel,
+    Profiles,
+    RingShading,
+    ShadingUncertainty,
+    ring_responses,
+    shading_of,
+)
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
 from tsis.model import MN_PER_N, TactileImage, require_number
 
@@ -26,6 +35,13 @@ if TYPE_CHECKING:
 
 RINGS = 20
 DARKEST = 1e-3  # of the brightest light; darker pixels are not corrected
+GENERIC_GROWTH_PER_MM, GENERIC_FLUX = 0.25, 0.5  # of lamps around a soft probe; the flux is that at the rim
+# Standard deviations where no dent was measured: growth per mm and flux at the rim of each Legendre term, light lost
+# per newton, saturation of the contact per kPa**2, log gain, because the force step's tips dent the face as well, and
+# the least error of a force, which acts as an unknown loss of light in each frame
+GENERIC_GROWTH_SD, GENERIC_FLUX_SD = 0.25, 0.75
+GENERIC_LOSS_SD, GENERIC_SQUARE_SD, GENERIC_GAIN_SD, GENERIC_FORCE_SD = 0.02, 1.5e-3, 0.5, 0.01
+GAIN_RANGE = (1e-6, 1e6)  # of a `Calibration`
 OUTER_FRACTION = 0.8  # of the face's radius; beyond it the singular pressure at the rim dominates
 
 
@@ -43,11 +59,64 @@ class RingLight:
 
 
 def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: Floats) -> RingLight:
-    """Means over the pixels of each ring; uniform light without shading if the calibration has no light map."""
+    """Means over the pixels of each ring; without a light map, uniform light with the shading of usual lamps."""
     if calibration.light is None:
-        none = np.zeros(len(edges_mm) - 1)
-        return RingLight(level=none + 1, shading=RingShading(growth_per_mm=none, bend_per_mm2=none, flux=none))
+        return _usual_light(len(edges_mm) - 1)
     return _rings_of(calibration.light, frame.grey.shape, frame.scale(), frame.axis(), tuple(edges_mm.tolist()))
+
+
+def _usual_light(rings: int) -> RingLight:
+    """Light that was corrected to be uniform, under lamps whose change by a dent was not measured."""
+    at_rim = OUTER_FRACTION  # the terms of the flux are over the last ring's distance
+    mean = np.zeros(GROWTH_TERMS + FLUX_TERMS + 2)
+    mean[0], mean[GROWTH_TERMS] = GENERIC_GROWTH_PER_MM, at_rim * GENERIC_FLUX
+    growth, flux = shading_of(mean, rings)
+    growth_sd, flux_sd = (
+        sd * np.minimum(1.0, 3.0 / np.arange(1, terms + 1)) ** 2  # lamps vary smoothly along the radius
+        for sd, terms in ((GENERIC_GROWTH_SD, GROWTH_TERMS), (at_rim * GENERIC_FLUX_SD, FLUX_TERMS))
+    )
+    sd = np.array([*growth_sd, *flux_sd, GENERIC_LOSS_SD, GENERIC_SQUARE_SD])
+    uncertainty = ShadingUncertainty.of_terms(np.diag(sd), rings)
+    shading = RingShading(growth_per_mm=growth, bend_per_mm2=np.zeros(rings), flux=flux, uncertainty=uncertainty)
+    return RingLight(level=np.ones(rings), shading=shading)
+
+
+def with_gain_of_presses(
+    frames: list[TactileImage],
+    calibration: Calibration,
+    surrogate: FullContactSurrogate,
+    *,
+    probe: Probe,
+    prior: InclusionPrior,
+) -> Calibration:
+    """Where no light map was measured, the calibration with the gain of these presses, whose forces are known.
+
+    The tips of the force step dent the face deeply, and the light of their dents changes its gain by a factor.
+    """
+    if calibration.light is not None:
+        return calibration
+    edges = ring_edges(probe)
+    light = ring_light(frames[0], calibration, edges)
+    data = ring_profiles(frames, calibration, edges, light=light.level, model_error=0.0)
+    model = ForwardModel(
+        rings=ring_responses(surrogate, edges, light.level),
+        level=light.level,
+        shading=light.shading,
+        calibration=calibration,
+        prior=prior,
+        force_n=np.array([frame.force_n for frame in frames]),
+        is_reference=np.ones(len(frames), dtype=bool),
+    )
+    expected = model.grey(None, np.zeros(len(model.nuisance_sd(np.ones(len(frames))))))[0]
+    area = data.usable * np.diff(edges**2)
+    ratio = float((area * data.grey).sum() / (area * expected).sum())
+    gain = float(np.clip(ratio * calibration.gain_grey_per_kpa, *GAIN_RANGE))
+    return replace(
+        calibration,
+        gain_grey_per_kpa=gain,
+        gain_sd=max(calibration.gain_sd, GENERIC_GAIN_SD),
+        force_sd=max(calibration.force_sd, GENERIC_FORCE_SD),
+    )
 
 
 @lru_cache(maxsize=8)  # equal for all frames of a camera

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tsis.inclusion._prior import InclusionPrior
     from tsis.inclusion.checks import InclusionPosition
     from tsis.inclusion.posterior import InclusionPosterior, Profiles
+    from tsis.model import Calibration
 
     Finding = tuple[str, str]
 
@@ -103,6 +104,19 @@ def position_findings(inclusion: InclusionPosition | None) -> list[Finding]:
     return []
 
 
+def light_findings(calibration: Calibration) -> list[Finding]:
+    """Finding for a calibration that does not state what a dent does to the light."""
+    if calibration.light is not None:
+        return []
+    return [
+        (
+            "light_not_measured",
+            "The calibration does not state what a dent does to the light: the intervals allow for usual lamps and are "
+            "wide. Measure the light of this probe on dents, and store it as the calibration's light.",
+        )
+    ]
+
+
 def identifiability(posterior: InclusionPosterior, prior: InclusionPrior) -> str:
     """Message with the estimate of each parameter, and the interval of those not identified."""
     identified, loose = [], []
@@ -165,6 +179,7 @@ INCLUSION_FLAGS = MappingProxyType(
     | {
         "inclusion_uncertain": "whether there is an inclusion is uncertain",
         "no_reference": "there is no reference press: size and depth are less certain",
+        "light_not_measured": "the calibration does not state what a dent does to the light",
         "rings_left_out": "rings that are clipped or outside the picture were not used",
         "saturated": "pixels of the profile are clipped",
         "cropped": "a part of the profile's disc lies outside the picture",

@@ -160,7 +160,9 @@ class Calibration:
     background_grey
         Grey level without contact, subtracted before anything else.
     light
-        Variation over the face of the light that reaches the camera, lens included; None when even or corrected.
+        Variation over the face of the light that reaches the camera, lens included, and its change by a dent. None
+        when frames are corrected to even light and its change by a dent was not measured: estimates of inclusions then
+        assume usual lamps with wide errors. `LightMap.uniform` states even light that no dent changes.
     gain_sd
         Relative standard deviation of the gain (LED drift included).
     force_sd
@@ -229,7 +231,11 @@ class Calibration:
 
     def _repr_html_(self) -> str:
         """The response and its uncertainties."""
-        light = "even" if self.light is None else f"map of {' x '.join(map(str, self.light.relative.shape))} points"
+        light = (
+            "even, not measured on dents"
+            if self.light is None
+            else f"map of {' x '.join(map(str, self.light.relative.shape))} points"
+        )
         rows = [
             ("probe", self.probe or "unknown"),
             ("gain", f"{self.gain_grey_per_kpa:.4g} grey levels per kPa, sd {self.gain_sd:.2%}"),

@@ -4,6 +4,7 @@ from tsis.virtual._calibration_bench import VirtualBench, bench_name, bench_seed
 from tsis.virtual._camera import FORCE_SETTING, LARGEST_FORCE_N, USUAL_MS, VirtualCamera, virtual_mode
 from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
 from tsis.virtual._gige import GigEServer
+from tsis.virtual._loading_camera import MachineErrors
 from tsis.virtual._loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 from tsis.virtual._probe import FINE_RESOLUTION, VirtualProbe, nominal_calibration
 from tsis.virtual._scale_targets import ball_frame, dot_board_frame, untouched_frame
@@ -17,6 +18,7 @@ __all__ = [
     "USUAL_MS",
     "DirectContactRig",
     "GigEServer",
+    "MachineErrors",
     "VirtualBench",
     "VirtualCamera",
     "VirtualLoadingMachine",

@@ -66,12 +66,20 @@ class VirtualBench:
         The camera.
     pitch_mm
         Pitch of the dot board.
+    machine
+        The loading machine; one with the default errors when None.
     """
 
     def __init__(
-        self, probe: Probe, *, rng: np.random.Generator, sensor: Sensor | None = None, pitch_mm: float = 2.5
+        self,
+        probe: Probe,
+        *,
+        rng: np.random.Generator,
+        sensor: Sensor | None = None,
+        pitch_mm: float = 2.5,
+        machine: VirtualLoadingMachine | None = None,
     ) -> None:
-        self.machine = VirtualLoadingMachine(probe, rng=rng, sensor=sensor)
+        self.machine = VirtualLoadingMachine(probe, rng=rng, sensor=sensor) if machine is None else machine
         self._rng, self._pitch_mm = rng, pitch_mm
 
     @property

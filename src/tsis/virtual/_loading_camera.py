@@ -138,9 +138,16 @@ class MachineTruth:
 
 
 def drawn_truth(
-    nominal: Calibration, camera: LoadingCamera, errors: MachineErrors, rng: np.random.Generator
+    nominal: Calibration,
+    camera: LoadingCamera,
+    errors: MachineErrors,
+    rng: np.random.Generator,
+    level: NDArray[np.float64] | None = None,
 ) -> MachineTruth:
-    """Draw one machine: its response to pressure around ``nominal``, its gauge, and its light over the face."""
+    """Draw one machine: its response to pressure around ``nominal``, its gauge, and its light over the face.
+
+    ``level`` is the light of the lamps over the frame, shape (rows, columns); None for even light.
+    """
     return MachineTruth(
         response=Calibration(
             gain_grey_per_kpa=nominal.gain_grey_per_kpa * float(np.exp(errors.gain_sd * rng.standard_normal())),
@@ -150,12 +157,14 @@ def drawn_truth(
         hysteresis_fraction=errors.hysteresis_sd * float(rng.standard_normal()),
         gauge_gain=1 + errors.gauge_gain_sd * float(rng.standard_normal()),
         gauge_zero_n=errors.gauge_zero_sd_n * float(rng.standard_normal()),
-        relative_light=_shading(camera, errors.shading_sd * rng.standard_normal(3)),
+        relative_light=_shading(camera, errors.shading_sd * rng.standard_normal(3), level),
     )
 
 
-def _shading(camera: LoadingCamera, unevenness: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Light with linear and quadratic unevenness, of mean 1."""
+def _shading(
+    camera: LoadingCamera, unevenness: NDArray[np.float64], level: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Light with linear and quadratic unevenness, of mean 1, times that of the lamps if given."""
     x, y = (axis / np.abs(axis).max() for axis in camera.sensor.axes_mm())
     linear_x, linear_y, quadratic = unevenness
     light = 1 + linear_x * x[None, :] + linear_y * y[:, None] + quadratic * (x[None, :] ** 2 + y[:, None] ** 2)
@@ -163,4 +172,4 @@ def _shading(camera: LoadingCamera, unevenness: NDArray[np.float64]) -> NDArray[
     field = np.ones(light.shape, dtype=bool)
     if camera.patch is not None:
         camera.patch.cut(field)[:] = False
-    return np.asarray(light / light[field].mean())
+    return np.asarray(light / light[field].mean() * (1.0 if level is None else level))

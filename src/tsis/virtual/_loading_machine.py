@@ -11,7 +11,8 @@ from tsis.calibration.force import LARGEST_GAUGE_N
 from tsis.errors import InputError
 from tsis.imaging import Sensor, rough_contact
 from tsis.mechanics import HertzContact, effective_modulus_kpa, hertz_under_force
-from tsis.model import MN_PER_N, Calibration, Probe, TactileImage, require_number, require_type
+from tsis.model import MN_PER_N, Calibration, LightMap, Probe, TactileImage, require_number, require_type
+from tsis.optics.irradiance import Irradiance
 from tsis.virtual._direct_contact import direct_contact_calibration
 from tsis.virtual._loading_camera import LoadingCamera, MachineErrors, drawn_truth
 
@@ -27,6 +28,7 @@ NOMINAL_TIP_MM, NOMINAL_N = 2.0, 2.0  # the press that determines the exposure
 HEADROOM = 1.2  # range for the errors of the machine before pixels clip
 FLAT_LEVELS = (0.15, 0.4, 0.65)  # of the scale
 EDGE_LEVEL = 0.6
+DARKEST = 0.02  # of the mean light
 
 
 class VirtualLoadingMachine:
@@ -56,6 +58,8 @@ class VirtualLoadingMachine:
         Standard deviation of the point spread on the face, mm, in [0, 2].
     warm_s, frame_s
         Seconds from switching the lamps on to the first frame, and from frame to frame.
+    light
+        Light on the face from inside and its change by a dent; None for light that no dent changes.
 
     Raises
     ------
@@ -84,6 +88,7 @@ class VirtualLoadingMachine:
         blur_mm: float = 0.05,
         warm_s: float = 1800.0,
         frame_s: float = 10.0,
+        light: Irradiance | LightMap | None = None,
     ) -> None:
         require_type("probe", probe, Probe)
         require_type("rng", rng, np.random.Generator)
@@ -95,12 +100,17 @@ class VirtualLoadingMachine:
         self._tips: dict[float, tuple[float, NDArray[np.float64]]] = {}
         self._largest_n = 0.0
         peak = _contact(probe, 1.0, NOMINAL_TIP_MM, NOMINAL_N).peak_pressure_kpa
-        exposed = direct_contact_calibration(self.sensor, probe=probe, peak_kpa=HEADROOM * peak)
+        self._dented = light
+        known = light.near_undented() if isinstance(light, Irradiance) else light
+        exposed = direct_contact_calibration(self.sensor, probe=probe, light=known, peak_kpa=HEADROOM * peak)
         nominal = Calibration(
             gain_grey_per_kpa=exposed.gain_grey_per_kpa,
             saturation_kpa=5 * peak if saturation_kpa is None else saturation_kpa,
         )
-        self.truth = drawn_truth(nominal, self.camera, self.errors, rng)
+        level = None if light is None else light.at(*self.sensor.axes_mm())
+        # Even contact that fills the scale where the light is brightest
+        self._even_grey = self.camera.range_grey / max(1.0, 1.0 if level is None else float(level.max()))
+        self.truth = drawn_truth(nominal, self.camera, self.errors, rng, level)
 
     @property
     def patch_px(self) -> tuple[int, int, int, int] | None:
@@ -124,7 +134,7 @@ class VirtualLoadingMachine:
     def flat(self, level: float = 0.4) -> TactileImage:
         """A frame of even contact with the whole face, at a fraction ``level`` of the scale, in [0.02, 0.9]."""
         require_number("level", level, 0.02, 0.9, hint="a fraction of the scale")
-        return self._lit(level * self.camera.range_grey * self.truth.relative_light, f"flat {level:g}")
+        return self._lit(level * self._even_grey * self.truth.relative_light, f"flat {level:g}")
 
     def edge(self, angle_deg: float = 5.0) -> TactileImage:
         """A frame of a block pressed evenly on one half of the face, with its straight edge tilted to the columns."""
@@ -132,7 +142,7 @@ class VirtualLoadingMachine:
         x, y = self.sensor.axes_mm()
         span = x[None, :] * np.cos(np.radians(angle_deg)) + y[:, None] * np.sin(np.radians(angle_deg))
         # The clip gives the covered fraction of pixels on the edge.
-        block = EDGE_LEVEL * self.camera.range_grey * np.clip(0.5 + span / self.sensor.mm_per_pixel[0], 0.0, 1.0)
+        block = EDGE_LEVEL * self._even_grey * np.clip(0.5 + span / self.sensor.mm_per_pixel[0], 0.0, 1.0)
         return self._lit(self._blurred(block) * self.truth.relative_light, "edge")
 
     def press(self, tip_radius_mm: float, force_n: float) -> tuple[TactileImage, float]:
@@ -204,12 +214,38 @@ class VirtualLoadingMachine:
             )
         radius = np.hypot(x[columns][None, :] - position[0], y[rows][:, None] - position[1])
         light = rough_contact(contact.pressure_kpa(radius), self.truth.response) * (1 + brighter)
+        if self._dented is not None:
+            light *= self._dent(tip, contact, x[columns], y[rows], position) * self._remaining(light)
         if patterned:
             knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * extent) + 3)
             light *= 1 + np.interp(2 * radius, np.arange(len(knots)), knots)
         picture = np.zeros((self.sensor.rows, self.sensor.columns))
         picture[np.ix_(rows, columns)] = self._blurred(light)
         return picture
+
+    def _dent(
+        self,
+        tip: float,
+        contact: HertzContact,
+        x: NDArray[np.float64],
+        y: NDArray[np.float64],
+        position: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Light on the face against the tip over the light on the untouched face, shape (len(y), len(x))."""
+        assert self._dented is not None  # asked by the caller
+        along, across = x - position[0], (y - position[1])[:, None]
+        within = np.hypot(along, across) <= contact.contact_radius_mm
+        sunk = np.where(within, (contact.contact_radius_mm**2 - (along**2 + across**2) / 2) / tip, 0.0)
+        slope_x, slope_y = (np.where(within, -part / tip, 0.0) for part in (along, across))
+        here = self._dented.at(x, y, displacement_mm=sunk, slope_x=slope_x, slope_y=slope_y)
+        return np.asarray(here / np.maximum(self._dented.at(x, y), DARKEST))
+
+    def _remaining(self, light: NDArray[np.float64]) -> float:
+        """Fraction of the light that the real contact leaves on the face."""
+        assert self._dented is not None  # asked by the caller
+        response, (size_x, size_y) = self.truth.response, self.sensor.mm_per_pixel
+        area = float(light.sum()) * size_x * size_y / (response.gain_grey_per_kpa * response.saturation_kpa)
+        return 1 / (1 + self._dented.depletion * area / (np.pi * self.probe.radius_mm**2))
 
     def _blurred(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
         if self._blur_mm == 0:

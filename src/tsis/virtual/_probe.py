@@ -268,10 +268,11 @@ def _checked_light(light: Irradiance | LightMap, probe: Probe) -> Irradiance | L
 def nominal_calibration(sensor: Sensor, light: Irradiance | LightMap | None = None) -> Calibration:
     """The default response of grey level to pressure: 1 N on soft tissue fills half of the scale at its brightest.
 
-    It includes the light, but traced light only to first order in the slope of the face.
+    It includes the light, but traced light only to first order in the slope of the face. None is even light that no
+    dent changes.
     """
-    light_map = light.near_undented() if isinstance(light, Irradiance) else light
-    brightest = 1.0 if light_map is None else float(light_map.relative.max())
+    light_map = light.near_undented() if isinstance(light, Irradiance) else light or LightMap.uniform()
+    brightest = float(light_map.relative.max())
     return Calibration(
         name="virtual probe, nominal",
         gain_grey_per_kpa=60.0 / brightest * sensor.full_scale / 255.0,

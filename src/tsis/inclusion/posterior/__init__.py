@@ -13,17 +13,23 @@ from tsis.inclusion.posterior._heterogeneity import (
 from tsis.inclusion.posterior._likelihood import ErrorSources, InclusionLikelihood, Profiles, least_sd
 from tsis.inclusion.posterior._rings import (
     FARTHEST,
+    FLUX_TERMS,
+    GROWTH_TERMS,
     SHIFTED,
     RingShading,
+    ShadingUncertainty,
     off_axis_profile,
     ring_correction,
     ring_correlation,
     ring_means,
     ring_responses,
+    shading_of,
 )
 
 __all__ = [
     "FARTHEST",
+    "FLUX_TERMS",
+    "GROWTH_TERMS",
     "HARMONICS",
     "LENGTHS_MM",
     "NUISANCES",
@@ -39,6 +45,7 @@ __all__ = [
     "InclusionPosterior",
     "Profiles",
     "RingShading",
+    "ShadingUncertainty",
     "build_field_table",
     "explore_inclusion",
     "heterogeneity",
@@ -48,4 +55,5 @@ __all__ = [
     "ring_correlation",
     "ring_means",
     "ring_responses",
+    "shading_of",
 ]

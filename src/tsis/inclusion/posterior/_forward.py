@@ -2,8 +2,8 @@
 
 Nuisances, all normal with mean 0: log gain (shared), log tissue modulus, log slab thickness, log modulus of the
 reference site over the target's, log modulus of the probe's layers, Poisson's ratio less the prior's, the square of the
-inclusion's distance from the axis less its estimate, emphasis of the shading, and for each frame log force and a
-constant offset.
+inclusion's distance from the axis less its estimate, emphasis of the shading, for each frame log force and a constant
+offset, and the further errors of the shading.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class ForwardModel:
             *TERMS * [given.shading_sd],
         ]
         forces = np.full(len(self.force_n), given.force_sd)
-        return np.concatenate([shared, forces, given.offset_sd * mean_grey])
+        return np.concatenate([shared, forces, given.offset_sd * mean_grey, np.ones(self.shading.uncertainty.count)])
 
     def grey(self, inclusions: Floats | None, nuisance: Floats) -> Floats:
         """Grey profiles, shape (n, frames, rings), of inclusions (n, 3) of diameter, depth and modulus.
@@ -111,9 +111,9 @@ class ForwardModel:
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
             press = self.rings.under(push, presses[bool(self.is_reference[frame])]) + finite[frame]
             pressure, displacement, slope = np.split(press, OUTPUTS_PER_RING, axis=-1)
-            shade = self.shading.factor(displacement, slope, nuisance[SHADE])
-            light = rough_contact(pressure, self.calibration) * shade
-            grey[:, frame] = np.exp(nuisance[GAIN]) * self._remaining(push) * light + offset / self.level
+            shade = self.shading.factor(displacement, slope, nuisance[SHADE], self._errors(nuisance))
+            light = rough_contact(pressure, self.calibration) * shade * self._bent(pressure, nuisance)
+            grey[:, frame] = np.exp(nuisance[GAIN]) * self._remaining(push, nuisance) * light + offset / self.level
         return grey
 
     def profiles(self, inclusions: Floats | None, nuisance: Floats) -> tuple[Floats, Floats]:
@@ -141,10 +141,10 @@ class ForwardModel:
         finite = self._finite(inclusions, nuisance)
         bends = self._finite_changes(inclusions, nuisance, finite)
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
-            reference, gain = bool(self.is_reference[frame]), np.exp(nuisance[GAIN]) * self._remaining(push)
-            light, by_answer, by_shade = self._light(
-                self.rings.under(push, presses[reference]) + finite[frame], nuisance[SHADE]
-            )
+            reference, remaining = bool(self.is_reference[frame]), self._remaining(push, nuisance)
+            gain = np.exp(nuisance[GAIN]) * remaining
+            press = self.rings.under(push, presses[reference]) + finite[frame]
+            light, by_answer, by_shade, by_errors = self._light(press, nuisance)
             grey[:, frame] = gain * light + offset / self.level
             slopes[:, frame, :, GAIN] = gain * light
             for name, change in changes[reference].items():
@@ -153,9 +153,11 @@ class ForwardModel:
                 )
             slopes[:, frame, :, SHADE] = gain * by_shade
             by_force = push * self.rings.per_newton(presses[reference]) + bends[SHARED][frame]
-            lost = 1 - self._remaining(push)
+            by_loss = push * self.shading.uncertainty.by_force
+            lost = push * self.depletion_per_n / (1 + self.depletion_per_n * push) + by_loss @ self._errors(nuisance)
             slopes[:, frame, :, SHARED + frame] = gain * (_along(by_answer, by_force) - lost * light)
             slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
+            slopes[:, frame, :, SHARED + 2 * frames :] = gain * (by_errors - light[..., None] * by_loss)
         return grey, slopes
 
     def field_columns(self, about: Floats | None, nuisance: Floats) -> Floats:
@@ -179,9 +181,9 @@ class ForwardModel:
         for frame, (push, _) in enumerate(self._pushes(nuisance)):
             reference = bool(self.is_reference[frame])
             first = int(place[sorted(shown).index(reference)])
-            gain = np.exp(nuisance[GAIN]) * self._remaining(push)
+            gain = np.exp(nuisance[GAIN]) * self._remaining(push, nuisance)
             press = self.rings.under(push, presses[reference]) + finite[frame]
-            _, by_answer, _ = self._light(press, nuisance[SHADE])
+            _, by_answer, _, _ = self._light(press, nuisance)
             change = gain * _along(by_answer, self.rings.under(push, factors[reference]))
             columns[:, frame, :, first : first + change.shape[1]] = np.swapaxes(change, 1, 2)
         return columns.reshape(len(columns), -1, columns.shape[-1])
@@ -192,7 +194,7 @@ class ForwardModel:
         The surrogate ends somewhere; reference site and probe move the tissue a little beyond, where its polynomials
         still hold. In two nuisances the model is linear, which at 0 saves evaluating them.
         """
-        high = np.full(SHARED + 2 * len(self.force_n), np.inf)
+        high = np.full(SHARED + 2 * len(self.force_n) + self.shading.uncertainty.count, np.inf)
         low = -high
         box = self.rings.response.box
         for position, ends, middle in (
@@ -211,9 +213,14 @@ class ForwardModel:
             self.prior.thickness_mm * float(np.exp(nuisance[THICKNESS])),
         )
 
-    def _remaining(self, force_n: float) -> float:
+    def _remaining(self, force_n: float, nuisance: Floats) -> float:
         """Fraction of the light after extraction by contact."""
-        return 1 / (1 + self.depletion_per_n * force_n)
+        lost = float(self.shading.uncertainty.by_force @ self._errors(nuisance))
+        return float(np.exp(-lost * force_n)) / (1 + self.depletion_per_n * force_n)
+
+    def _errors(self, nuisance: Floats) -> Floats:
+        """The further errors of the shading."""
+        return nuisance[SHARED + 2 * len(self.force_n) :]
 
     def _shown(self) -> set[bool]:
         return set(self.is_reference.tolist())
@@ -222,7 +229,7 @@ class ForwardModel:
         """Force in newtons and offset in grey levels of each frame."""
         frames = len(self.force_n)
         force = self.force_n * np.exp(nuisance[SHARED : SHARED + frames])
-        return list(zip(force.tolist(), nuisance[SHARED + frames :].tolist(), strict=True))
+        return list(zip(force.tolist(), nuisance[SHARED + frames : SHARED + 2 * frames].tolist(), strict=True))
 
     def _press(self, inclusions: Floats | None, nuisance: Floats, *, reference: bool) -> Floats:
         """Ring responses to a press, (n, outputs), on the target or on the tissue of the reference site."""
@@ -311,14 +318,23 @@ class ForwardModel:
             self.prior.tissue_young_kpa, self.prior.thickness_mm, None if reference else inclusions
         )
 
-    def _light(self, press: Floats, emphasis: Floats) -> tuple[Floats, Floats, Floats]:
-        """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by response and emphasis."""
+    def _light(self, press: Floats, nuisance: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by response, emphasis and errors."""
         pressure, displacement, slope = np.split(press, OUTPUTS_PER_RING, axis=-1)
-        contact = rough_contact(pressure, self.calibration)
-        shade = self.shading(displacement, slope, emphasis)
-        by_pressure = rough_contact_slope(pressure, self.calibration) * shade.factor
+        bent, by_square = self._bent(pressure, nuisance), self.shading.uncertainty.by_square
+        contact = rough_contact(pressure, self.calibration) * bent
+        shade = self.shading(displacement, slope, nuisance[SHADE], self._errors(nuisance))
+        steeper = -2 * float(by_square @ self._errors(nuisance)) * pressure * contact
+        by_pressure = (rough_contact_slope(pressure, self.calibration) * bent + steeper) * shade.factor
         by_answer = np.concatenate([by_pressure, contact * shade.by_displacement, contact * shade.by_slope], axis=-1)
-        return contact * shade.factor, by_answer, contact[..., None] * shade.by_emphasis
+        light = contact * shade.factor
+        by_errors = contact[..., None] * shade.by_errors - (light * pressure**2)[..., None] * by_square
+        return light, by_answer, contact[..., None] * shade.by_emphasis, by_errors
+
+    def _bent(self, pressure: Floats, nuisance: Floats) -> Floats:
+        """Factor on the light of the contact by the errors of the contact law."""
+        bend = float(self.shading.uncertainty.by_square @ self._errors(nuisance))
+        return np.asarray(np.exp(-bend * pressure**2))
 
 
 def _along(by_answer: Floats, direction: Floats) -> Floats:

@@ -175,6 +175,7 @@ class InclusionLikelihood:
             nuisance_sd=self._sd,
             covariance={name: covariance[used] for name, covariance in every.items()} | {"heterogeneity": uneven},
             tissue_sd=0.0 if model is None else float(np.sqrt(weight @ model.sd**2)),
+            frames=len(self.model.force_n),
         )
 
     def _by_inclusion(self, inclusion: Floats, nuisance: Floats) -> Floats:
@@ -245,6 +246,8 @@ class ErrorSources:
         and ``"heterogeneity"``.
     tissue_sd
         Root mean square standard deviation of the logarithm of the tissue's modulus over the hypotheses.
+    frames
+        Number of frames.
     """
 
     by_inclusion: Floats
@@ -252,6 +255,7 @@ class ErrorSources:
     nuisance_sd: Floats
     covariance: Mapping[str, Floats]
     tissue_sd: float
+    frames: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,7 +9,7 @@ prints the error against a flat probe in three dimensions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
@@ -189,7 +189,64 @@ def _ring_points(edges_mm: Floats) -> tuple[Floats, Floats]:
 
 
 TERMS = 3  # of the emphasis along the radius
+GROWTH_TERMS, FLUX_TERMS = 8, 5  # of an unmeasured map along the radius: rings of traced lamps need as many
 DARKEST = 1e-3  # least light on a tilted face over that on the level face
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShadingUncertainty:
+    """Independent errors of the logarithm of the light on a dented face, each of unit standard deviation.
+
+    Error k is ``by_displacement[:, k] u + by_slope[:, k] u' - by_force[k] F - by_square[k] p**2`` for a face that is
+    displaced by u under the force F, where the pressure is p.
+
+    Attributes
+    ----------
+    by_displacement
+        Per mm, shape (rings, k).
+    by_slope
+        Shape (rings, k).
+    by_force
+        Per newton, shape (k,): light that contact extracts from the whole face.
+    by_square
+        Per kPa**2, shape (k,): saturation of the contact.
+    """
+
+    by_displacement: Floats
+    by_slope: Floats
+    by_force: Floats
+    by_square: Floats
+
+    @classmethod
+    def none(cls) -> ShadingUncertainty:
+        """No errors beside the emphasis of a `RingShading`."""
+        empty = np.zeros(0)
+        return cls(by_displacement=empty[None], by_slope=empty[None], by_force=empty, by_square=empty)
+
+    @classmethod
+    def of_terms(cls, factor: Floats, rings: int) -> ShadingUncertainty:
+        """Errors whose coefficients, as in `shading_of`, have the covariance ``factor @ factor.T``."""
+        by_displacement, by_slope = shading_of(factor, rings)
+        by_force, by_square = factor[GROWTH_TERMS + FLUX_TERMS :]
+        return cls(by_displacement=by_displacement, by_slope=by_slope, by_force=by_force, by_square=by_square)
+
+    @property
+    def count(self) -> int:
+        """Number of errors."""
+        return len(self.by_force)
+
+
+def shading_of(coefficients: Floats, rings: int) -> tuple[Floats, Floats]:
+    """Growth per mm and flux of each ring, shape (rings, ...), from coefficients.
+
+    The coefficients have the shape (`GROWTH_TERMS` + `FLUX_TERMS` + 2, ...). The first are the Legendre coefficients of
+    the growth along the radius, the next those of the flux over the distance from the axis in units of the outermost
+    ring's. The last two, the loss of light per newton and the bend of the contact law, are not used.
+    """
+    growth = _legendre(rings, GROWTH_TERMS) @ coefficients[:GROWTH_TERMS]
+    distance = (np.arange(rings) + 0.5) / (rings - 0.5)
+    along = distance[:, None] * _legendre(rings, FLUX_TERMS)
+    return np.asarray(growth), np.asarray(along @ coefficients[GROWTH_TERMS : GROWTH_TERMS + FLUX_TERMS])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -207,31 +264,50 @@ class RingShading:
         Second order of its logarithm, weighted by the light, shape (rings,).
     flux
         Outward power over the power into the face, weighted by the light, shape (rings,).
+    uncertainty
+        Further errors of the factor's logarithm.
     """
 
     growth_per_mm: Floats
     bend_per_mm2: Floats
     flux: Floats
+    uncertainty: ShadingUncertainty = field(default_factory=ShadingUncertainty.none)
 
-    def __call__(self, displacement_mm: Floats, slope: Floats, emphasis: Floats) -> ShadingFactor:
-        """Evaluate displacements and slopes (n, rings) with Legendre coefficients (`TERMS`,) of the emphasis."""
+    def __call__(
+        self, displacement_mm: Floats, slope: Floats, emphasis: Floats, errors: Floats | None = None
+    ) -> ShadingFactor:
+        """Evaluate displacements and slopes (n, rings).
+
+        ``emphasis`` are the Legendre coefficients (`TERMS`,) of the emphasis, and ``errors`` (k,) those of the
+        uncertainty; None is zero. The part of the errors by the force is not included.
+        """
         parabolas, power = self._power(emphasis)
         tilt, logarithm = self._logarithm(displacement_mm, slope)
-        factor = np.exp(power * logarithm)
+        unknown = self.uncertainty
+        none = np.zeros(unknown.count) if errors is None else errors
+        grows, tilts = unknown.by_displacement @ none, unknown.by_slope @ none
+        factor = np.exp(power * logarithm + grows * displacement_mm + tilts * slope)
+        growth = self.growth_per_mm + 2 * self.bend_per_mm2 * displacement_mm
+        by_errors = displacement_mm[..., None] * unknown.by_displacement + slope[..., None] * unknown.by_slope
         return ShadingFactor(
             factor=factor,
-            by_displacement=power * factor * (self.growth_per_mm + 2 * self.bend_per_mm2 * displacement_mm),
-            by_slope=np.where(tilt > DARKEST, power * factor * self.flux / tilt, 0.0),
+            by_displacement=factor * (power * growth + grows),
+            by_slope=factor * (np.where(tilt > DARKEST, power * self.flux / tilt, 0.0) + tilts),
             by_emphasis=(factor * logarithm)[..., None] * parabolas,
+            by_errors=factor[..., None] * by_errors,
         )
 
-    def factor(self, displacement_mm: Floats, slope: Floats, emphasis: Floats) -> Floats:
+    def factor(self, displacement_mm: Floats, slope: Floats, emphasis: Floats, errors: Floats | None = None) -> Floats:
         """The factor alone."""
-        return np.asarray(np.exp(self._power(emphasis)[1] * self._logarithm(displacement_mm, slope)[1]))
+        logarithm = self._power(emphasis)[1] * self._logarithm(displacement_mm, slope)[1]
+        if errors is not None and errors.any():
+            unknown = self.uncertainty
+            logarithm += (unknown.by_displacement @ errors) * displacement_mm + (unknown.by_slope @ errors) * slope
+        return np.asarray(np.exp(logarithm))
 
     def _power(self, emphasis: Floats) -> tuple[Floats, Floats]:
         """Parabolas along the radius, (rings, terms), and one plus the emphasis, (rings,)."""
-        parabolas = _parabolas(len(self.flux))
+        parabolas = _legendre(len(self.flux), TERMS)
         return parabolas, np.asarray(1 + parabolas @ emphasis)
 
     def _logarithm(self, displacement_mm: Floats, slope: Floats) -> tuple[Floats, Floats]:
@@ -243,20 +319,21 @@ class RingShading:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShadingFactor:
-    """The factor and its derivatives by displacement and slope, (n, rings), and by the emphasis, (n, rings, terms)."""
+    """The factor and its derivatives by displacement and slope, (n, rings), emphasis and errors, (n, rings, terms)."""
 
     factor: Floats
     by_displacement: Floats
     by_slope: Floats
     by_emphasis: Floats
+    by_errors: Floats
 
 
 @cache
-def _parabolas(rings: int) -> Floats:
+def _legendre(rings: int, terms: int) -> Floats:
     """Legendre polynomials along the radius, shape (rings, terms)."""
-    parabolas = np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, rings), TERMS - 1), dtype=float)
-    parabolas.flags.writeable = False
-    return parabolas
+    values = np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, rings), terms - 1), dtype=float)
+    values.flags.writeable = False
+    return values
 
 
 def off_axis_profile(radius_mm: Floats, offset_mm: float) -> Floats:
