@@ -102,7 +102,7 @@ def kept_at(folder: Path, bank: PressBank, strain: str | None = None) -> Path:
 
 
 def presences(lines: list[dict[str, Any]], blanks: list[dict[str, Any]]) -> dict[str, float]:
-    """How well the presence tells inclusions from blanks; the Brier score weighs both kinds equally."""
+    """How well the presence separates inclusions from blanks; the Brier score weighs both kinds equally."""
     kinds = {"inclusions": (lines, 1.0), "blanks": (blanks, 0.0)}
     found: dict[str, float] = {}
     scores = []
@@ -165,14 +165,14 @@ def main() -> int:
     numbers = found.summary(bank.prior)
     if options.json:
         document = {"protocol": options.protocol, "presses": options.presses, "seed": options.seed}
-        told = {
+        results = {
             "parameters": numbers,
             "distrusted": found.distrusted,
             "flags": dict(found.flags),
             "refused": dict(found.refused),
             "presence": presences(lines, without),
         }
-        print(json.dumps(document | told, indent=2))
+        print(json.dumps(document | results, indent=2))
     else:
         title = f"{len(found.truth)} cases, seed {options.seed}: {bank.protocol.described}"
         show(title, (options.protocol, *numbers), rows_of(numbers), markdown=options.markdown)

@@ -20,7 +20,7 @@ from benchmarks.tables import show
 from threadpoolctl import threadpool_limits
 
 import tsis
-from tsis.inclusion import InclusionPrior, estimate, read_frames
+from tsis.inclusion import InclusionPrior, estimate, press_tables, read_frames
 from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.virtual import VirtualProbe
@@ -84,9 +84,9 @@ class Bench:
 
     def likelihood(self) -> InclusionLikelihood:
         """Read the frames, the surrogate being at hand."""
-        surrogate = build_full_contact_surrogate(self.probe, self.prior.box())
+        tables = press_tables(self.probe, self.prior, "small")
         return read_frames(
-            self.frames, self.references, surrogate, probe=self.probe, calibration=self.calibration, prior=self.prior
+            self.frames, self.references, tables, probe=self.probe, calibration=self.calibration, prior=self.prior
         ).likelihood
 
 

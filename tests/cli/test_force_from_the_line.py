@@ -94,7 +94,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[TactileImage], Cal
         seen.append((frames, calibration))
         raise InputError("stopped here")
 
-    monkeypatch.setattr("tsis.cli._examine.estimate_with_progress", stop)
+    monkeypatch.setattr("tsis.inclusion.estimate", stop)
     return seen
 
 
@@ -123,7 +123,6 @@ def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
         asked.append({"frames": frames, **given})
         return sample_estimate()
 
-    monkeypatch.setattr("tsis.cli._examine.estimate_with_progress", estimate)
     monkeypatch.setattr("tsis.inclusion.estimate", estimate)
     for name, radius_px in (("a.png", 20.0), ("b.png", 30.0), ("plain.png", 26.0)):
         _frame(tmp_path / name, radius_px)

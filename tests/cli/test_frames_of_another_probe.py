@@ -60,7 +60,7 @@ def no_surrogate(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("the frames must be refused before the surrogate is built")
 
     monkeypatch.setattr("tsis.inclusion._estimate._surrogate", built)
-    monkeypatch.setattr("tsis.inclusion._estimate.build_full_contact_surrogate", built)
+    monkeypatch.setattr("tsis.inclusion._reading.build_full_contact_surrogate", built)
 
 
 def test_1_a_calibration_of_another_probe() -> None:

@@ -93,7 +93,7 @@ def test_an_interrupt_is_said(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tsis.cli._demo.estimate_with_progress", interrupted)
+    monkeypatch.setattr("tsis.inclusion.estimate", interrupted)
     finished = run_tsis("demo")
     assert finished.code == 130
     assert finished.err == "Interrupted; nothing half-written is left.\n"

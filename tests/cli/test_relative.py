@@ -102,7 +102,7 @@ def test_relative_hardness_needs_a_calibration_and_two_forces(
     def estimated(*_: object, **__: object) -> Estimate:
         return sample_estimate()
 
-    monkeypatch.setattr("tsis.cli._examine.estimate_with_progress", estimated)
+    monkeypatch.setattr("tsis.inclusion.estimate", estimated)
     options = ("--calibration", pressed / "calibration.json", "--scale-mm", SCALE_TEXT, "--relative", "--json")
     forces = ("--force-n", "0.5", "--force-n", "1")
     files = [pressed / name for name in ("t0.5.png", "t1.0.png")]

@@ -12,8 +12,8 @@ import pytest
 import tsis
 from tsis.errors import ImageMismatchError, InputError, NotCalibratedError
 from tsis.imaging import Sensor
-from tsis.inclusion import InclusionPrior, read_frames, ring_edges
-from tsis.inclusion import _estimate as posterior
+from tsis.inclusion import InclusionPrior, press_tables, read_frames, ring_edges
+from tsis.inclusion import _reading as reading
 from tsis.inclusion._frames import ring_profiles
 from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
@@ -109,11 +109,12 @@ def test_light_that_was_not_measured_on_dents_is_flagged_and_costs_width(
 
 @pytest.mark.parametrize("name", ["size-2", "hardness-100", "depth-12", "plain"])
 @pytest.mark.parametrize("with_reference", [True, False])
-def test_the_grid_against_brute_force(name: str, *, with_reference: bool, flat: FullContactSurrogate) -> None:
+def test_the_grid_against_brute_force(name: str, *, with_reference: bool) -> None:
     """The same likelihood on one dense grid of inclusions; also at the prior's edge and for next to no signal."""
     image, reference = presses(tsis.load_phantom(name))
+    tables = press_tables(PROBE, PRIOR, "small")
     likelihood = read_frames(
-        [image], [reference] if with_reference else [], flat, probe=PROBE, calibration=ANSWER, prior=PRIOR
+        [image], [reference] if with_reference else [], tables, probe=PROBE, calibration=ANSWER, prior=PRIOR
     ).likelihood
     found = explore_inclusion(likelihood, PRIOR)
     samples, nuisance = found.samples, likelihood.within(found.fit.nuisance[0])
@@ -180,7 +181,7 @@ def test_a_prior_of_ones_own_is_respected(
     lump: tuple[TactileImage, TactileImage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     few = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=2, baseline=3)  # enough for so small a box
-    monkeypatch.setattr(posterior, "build_full_contact_surrogate", partial(build_full_contact_surrogate, degrees=few))
+    monkeypatch.setattr(reading, "build_full_contact_surrogate", partial(build_full_contact_surrogate, degrees=few))
     narrow = InclusionPrior(diameter_mm=(8.0, 12.0), depth_mm=(4.0, 7.0), young_kpa=(90.0, 110.0))
     result = estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1], prior=narrow)
     for name, low, high in zip(PARAMETERS, narrow.low, narrow.high, strict=True):
@@ -194,7 +195,7 @@ def test_progress_counts_the_slabs_of_a_new_surrogate(
     steps: list[tuple[int, int]] = []
     few = Degrees(diameter=2, depth=2, contrast=1, tissue=1, thickness=1, baseline=2)
     built = partial(build_full_contact_surrogate, degrees=few, cached=False)
-    monkeypatch.setattr(posterior, "build_full_contact_surrogate", built)
+    monkeypatch.setattr(reading, "build_full_contact_surrogate", built)
     with pytest.raises(NotCalibratedError, match="calibration must be that of the probe"):
         estimate(
             lump[0],

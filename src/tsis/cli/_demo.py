@@ -24,7 +24,7 @@ from tsis.cli._options import (
     chosen_probe,
     require_no_file,
 )
-from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progress
+from tsis.cli._output import CommandOutcome, estimate_table, surrogate_progress
 from tsis.cli._progress import progress_bar
 from tsis.cli._saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save, savable_result
 from tsis.errors import InputError
@@ -76,9 +76,15 @@ def demo(
     untouched = replace(virtual.no_contact(), name="untouched.png")
     references = _presses(virtual, target.without_inclusion(), forces, "reference")
     images = _presses(virtual, target, forces, "target")
-    result = estimate_with_progress(
-        images, probe=chosen, calibration=virtual.calibration, reference=references, prior=assumed
-    )
+    with surrogate_progress() as advance:
+        result = tsis.inclusion.estimate(
+            images,
+            probe=chosen,
+            calibration=virtual.calibration,
+            reference=references,
+            prior=assumed,
+            progress=advance,
+        )
     provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
     pressed = f"{chosen.name}, {' and '.join(forces)}"
     page = tsis.report.inclusion_report(

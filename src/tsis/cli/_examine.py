@@ -27,11 +27,10 @@ from tsis.cli._options import (
 )
 from tsis.cli._output import (
     CommandOutcome,
-    budget_with_progress,
     estimate_table,
-    estimate_with_progress,
     publish,
     rich_tables,
+    surrogate_progress,
 )
 from tsis.cli._saving import (
     KindOption,
@@ -218,8 +217,9 @@ def examine(
             "prior": assumed,
             "strain": strain,
         }
-        found = budget_with_progress(pressed, **given) if budget else None
-        result = estimate_with_progress(pressed, **given) if found is None else found.estimate
+        with surrogate_progress() as progress:
+            found = tsis.inclusion.uncertainty_budget(pressed, **given, progress=progress) if budget else None
+            result = tsis.inclusion.estimate(pressed, **given, progress=progress) if found is None else found.estimate
         of_forces = {
             frame.name: usable.force_budget(frame.force_n or 0.0, by_line=by_line)
             for frame in (*pressed, *on_reference)

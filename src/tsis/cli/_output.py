@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.inclusion import InclusionPrior, UncertaintyBudget
-    from tsis.model import Calibration, Estimate, Probe, TactileImage
+    from tsis.model import Estimate
     from tsis.report import Table as PageTable
 
 
@@ -142,51 +141,8 @@ def _png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def estimate_with_progress(
-    images: Sequence[TactileImage],
-    *,
-    probe: Probe,
-    calibration: Calibration,
-    reference: Sequence[TactileImage],
-    prior: InclusionPrior,
-    strain: str = "small",
-) -> Estimate:
-    """Estimate an inclusion; a bar shows how the tables of a new probe or prior are built."""
-    with _surrogate_progress() as progress:
-        return tsis.inclusion.estimate(
-            images,
-            probe=probe,
-            calibration=calibration,
-            reference=reference,
-            prior=prior,
-            progress=progress,
-            strain=strain,
-        )
-
-
-def budget_with_progress(
-    images: Sequence[TactileImage],
-    *,
-    probe: Probe,
-    calibration: Calibration,
-    reference: Sequence[TactileImage],
-    prior: InclusionPrior,
-    strain: str = "small",
-) -> UncertaintyBudget:
-    """As `estimate_with_progress`, with the uncertainty budget."""
-    with _surrogate_progress() as progress:
-        return tsis.inclusion.uncertainty_budget(
-            images,
-            probe=probe,
-            calibration=calibration,
-            reference=reference,
-            prior=prior,
-            progress=progress,
-            strain=strain,
-        )
-
-
-def _surrogate_progress() -> AbstractContextManager[Callable[[int, int], None]]:
+def surrogate_progress() -> AbstractContextManager[Callable[[int, int], None]]:
+    """A bar that shows how the tables of a new probe or prior are built."""
     return progress_bar("solving the press for this probe (cached for next time)")
 
 

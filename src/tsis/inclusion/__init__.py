@@ -8,7 +8,7 @@ from tsis.inclusion._budget import UncertaintyBudget, uncertainty_budget
 from tsis.inclusion._estimate import estimate
 from tsis.inclusion._frames import binary_image, depletion_per_n, ring_edges, ring_light
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
-from tsis.inclusion._reading import read_frames
+from tsis.inclusion._reading import PressTables, press_tables, read_frames
 from tsis.inclusion._verdict import INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS, presence_caveats
 
 __all__ = [
@@ -17,11 +17,13 @@ __all__ = [
     "PARAMETERS",
     "UNTRUSTED_FLAGS",
     "InclusionPrior",
+    "PressTables",
     "UncertaintyBudget",
     "binary_image",
     "depletion_per_n",
     "estimate",
     "presence_caveats",
+    "press_tables",
     "read_frames",
     "ring_edges",
     "ring_light",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,13 +11,9 @@ from threadpoolctl import threadpool_limits
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import InputError, NotCalibratedError
-from tsis.inclusion._frames import (
-    covering_force_n,
-    require_valid_forces,
-    with_gain_of_presses,
-)
+from tsis.inclusion._frames import covering_force_n, require_valid_forces, with_gain_of_presses
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
-from tsis.inclusion._reading import FrameReading, read_frames, relative_model_error
+from tsis.inclusion._reading import FrameReading, PressTables, press_tables, read_frames
 from tsis.inclusion._verdict import (
     UNTRUSTED_FLAGS,
     cramer_rao_sd,
@@ -29,15 +25,12 @@ from tsis.inclusion._verdict import (
     position_findings,
     presence_caveats,
 )
-from tsis.inclusion.checks import (
-    image_findings,
-)
+from tsis.inclusion.checks import image_findings
 from tsis.inclusion.posterior import (
     TISSUE,
     InclusionLikelihood,
     explore_inclusion,
 )
-from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
 from tsis.model import (
     IMPROBABLE,
     NOT_TRUSTED,
@@ -57,7 +50,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tsis.inclusion.posterior import InclusionPosterior
-    from tsis.mechanics.surrogate import Box, FiniteCorrection, FullContactSurrogate
+    from tsis.mechanics.surrogate import FullContactSurrogate
     from tsis.model import LightMap
 
 
@@ -182,29 +175,16 @@ def analyse(
     require_type("prior", prior, InclusionPrior)
     digests = require_image_series(targets + references)
     require_frames_of_probe(targets + references, probe)
-    box = prior.box()
-    surrogate = (
-        _surrogate(probe, box) if progress is None else build_full_contact_surrogate(probe, box, progress=progress)
-    )
-    strain, correction = _strain(targets + references, strain), None
-    if strain == "finite":
-        correction = (
-            _correction(probe, box) if progress is None else build_finite_correction(probe, box, progress=progress)
-        )
+    strain = _strain(targets + references, strain)
+    build = _tables if progress is None else partial(press_tables, progress=progress)
+    tables = build(probe, prior, strain)
+    surrogate, correction = tables.surrogate, tables.correction
     require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, correction=correction)
     response = with_gain_of_presses(references or targets, calibration, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
 
         def read(frames: list[TactileImage]) -> FrameReading:
-            return read_frames(
-                frames,
-                references,
-                surrogate,
-                probe=probe,
-                calibration=response,
-                prior=prior,
-                correction=correction,
-            )
+            return read_frames(frames, references, tables, probe=probe, calibration=response, prior=prior)
 
         reading = read(targets)
         of_images = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
@@ -237,13 +217,13 @@ def analyse(
         likelihood=reading.likelihood,
         posterior=result,
         prior=prior,
-        model_error=relative_model_error(surrogate, correction),
+        model_error=tables.error,
     )
 
 
-@lru_cache(maxsize=4)  # reading it from disk takes as long as an estimate's search
-def _surrogate(probe: Probe, box: Box) -> FullContactSurrogate:
-    return build_full_contact_surrogate(probe, box)
+@lru_cache(maxsize=4)  # reading them from disk takes as long as an estimate's search
+def _tables(probe: Probe, prior: InclusionPrior, strain: str) -> PressTables:
+    return press_tables(probe, prior, strain)
 
 
 def _strain(frames: list[TactileImage], strain: str | None) -> str:
@@ -252,11 +232,6 @@ def _strain(frames: list[TactileImage], strain: str | None) -> str:
         return require_one_of("strain", strain, STRAINS)
     stated = {frame.settings.get("strain") for frame in frames}
     return "small" if stated == {"small"} else "finite"
-
-
-@lru_cache(maxsize=4)
-def _correction(probe: Probe, box: Box) -> FiniteCorrection:
-    return build_finite_correction(probe, box)
 
 
 def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:

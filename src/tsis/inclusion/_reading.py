@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +13,7 @@ from tsis.inclusion._frames import (
     ring_light,
     ring_profiles,
 )
-from tsis.inclusion._verdict import (
-    OFF_AXIS_MM,
-)
+from tsis.inclusion._verdict import OFF_AXIS_MM
 from tsis.inclusion.checks import (
     FieldHarmonics,
     InclusionPosition,
@@ -33,8 +30,11 @@ from tsis.inclusion.posterior import (
     ring_correlation,
     ring_responses,
 )
+from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from tsis.inclusion._prior import Floats, InclusionPrior
     from tsis.inclusion.posterior import FieldTable
     from tsis.mechanics.surrogate import FiniteCorrection, FullContactSurrogate
@@ -49,9 +49,36 @@ LIKELY = 0.01  # chance of a shift by uneven tissue above which it is none of an
 LIKE_FORCE = 0.1  # largest relative difference of the forces of target and reference that locate the inclusion
 
 
-def relative_model_error(surrogate: FullContactSurrogate, correction: FiniteCorrection | None) -> float:
-    """Relative error of the model's pressures."""
-    return float(np.hypot(surrogate.error, 0.0 if correction is None else correction.error))
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PressTables:
+    """Tables of one probe and prior: presses at small strain, and what finite strain and uneven tissue change.
+
+    ``correction`` is None at small strain, ``field`` for even tissue.
+    """
+
+    surrogate: FullContactSurrogate
+    correction: FiniteCorrection | None = None
+    field: FieldTable | None = None
+
+    @property
+    def error(self) -> float:
+        """Relative error of the model's pressures."""
+        return float(np.hypot(self.surrogate.error, 0.0 if self.correction is None else self.correction.error))
+
+
+def press_tables(
+    probe: Probe, prior: InclusionPrior, strain: str, *, progress: Callable[[int, int], None] | None = None
+) -> PressTables:
+    """Build the tables that an estimate at ``strain`` needs, or load them from the disk cache.
+
+    ``progress`` is called with (solved, all) of each table.
+    """
+    box = prior.box()
+    return PressTables(
+        surrogate=build_full_contact_surrogate(probe, box, progress=progress),
+        correction=build_finite_correction(probe, box, progress=progress) if strain == "finite" else None,
+        field=build_field_table(probe, prior, progress=progress) if prior.heterogeneity_sd else None,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,23 +117,21 @@ def _position(
 def read_frames(
     targets: list[TactileImage],
     references: list[TactileImage],
-    surrogate: FullContactSurrogate,
+    tables: PressTables,
     *,
     probe: Probe,
     calibration: Calibration,
     prior: InclusionPrior,
-    correction: FiniteCorrection | None = None,
 ) -> FrameReading:
-    """Ring profiles, position and likelihood of the frames of one target, at small strain without ``correction``."""
+    """Ring profiles, position and likelihood of the frames of one target."""
     frames, edges = targets + references, ring_edges(probe)
     light = ring_light(frames[0], calibration, edges)
-    model_error = relative_model_error(surrogate, correction)
-    data = ring_profiles(frames, calibration, edges, light=light.level, model_error=model_error)
-    uneven = _heterogeneity(references or targets, probe, calibration, prior, light.level)
+    data = ring_profiles(frames, calibration, edges, light=light.level, model_error=tables.error)
+    uneven = _heterogeneity(references or targets, tables.field, probe, calibration, prior, light.level)
     position = _position(targets, references, calibration, probe, uneven)
     offset, spread_sd = _offset(position, prior)
     model = ForwardModel(
-        rings=ring_responses(surrogate, edges, light.level, offset_mm=offset),
+        rings=ring_responses(tables.surrogate, edges, light.level, offset_mm=offset),
         level=light.level,
         shading=light.shading,
         calibration=calibration,
@@ -117,24 +142,26 @@ def read_frames(
         correlation=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
         heterogeneity=None if uneven is None else uneven.hypotheses,
-        correction=None if correction is None else ring_correction(correction, edges, light.level, offset_mm=offset),
+        correction=None
+        if tables.correction is None
+        else ring_correction(tables.correction, edges, light.level, offset_mm=offset),
     )
     return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, position=position, uneven=uneven)
 
 
-@lru_cache(maxsize=4)
-def _field_table(probe: Probe, prior: InclusionPrior) -> FieldTable:
-    return build_field_table(probe, prior)
-
-
 def _heterogeneity(
-    frames: list[TactileImage], probe: Probe, calibration: Calibration, prior: InclusionPrior, level: Floats
+    frames: list[TactileImage],
+    table: FieldTable | None,
+    probe: Probe,
+    calibration: Calibration,
+    prior: InclusionPrior,
+    level: Floats,
 ) -> FieldHarmonics | None:
     """Hypotheses on the tissue after the harmonics of the frames of one site; None for even tissue."""
-    if prior.heterogeneity_sd == 0:
+    if table is None:
         return None
     is_domed = probe.face_curvature_mm is not None
-    hypotheses = heterogeneity(_field_table(probe, prior), prior, ring_edges(probe), level, is_domed=is_domed)
+    hypotheses = heterogeneity(table, prior, ring_edges(probe), level, is_domed=is_domed)
     before = FieldHarmonics(hypotheses=hypotheses, calibration=calibration, probe=probe)
     return replace(before, hypotheses=hypotheses.informed(heterogeneity_evidence(frames, before)))
 

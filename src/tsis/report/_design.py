@@ -195,7 +195,7 @@ def design_document(design: DesignAnalysis) -> dict[str, Any]:
         designs=[_document(design) for design in design.designs],
         optimum=None if best is None else _optimum_document(best),
         prior=asdict(question.prior),
-        calibration=asdict(design_calibration()),
+        calibration=design_calibration().provenance(),
         sensor=asdict(SENSOR),
         light="traced" if question.traced else "even",
     )

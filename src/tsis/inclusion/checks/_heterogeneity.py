@@ -1,4 +1,4 @@
-"""Harmonics of a frame around the axis by uneven tissue: they tell how uneven it is, and are no inclusion's."""
+"""Harmonics of a frame around the axis by uneven tissue: they show how uneven it is, and no inclusion causes them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tsis.inclusion.posterior import Heterogeneity
     from tsis.model import Calibration, Probe, TactileImage
 
-TELLING = (2, 3, 4)  # harmonics that tell the heterogeneity; tilt and offset cause the first
+INFORMATIVE = (2, 3, 4)  # harmonics that show the heterogeneity; tilt and offset cause the first
 PRESSURES = 512  # of the table that inverts the contact's light
 BRIGHTEST = 20.0  # largest pressure of that table over the mean of the brightest frame
 
@@ -96,7 +96,7 @@ def heterogeneity_evidence(frames: Sequence[TactileImage], harmonics: FieldHarmo
     if not use.any():
         return np.zeros(len(hypotheses.sd))
     evidence = np.zeros(len(hypotheses.sd))
-    for order in TELLING:
+    for order in INFORMATIVE:
         values = np.concatenate([harmonic(sectors.grey, order)[use] for sectors in means])
         noise = _noise(means, calibration, order, use)
         factors = np.concatenate(

@@ -196,7 +196,8 @@ class Heterogeneity:
 
     def informed(self, log_evidence: Floats) -> Heterogeneity:
         """The hypotheses after other data of ``log_evidence`` (hypotheses,), without the improbable ones."""
-        after = replace(self, log_weight=self.log_weight + log_evidence).selected(self.log_weight + log_evidence)
+        log_weight = self.log_weight + log_evidence
+        after = replace(self, log_weight=log_weight).selected(log_weight)
         return replace(after, log_weight=after.log_weight - np.logaddexp.reduce(after.log_weight))
 
     def selected(self, log_weight: Floats) -> Heterogeneity:

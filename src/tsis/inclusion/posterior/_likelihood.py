@@ -90,18 +90,15 @@ class InclusionLikelihood:
 
     def __call__(self, inclusions: Floats | None, nuisance: Floats, *, about: Floats | None = None) -> LikelihoodFit:
         """Evaluate inclusions (n, 3), or tissue without inclusion, n = 1, linearised at ``nuisance``."""
-        grey, slopes = self.model.profiles(inclusions, nuisance)
-        residual, rotated = self._used(self._data.grey - grey), self._used(slopes) * self._sd
-        return _mixed(self._hypotheses(about, nuisance), residual + rotated @ self._units(nuisance), rotated, self._sd)
+        residual, rotated = self._linear(inclusions, nuisance)
+        return _mixed(self._hypotheses(about, nuisance), residual, rotated, self._sd)
 
     def narrowed(self, inclusion: Floats, nuisance: Floats) -> InclusionLikelihood:
         """The likelihood without the hypotheses that are improbable at an inclusion (3,)."""
         if self.model.heterogeneity is None:
             return self
-        grey, slopes = self.model.profiles(inclusion[None], nuisance)
-        residual, rotated = self._used(self._data.grey - grey), self._used(slopes) * self._sd
-        hypotheses = self._hypotheses(inclusion, nuisance)
-        evidence = _evidence(hypotheses, residual + rotated @ self._units(nuisance), rotated, self._sd)[0][:, 0]
+        residual, rotated = self._linear(inclusion[None], nuisance)
+        evidence = _evidence(self._hypotheses(inclusion, nuisance), residual, rotated, self._sd)[0][:, 0]
         model = replace(self.model, heterogeneity=self.model.heterogeneity.selected(evidence))
         return InclusionLikelihood(model, self._data)
 
@@ -143,19 +140,10 @@ class InclusionLikelihood:
         ``model_error`` is the relative error of the surrogate that the variance of the profiles contains. The
         covariance by uneven tissue is the mean over the hypotheses, by their probability at this inclusion.
         """
-        grey, slopes = self.model.profiles(inclusion[None], nuisance)
-        rotated = self._used(slopes) * self._sd
-        residual = self._used(self._data.grey - grey) + rotated @ self._units(nuisance)
+        residual, rotated = self._linear(inclusion[None], nuisance)
         hypotheses = self._hypotheses(inclusion, nuisance)
-        weight = np.exp(
-            [
-                _fit(residual @ whitening.T, whitening @ rotated, self._sd)[0][0] + log_weight - log_root
-                for whitening, log_weight, log_root in zip(
-                    hypotheses.whitening, hypotheses.log_weight, hypotheses.log_root, strict=True
-                )
-            ]
-            - _mixed(hypotheses, residual, rotated, self._sd).log_evidence[0]
-        )
+        evidence = _evidence(hypotheses, residual, rotated, self._sd)[0][:, 0]
+        weight = np.exp(evidence - np.logaddexp.reduce(evidence))
         uneven = np.tensordot(weight, hypotheses.covariance, axes=1) - self._noise
         model, given = self.model.heterogeneity, self.model.calibration
         frames, rings = self._data.grey.shape
@@ -189,12 +177,10 @@ class InclusionLikelihood:
 
         The information is that under the most probable hypothesis on the tissue.
         """
-        grey, slopes = self.model.profiles(inclusion[None], nuisance)
-        rotated = self._used(slopes) * self._sd
-        residual = self._used(self._data.grey - grey)
+        residual, rotated = self._linear(inclusion[None], nuisance)
         change = self._by_inclusion(inclusion, nuisance)
         hypotheses = self._hypotheses(inclusion, nuisance)
-        fit = _mixed(hypotheses, residual + rotated @ self._units(nuisance), rotated, self._sd)
+        fit = _mixed(hypotheses, residual, rotated, self._sd)
         root = cholesky(hypotheses.covariance[fit.hypothesis[0]] + rotated[0] @ rotated[0].T, lower=True)
         triangular = solve_triangular(root, change.T, lower=True)
         return fit, triangular.T @ triangular
@@ -204,6 +190,12 @@ class InclusionLikelihood:
         low, high = self.model.bounds()
         limit = LIMIT_SD * self._sd
         return np.clip(nuisance, np.maximum(low, -limit), np.minimum(high, limit))
+
+    def _linear(self, inclusions: Floats | None, nuisance: Floats) -> tuple[Floats, Floats]:
+        """Residuals at nuisances of 0, shape (n, m), and their decrease by one sd of each, (n, m, nuisances)."""
+        grey, slopes = self.model.profiles(inclusions, nuisance)
+        rotated = self._used(slopes) * self._sd
+        return self._used(self._data.grey - grey) + rotated @ self._units(nuisance), rotated
 
     def _hypotheses(self, about: Floats | None, nuisance: Floats) -> NoiseHypotheses:
         """Noise of the used rings under each hypothesis; the latest is used again."""
