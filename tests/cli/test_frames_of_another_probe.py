@@ -59,7 +59,7 @@ def no_surrogate(monkeypatch: pytest.MonkeyPatch) -> None:
     def built(*_: object, **__: object) -> None:
         raise AssertionError("the frames must be refused before the surrogate is built")
 
-    monkeypatch.setattr("tsis.inclusion._estimate._surrogate", built)
+    monkeypatch.setattr("tsis.inclusion._estimate._tables", built)
     monkeypatch.setattr("tsis.inclusion._reading.build_full_contact_surrogate", built)
 
 
