@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def apply_calibration(
-    calibration: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str
+    calibration: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str, on_tissue: bool = False
 ) -> tuple[list[TactileImage], Calibration]:
     """Correct frames by the reference and give the response with the uncertainty of the forces.
 
@@ -35,6 +35,8 @@ def apply_calibration(
         Raw camera frames.
     identity
         SHA-256 by which results cite the calibration.
+    on_tissue
+        Whether the frames show tissue and not a tip or ball: its dents change the light otherwise.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def apply_calibration(
         )
         for frame in frames
     ]
-    response = calibration.cited_response(identity)
+    response = calibration.cited_response(identity, on_tissue=on_tissue)
     uncertainty = max((force.sd / force.value for force in forces), default=0.0)
     return ready, replace(response, force_sd=max(response.force_sd, uncertainty))
 
@@ -94,9 +96,11 @@ class UsableCalibration(ContentValue):
         """The summary of the calibration."""
         return self.calibration._repr_html_()
 
-    def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
-        """Corrected frames and the matching response; errors as `apply_calibration`."""
-        return apply_calibration(self.calibration, frames, identity=self.identity)
+    def pressed(
+        self, frames: Sequence[TactileImage], *, on_tissue: bool = False
+    ) -> tuple[list[TactileImage], Calibration]:
+        """Corrected frames and the matching response; parameters and errors as `apply_calibration`."""
+        return apply_calibration(self.calibration, frames, identity=self.identity, on_tissue=on_tissue)
 
     def force_budget(self, force_n: float, *, by_line: bool) -> QuantityBudget:
         """The uncertainty budget of a force in newtons: of the force line, or of a force that was stated."""

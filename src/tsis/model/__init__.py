@@ -1,7 +1,17 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
 from tsis.model._budget import QuantityBudget, UncertaintyComponent
-from tsis.model._calibration import Calibration, LightMap
+from tsis.model._calibration import (
+    BEND_TERMS,
+    FLUX_TERMS,
+    GROWTH_TERMS,
+    LIGHT_REACH,
+    LIGHT_RINGS,
+    LIGHT_TERMS,
+    Calibration,
+    LightMap,
+    LightTerms,
+)
 from tsis.model._content import ContentValue
 from tsis.model._estimate import (
     ABSENCE_FLAG,
@@ -51,12 +61,18 @@ from tsis.model._require import (
 
 __all__ = [
     "ABSENCE_FLAG",
+    "BEND_TERMS",
+    "FLUX_TERMS",
     "FOUR_LEDS",
+    "GROWTH_TERMS",
     "IMPROBABLE",
     "INCLUSION_RANGES",
     "INTERVAL_LEVEL",
     "LARGEST_EVIDENCE",
     "LARGEST_PIXEL_MM",
+    "LIGHT_REACH",
+    "LIGHT_RINGS",
+    "LIGHT_TERMS",
     "MN_PER_N",
     "NOT_IDENTIFIED",
     "NOT_TRUSTED",
@@ -71,6 +87,7 @@ __all__ = [
     "Layer",
     "Led",
     "LightMap",
+    "LightTerms",
     "Phantom",
     "PosteriorSamples",
     "PressField",

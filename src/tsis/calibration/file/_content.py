@@ -125,9 +125,22 @@ def _parsed(document: dict[str, Any], name: str) -> ProbeCalibration:
 def document_sha256(content: Any) -> str | None:
     """SHA-256 of a calibration's JSON values; None for NaN or endless nesting."""
     try:
-        return content_sha256(_as_floats(without_packed_arrays(content)), escaped=True)  # as in all existing files
+        # As in all existing files; parts that came later and are absent leave their hash as it was.
+        return content_sha256(_as_floats(_without_later(without_packed_arrays(content))), escaped=True)
     except (ValueError, OverflowError, RecursionError):
         return None
+
+
+LATER: dict[str, Any] = {"tissue": None, "factor": []}  # parts that earlier versions did not know, where absent
+
+
+def _without_later(content: Any) -> Any:
+    """The values without absent parts that earlier versions did not know."""
+    if isinstance(content, dict):
+        return {
+            name: _without_later(item) for name, item in content.items() if not (name in LATER and item == LATER[name])
+        }
+    return content
 
 
 def _as_floats(content: Any) -> Any:

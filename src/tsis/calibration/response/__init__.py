@@ -1,6 +1,16 @@
 """Response of a probe to pressure: grey levels per kilopascal, and saturation."""
 
 from tsis.calibration.response._fit import fit_response
+from tsis.calibration.response._light import PAD_THICKNESS_MM, DentLight, PadPresses, fit_dent_light, ring_edges_mm
 from tsis.calibration.response._value import PressureResponse, Saturation
 
-__all__ = ["PressureResponse", "Saturation", "fit_response"]
+__all__ = [
+    "PAD_THICKNESS_MM",
+    "DentLight",
+    "PadPresses",
+    "PressureResponse",
+    "Saturation",
+    "fit_dent_light",
+    "fit_response",
+    "ring_edges_mm",
+]
