@@ -77,7 +77,9 @@ class CalibratedProbe:
     ) -> tuple[tuple[TactileImage, ...], Calibration]:
         """Frames corrected by the product, and its response at their exposure, with the light on dents or without."""
         scale = self.known.calibration.need(PixelScale, "a frame").mm_per_pixel
-        ready, response = self.known.pressed([replace(frame, mm_per_pixel=scale) for frame in frames], on_tissue=with_dents)
+        ready, response = self.known.pressed(
+            [replace(frame, mm_per_pixel=scale) for frame in frames], on_tissue=with_dents
+        )
         return tuple(ready), replace(response, gain_grey_per_kpa=self.exposure * response.gain_grey_per_kpa)
 
 

@@ -49,7 +49,7 @@ def apply_calibration(
         When a frame lies outside the line's range, or does not belong to the reference.
     """
     frames = [_of_same_instrument(calibration, frame) for frame in frames]
-    forces = [_force(calibration, frame) for frame in frames if frame.force_n is None]
+    forces = [_force(calibration, frame, on_tissue=on_tissue) for frame in frames if frame.force_n is None]
     by_line = iter(forces)
     ready = [
         replace(
@@ -74,10 +74,11 @@ def _of_same_instrument(calibration: ProbeCalibration, frame: TactileImage) -> T
     return frame if calibration.scale is None else calibration.scale.on(frame)
 
 
-def _force(calibration: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
+def _force(calibration: ProbeCalibration, frame: TactileImage, *, on_tissue: bool) -> MeasuredValue:
     line = calibration.need(ForceLine, "a force without --force-n")
     reference = calibration.need(CameraReference, "a force without --force-n")
-    return line.force_n(total_grey(frame, reference, method=line.method))
+    total = total_grey(frame, reference, method=line.method)
+    return line.soft_force_n(total) if on_tissue else line.force_n(total)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -29,18 +29,20 @@ if TYPE_CHECKING:
 
 CALIBRATION_FORMAT, CALIBRATION_VERSION = "tsis-calibration", 3
 LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
+# Parts that earlier versions did not know: where they are absent, the file and its hash are as before.
+LATER: dict[str, Any] = {"tissue": None, "soft_ratio": None, "factor": []}
 
 
 def calibration_sha256(calibration: ProbeCalibration) -> str:
     """SHA-256 of the content, by which results cite the calibration."""
-    sha256 = document_sha256(to_json_value(calibration, pack=False))
+    sha256 = document_sha256(_without_later(to_json_value(calibration, pack=False)))
     assert sha256 is not None  # values contain neither NaN nor endless nesting
     return sha256
 
 
 def calibration_bytes(calibration: ProbeCalibration) -> bytes:
     """Content of the calibration file; `InputError` when it exceeds `LARGEST_BYTES`."""
-    content = to_json_value(calibration)
+    content = _without_later(to_json_value(calibration))
     require_bounded_arrays(content, "calibration")
     document = {
         "format": CALIBRATION_FORMAT,
@@ -125,13 +127,9 @@ def _parsed(document: dict[str, Any], name: str) -> ProbeCalibration:
 def document_sha256(content: Any) -> str | None:
     """SHA-256 of a calibration's JSON values; None for NaN or endless nesting."""
     try:
-        # As in all existing files; parts that came later and are absent leave their hash as it was.
-        return content_sha256(_as_floats(_without_later(without_packed_arrays(content))), escaped=True)
+        return content_sha256(_as_floats(without_packed_arrays(content)), escaped=True)  # as in all existing files
     except (ValueError, OverflowError, RecursionError):
         return None
-
-
-LATER: dict[str, Any] = {"tissue": None, "factor": []}  # parts that earlier versions did not know, where absent
 
 
 def _without_later(content: Any) -> Any:

@@ -94,8 +94,8 @@ class DentLight:
         Root mean square residual of the rings over its expected size.
     displacement_mm
         Largest displacement of the face in these presses: the light is known up to there.
-    gain_ratio
-        The gain over that of the tips.
+    gain_ratio, gain_sd
+        The gain over that of the tips, and its relative standard deviation.
     product_sd
         Relative standard deviation of the light of the strongest press on a pad, mean over the face.
     presses
@@ -106,6 +106,7 @@ class DentLight:
     misfit: float
     displacement_mm: float
     gain_ratio: float
+    gain_sd: float
     product_sd: float
     presses: int
 
@@ -198,6 +199,7 @@ def fit_dent_light(
         misfit=misfit,
         displacement_mm=deepest,
         gain_ratio=float(np.exp(found[LIGHT_TERMS - 1])),
+        gain_sd=float(np.sqrt(covariance[LIGHT_TERMS - 1, LIGHT_TERMS - 1])),
         product_sd=float(np.sqrt(np.mean(np.diag(joint)))),
         presses=len(presses),
     )

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.__about__ import VALID_DAYS
+from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.file import ProbeCalibration
-from tsis.calibration.force import UNTOUCHED_N, Loading, fit_force_line, fit_run, read_loading_frame
+from tsis.calibration.force import UNTOUCHED_N, Loading, fit_force_line, fit_run, read_loading_frame, total_grey
 from tsis.calibration.reference import make_reference
-from tsis.calibration.response import PadPresses, fit_dent_light, fit_response, ring_edges_mm
+from tsis.calibration.response import LEAST_PAD_N, PadPresses, fit_dent_light, fit_response, ring_edges_mm
 from tsis.calibration.scale import scale_from_dots
 from tsis.calibration.session._setup import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
 from tsis.calibration.specification import edge_width, frame_rate, specification_sheet
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.calibration._measured import MeasuredValue
     from tsis.calibration.force import ForceLine, ForceLineDiagnostics
     from tsis.calibration.reference import CameraReference
     from tsis.calibration.response import DentLight, PressureResponse
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
 TOUCHED_N = 0.03  # above the zero: smaller forces are within the drift of an unloaded gauge
 AT_REST = 0.02  # fraction of the largest sum of grey levels that a frame without contact may show
+FEWEST_SEEN = 3  # presses on pads that compare the force line with the gauge
 LEAST_CORRELATION = 0.97  # of sums and forces; loops of 10 % and curves as F**(2/3) have 0.99
 
 
@@ -196,7 +197,8 @@ def _calibrated(
     area = sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
     response = fit_response(loadings, reference=reference, gauge_fraction=terms.gauge_share, area_fraction=area)
     by_tips = response.calibration(reference, name=terms.name, probe=terms.probe)
-    dents = _dents(session, terms, by_tips, reference, loadings)
+    dents, ratio = _dents(session, terms, by_tips, reference, loadings, line)
+    line = replace(line, soft_ratio=ratio)
     times = [shot.time_s for shot in shots[UNTOUCHED] if shot.time_s is not None]
     calibration = ProbeCalibration(
         name=terms.name,
@@ -230,20 +232,22 @@ def _dents(
     response: Calibration,
     reference: CameraReference,
     loadings: Sequence[Loading],
-) -> DentLight | None:
-    """Light on dents from the pads that were pressed; None without any."""
+    line: ForceLine,
+) -> tuple[DentLight | None, MeasuredValue | None]:
+    """Light on dents from the pads that were pressed, and the force of the line over theirs; None without any."""
     pads = [step for step in session.plan() if step.pad_kpa is not None and session.done(step)]
     if not pads or reference.mm_per_pixel is None:
-        return None
-    probe = load_probe(terms.probe)
-    presses = []
+        return None, None
+    probe, presses, ratios = load_probe(terms.probe), [], []
     for step in pads:
         with _named(step.name):
-            presses.append(read_pad(session.shots(step), step, reference, ring_edges_mm(probe)))
+            shots = session.shots(step)
+            presses.append(read_pad(shots, step, reference, ring_edges_mm(probe)))
+            ratios += _line_over_gauge(shots, line, reference)
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     simulated = terms.began is None
     with _named(pads[0].name):
-        return fit_dent_light(
+        found = fit_dent_light(
             presses,
             loadings,
             probe=probe,
@@ -252,6 +256,22 @@ def _dents(
             pad_sd=terms.pad_sd,
             strain="small" if simulated else "finite",  # the virtual bench presses its pads at small strain
         )
+    if len(ratios) < FEWEST_SEEN:
+        return found, None
+    mean, sd = float(np.mean(ratios)), float(np.std(ratios, ddof=1))
+    return found, MeasuredValue(value=mean, sd=sd, degrees_of_freedom=len(ratios) - 1.0)
+
+
+def _line_over_gauge(shots: Sequence[CalibrationFrame], line: ForceLine, reference: CameraReference) -> list[float]:
+    """Force by the line of the tips over that of the gauge, for each press on a pad."""
+    zero, result = float(shots[0].force_n or 0.0), []
+    for shot in shots:
+        if (force := float(shot.force_n or 0.0) - zero) >= LEAST_PAD_N:
+            frame = replace(shot.image, mm_per_pixel=reference.mm_per_pixel)
+            total = total_grey(frame, reference, method=line.method)
+            if total > 0:  # at the exposure of the tips, pads may be too dark
+                result.append((total - line.intercept_grey.value) / line.slope_grey_per_n.value / force)
+    return result
 
 
 def read_pad(

@@ -111,11 +111,8 @@ def _of_device(device_analysis: DeviceAnalysis) -> Iterator[Picture]:
 
 
 def _draw_detected(device_analysis: DeviceAnalysis, figure: Figure) -> None:
-    inside = [
-        target
-        for target in device_analysis.results.targets
-        if target.truth.has_inclusion and target.reading is not None
-    ]
+    targets = device_analysis.results.targets
+    inside = [target for target in targets if target.truth.has_inclusion and target.reading is not None]
     detected_by_size_and_depth(
         [target.truth.values["diameter_mm"] for target in inside],
         [target.truth.values["depth_mm"] for target in inside],
