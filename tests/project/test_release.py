@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 import shutil
 import tomllib
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import yaml
 from packaging.requirements import Requirement
 from release.rehearse import ROOT, disagreements, version
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def test_one_version_stands_everywhere(tmp_path: Path) -> None:
