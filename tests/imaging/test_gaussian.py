@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from tsis.imaging._corrections import gaussian_blur
+from tsis.imaging._filters import gaussian_blur
 
 
 @pytest.mark.parametrize("mode", ["reflect", "nearest", "mirror"])

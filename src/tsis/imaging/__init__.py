@@ -11,7 +11,6 @@ from tsis.imaging._contact_models import (
 )
 from tsis.imaging._corrections import (
     SCALE_TOLERANCE,
-    block_means,
     flatten,
     match_light,
     require_image,
@@ -21,6 +20,8 @@ from tsis.imaging._corrections import (
     subtract_dark,
 )
 from tsis.imaging._features import Features, features
+from tsis.imaging._filters import block_means
+from tsis.imaging._height_surface import HeightSurface, height_surface
 from tsis.imaging._lost_light import LostLight, find_lost_light
 from tsis.imaging._patch import (
     GAUSSIAN_MAD,
@@ -32,7 +33,7 @@ from tsis.imaging._patch import (
     segment,
     smoothed,
 )
-from tsis.imaging._profile import HeightSurface, RadialProfile, height_surface, radial_profile
+from tsis.imaging._profile import RadialProfile, radial_profile
 from tsis.imaging._render import render, render_reference
 from tsis.imaging._sensor import LedDrift, Sensor, expose
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
 
-from tsis.imaging._corrections import gaussian_blur
+from tsis.imaging._filters import gaussian_blur
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Corrections of a frame: dark level, uneven light, the untouched reference, drift of the lamps, blur and block means.
+"""Corrections of a frame: dark level, uneven light, the untouched reference, drift of the lamps.
 
 Each call returns a new frame. Nothing is clipped, because noise clipped at zero does not average to zero.
 """
@@ -6,20 +6,11 @@ Each call returns a new frame. Nothing is clipped, because noise clipped at zero
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
-from scipy.sparse import csr_array
-from skimage.transform import resize_local_mean
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.model import TactileImage
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 SMALLEST_LIGHT = 1e-3  # fraction of a frame's median; darker pixels carry no light to divide by
 SCALE_TOLERANCE = 1e-6  # relative; far above the rounding of a scale in a file
@@ -145,47 +136,3 @@ def require_same_frame(image: TactileImage, other: TactileImage, name: str) -> N
         raise ImageMismatchError(
             f"{name} must have the image's mm_per_pixel {scale}; got {scale_2} (calibrate the scale once for both)"
         )
-
-
-def block_means(levels: NDArray[Any], shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Means over equal blocks that cover a frame; a pixel on the border of two blocks counts in both, by its area.
-
-    Parameters
-    ----------
-    levels
-        Shape (rows, columns), any number type.
-    shape
-        Rows and columns of blocks, each at least 1 and at most that of the frame.
-
-    Examples
-    --------
-    >>> block_means(np.array([[1, 2, 6], [3, 4, 8]]), (1, 2)).round(3).tolist()
-    [[2.333, 5.667]]
-    """
-    return np.asarray(resize_local_mean(levels.astype(np.float64), shape))  # type: ignore[no-untyped-call]
-
-
-def gaussian_blur(
-    grey: NDArray[np.float64], sigma_px: tuple[float, float], *, mode: str = "reflect"
-) -> NDArray[np.float64]:
-    """The frame as `scipy.ndimage.gaussian_filter` blurs it, up to rounding, but faster.
-
-    Parameters
-    ----------
-    grey
-        Shape (rows, columns).
-    sigma_px
-        Standard deviations along the rows' index and the columns', pixels.
-    mode
-        Continuation beyond the border, as SciPy names it.
-    """
-    down, across = (_matrix(size, sigma, mode) for size, sigma in zip(grey.shape, sigma_px, strict=True))
-    origin = grey[0, 0]  # so that a flat frame stays exactly flat
-    blurred: NDArray[np.float64] = (across @ (down @ (grey - origin)).T).T + origin
-    return np.ascontiguousarray(blurred)
-
-
-@lru_cache(maxsize=16)
-def _matrix(size: int, sigma: float, mode: str) -> csr_array:
-    """The blur of a line of pixels."""
-    return csr_array(gaussian_filter1d(np.eye(size), sigma, axis=0, mode=mode))  # type: ignore[call-overload]

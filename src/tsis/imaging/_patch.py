@@ -10,7 +10,8 @@ from scipy import ndimage
 from skimage.filters import threshold_otsu
 from skimage.measure import find_contours
 
-from tsis.imaging._corrections import gaussian_blur, require_image
+from tsis.imaging._corrections import require_image
+from tsis.imaging._filters import gaussian_blur
 from tsis.model import freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import binary_erosion, gaussian_filter
 
 from tsis.imaging._contact_models import SmoothContact, as_contact_model
-from tsis.imaging._corrections import gaussian_blur
+from tsis.imaging._filters import gaussian_blur
 from tsis.imaging._pixel_loops import paint
 from tsis.model import LightMap, PressMap, interpolation_matrix, require_number, require_type
 

@@ -1,5 +1,6 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
+from tsis.model._bounded_value import BoundedValue
 from tsis.model._budget import QuantityBudget, UncertaintyComponent
 from tsis.model._calibration import Calibration, LightMap
 from tsis.model._content import ContentValue
@@ -22,7 +23,6 @@ from tsis.model._gel_sensor import (
     CAMERA_2011_PX,
     GEL_LIGHTS,
     GEL_SHAPES,
-    BoundedValue,
     GelSensor,
     gel_sensor_of_probe,
 )

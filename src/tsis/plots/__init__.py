@@ -12,7 +12,7 @@ from tsis.plots._detection import (
 )
 from tsis.plots._estimate import LABELS, design_errors, marginal, posterior, trade_off
 from tsis.plots._hardness import contact_growth, contact_rows, modulus, modulus_readings
-from tsis.plots._image import light_over_time, light_path, relief, repeated_readings, ring_profile, tactile_image
+from tsis.plots._image import relief, ring_profile, tactile_image
 from tsis.plots._matching import (
     TRIAL_COLOURS,
     alternative_pose,
@@ -30,6 +30,7 @@ from tsis.plots._optics import (
     probe_section,
     ray_picture,
 )
+from tsis.plots._sequences import light_over_time, light_path, repeated_readings
 
 __all__ = [
     "LABELS",

@@ -1,0 +1,87 @@
+"""A signal as a surface in space, reduced to the points that a screen can show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.imaging._corrections import require_image
+from tsis.imaging._filters import block_means
+from tsis.model import require_array, require_number
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeightSurface:
+    """Heights over a grid of the face.
+
+    Attributes
+    ----------
+    x_mm, y_mm
+        Positions of columns and rows relative to the image's ``axis_px``, mm; y runs down the image.
+    height
+        Heights, shape (len(y_mm), len(x_mm)), in grey levels times ``height_per_grey``.
+    """
+
+    x_mm: NDArray[np.float64]
+    y_mm: NDArray[np.float64]
+    height: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name, ndim in (("x_mm", 1), ("y_mm", 1), ("height", 2)):
+            object.__setattr__(self, name, require_array(name, getattr(self, name), ndim=ndim))
+
+
+def height_surface(image: TactileImage, *, max_points: int = 128, height_per_grey: float = 1.0) -> HeightSurface:
+    """Convert a signal to a surface of at most ``max_points`` along either side.
+
+    Raises `InputError` when the scale is unknown or ``max_points`` lies outside its range.
+
+    Parameters
+    ----------
+    image
+        A signal with ``mm_per_pixel``.
+    max_points
+        Greatest number of rows and of columns, in [2, 4096].
+    height_per_grey
+        Height of one grey level, in the unit of the calibration.
+
+    Returns
+    -------
+    HeightSurface
+        Each height is the mean over a block of pixels.
+
+    Examples
+    --------
+    >>> from tsis.model import TactileImage
+    >>> flat = height_surface(TactileImage(grey=np.full((100, 200), 7.0), mm_per_pixel=(0.1, 0.1)), max_points=50)
+    >>> flat.height.shape, round(float(flat.x_mm[-1] - flat.x_mm[0]), 6)
+    ((25, 50), 19.6)
+    """
+    require_image("image", image)
+    limit = int(require_number("max_points", max_points, 2, 4096))
+    require_number("height_per_grey", height_per_grey, -1e9, 1e9)
+    scale, axis = image.scale(), image.axis()
+    rows, columns = image.grey.shape
+    shrink = max(1.0, max(rows, columns) / limit)
+    size = (max(1, round(columns / shrink)), max(1, round(rows / shrink)))
+    height: NDArray[np.float64] = image.grey
+    if shrink > 1.0:
+        height = block_means(image.grey, size[::-1])
+    return HeightSurface(
+        x_mm=(_block_centres(columns, size[0]) - axis[0]) * scale[0],
+        y_mm=(_block_centres(rows, size[1]) - axis[1]) * scale[1],
+        height=height * height_per_grey,
+    )
+
+
+def _block_centres(pixels: int, blocks: int) -> NDArray[np.float64]:
+    """Pixel coordinates of the centres of equal blocks that cover a row of pixels."""
+    centres: NDArray[np.float64] = (np.arange(blocks, dtype=np.float64) + 0.5) * (pixels / blocks) - 0.5
+    return centres
