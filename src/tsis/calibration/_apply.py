@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from tsis.instrument.acquisition import Acquisition
     from tsis.model import Calibration, TactileImage
 
+    CorrectedFrames = tuple[list[TactileImage], Calibration]
+
 
 def apply_calibration(
     calibration: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str, on_tissue: bool = False
-) -> tuple[list[TactileImage], Calibration]:
-    """Correct frames by the reference and give the response with the uncertainty of the forces.
-
-    The force line gives the force of each frame without one.
+) -> CorrectedFrames:
+    """Correct frames by the reference and give the response with the uncertainty of forces by the force line.
 
     Parameters
     ----------
     calibration
         The calibration; its expiry is not checked here.
     frames
-        Raw camera frames.
+        Raw camera frames; the force line gives the force of each without one.
     identity
         SHA-256 by which results cite the calibration.
     on_tissue
@@ -46,18 +46,14 @@ def apply_calibration(
     ImageMismatchError
         When a frame differs in size, scale or full scale from those of the calibration.
     InputError
-        When a frame lies outside the line's range, or does not belong to the reference.
+        When a frame lies outside the line's range, or is not of the reference.
     """
     frames = [_of_same_instrument(calibration, frame) for frame in frames]
     forces = [_force(calibration, frame, on_tissue=on_tissue) for frame in frames if frame.force_n is None]
     by_line = iter(forces)
-    ready = [
-        replace(
-            frame if calibration.reference is None else calibration.reference.corrected(frame),
-            force_n=next(by_line).value if frame.force_n is None else frame.force_n,
-        )
-        for frame in frames
-    ]
+    reference = calibration.reference
+    corrected = frames if reference is None else [reference.corrected(frame) for frame in frames]
+    ready = [frame if frame.force_n is not None else replace(frame, force_n=next(by_line).value) for frame in corrected]
     response = calibration.cited_response(identity, on_tissue=on_tissue)
     uncertainty = max((force.sd / force.value for force in forces), default=0.0)
     return ready, replace(response, force_sd=max(response.force_sd, uncertainty))
@@ -97,9 +93,7 @@ class UsableCalibration(ContentValue):
         """The summary of the calibration."""
         return self.calibration._repr_html_()
 
-    def pressed(
-        self, frames: Sequence[TactileImage], *, on_tissue: bool = False
-    ) -> tuple[list[TactileImage], Calibration]:
+    def pressed(self, frames: Sequence[TactileImage], *, on_tissue: bool = False) -> CorrectedFrames:
         """Corrected frames and the matching response; parameters and errors as `apply_calibration`."""
         return apply_calibration(self.calibration, frames, identity=self.identity, on_tissue=on_tissue)
 
@@ -123,10 +117,9 @@ class UsableCalibration(ContentValue):
 
         Raises `ImageMismatchError` for another probe, camera or mode. Without a reference nothing is compared.
         """
-        reference = self.calibration.reference
-        for frame in () if reference is None else frames:
-            assert reference is not None
-            reference.require_untouched(frame)
+        if (reference := self.calibration.reference) is not None:
+            for frame in frames:
+                reference.require_untouched(frame)
 
     def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:
         """Refuse another camera or other settings; stored frames carry no camera name."""

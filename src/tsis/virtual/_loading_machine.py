@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from tsis.calibration.dents import PAD_THICKNESS_MM
 from tsis.calibration.force import LARGEST_GAUGE_N
-from tsis.calibration.response import PAD_THICKNESS_MM
 from tsis.errors import InputError
 from tsis.imaging import Sensor, rough_contact
 from tsis.mechanics import HertzContact, effective_modulus_kpa, hertz_under_force, press

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import tsis
+from tsis.calibration.dents import PadPresses, fit_dent_light, ring_edges_mm
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, parse_calibration
-from tsis.calibration.response import PadPresses, fit_dent_light, ring_edges_mm
 from tsis.errors import CalibrationError, InputError
 from tsis.imaging import rough_contact
 from tsis.mechanics import press

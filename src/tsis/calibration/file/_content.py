@@ -152,7 +152,7 @@ def _as_floats(content: Any) -> Any:
 
 LARGEST_VALUES_BYTES = 2**20
 BY_HAND = ("response", "scale")  # parts that can be entered by hand
-FROM_FRAMES = ("reference", "force_line", "specification", "made", "expires")
+FROM_FRAMES = ("reference", "force_line", "tissue", "specification", "made", "expires")
 
 
 def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:

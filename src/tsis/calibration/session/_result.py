@@ -12,10 +12,11 @@ import numpy as np
 
 from tsis.__about__ import VALID_DAYS
 from tsis.calibration._measured import MeasuredValue
+from tsis.calibration.dents import LEAST_PAD_N, PadPresses, fit_dent_light, ring_edges_mm
 from tsis.calibration.file import ProbeCalibration
 from tsis.calibration.force import UNTOUCHED_N, Loading, fit_force_line, fit_run, read_loading_frame, total_grey
 from tsis.calibration.reference import make_reference
-from tsis.calibration.response import LEAST_PAD_N, PadPresses, fit_dent_light, fit_response, ring_edges_mm
+from tsis.calibration.response import fit_response
 from tsis.calibration.scale import scale_from_dots
 from tsis.calibration.session._setup import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
 from tsis.calibration.specification import edge_width, frame_rate, specification_sheet
@@ -31,9 +32,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis.calibration.dents import DentLight
     from tsis.calibration.force import ForceLine, ForceLineDiagnostics
     from tsis.calibration.reference import CameraReference
-    from tsis.calibration.response import DentLight, PressureResponse
+    from tsis.calibration.response import PressureResponse
     from tsis.calibration.scale import DotDiagnostics, PixelScale
     from tsis.calibration.session._folder import CalibrationFrame, SessionFolder
     from tsis.calibration.session._setup import CalibrationStep, SessionSetup

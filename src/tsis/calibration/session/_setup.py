@@ -9,9 +9,9 @@ from datetime import datetime  # noqa: TC003 - the file format reads the type
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from tsis.calibration.dents import PAD_THICKNESS_MM
 from tsis.calibration.file import SETTING_TOLERANCE, require_name, require_time
 from tsis.calibration.force import LARGEST_N, STEP_N, TIPS_MM
-from tsis.calibration.response import PAD_THICKNESS_MM
 from tsis.errors import InputError
 from tsis.model import ContentValue, require_integer, require_number
 

@@ -7,7 +7,8 @@ import typer
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._groups import DefaultCommand
 from tsis.cli.calibrate._guide import guide
-from tsis.cli.calibrate._make import light, make, seal, show
+from tsis.cli.calibrate._light import light
+from tsis.cli.calibrate._make import make, seal, show
 
 app = typer.Typer(
     name="calibrate",

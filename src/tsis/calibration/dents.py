@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
+__all__ = ["LEAST_PAD_N", "PAD_THICKNESS_MM", "DentLight", "PadPresses", "fit_dent_light", "ring_edges_mm"]
+
 PAD_THICKNESS_MM, PAD_POISSON = 30.0, 0.49
 LEAST_PAD_N = 0.15  # lighter presses dent the face too little
 LEAST_PRESSURE = 0.3  # of the largest in a ring; rings with less may be touched in part
