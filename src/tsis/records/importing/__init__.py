@@ -10,8 +10,8 @@ from tsis.records.importing._importing import (
     truth_note,
 )
 from tsis.records.importing._matching import target_by_number
+from tsis.records.importing._acquired import save_snapshot_to_store
 from tsis.records.importing._results import enter_estimate, new_target
-from tsis.records.importing._snapshots import save_snapshot_to_store
 
 __all__ = [
     "ImportBatch",

@@ -19,9 +19,8 @@ from tsis.records.importing._batch import (
     inspect_file,
     modification_time,
 )
-from tsis.records.importing._recording import recording
+from tsis.records.importing._acquired import recording, sidecar_of, snapshot_folder, snapshots
 from tsis.records.importing._results import RESULT, result_folder
-from tsis.records.importing._snapshots import sidecar_of, snapshot_folder, snapshots
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
