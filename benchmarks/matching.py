@@ -54,7 +54,8 @@ HOTEL_FAILURE_PX = 5.0
 RATIO_TARGETS = {"deformation": 0.5, "outliers": 0.5, "rotation": 0.05, "noise": 1.0, "occlusion": 1.0}
 TEXTURE_POINTS, TEXTURE_TARGETS = 1000, (1000, 2000, 3000, 4000)
 SPEED_POINTS = (105, 200, 400, 700, 1000, 1400, 2000)
-SLOW = ("pycpd-common", "pycpd-outliers", "pycpd-raw", "probreg-common")  # as slow as their like, and no better there
+# as slow as their like, and no better there
+SLOW = ("pycpd-common", "pycpd-outliers", "pycpd-raw", "biocpd-common", "biocpd-outliers", "probreg-common")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

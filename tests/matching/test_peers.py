@@ -25,5 +25,5 @@ def test_a_peer_matches_a_mild_warp_wherever_it_is_installed(name: str) -> None:
 def test_absence_is_told_in_words() -> None:
     nowhere = Peer(library="no_such_library", scaling="raw")  # type: ignore[arg-type]
     assert nowhere.absent() == "no_such_library is not installed"
-    with pytest.raises(InputError, match="known: probreg"):
+    with pytest.raises(InputError, match="known: biocpd"):
         peer("nobody")

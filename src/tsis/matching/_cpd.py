@@ -64,7 +64,7 @@ def fit_displacement(
     ``outliers`` is the assumed fraction of unmatched target points, in [0, 1). At most ``rounds`` rounds of expectation
     and maximisation end when the variance changes by less than the fraction ``settled``.
     """
-    factor, control, triangle = _kernel_factor(source)
+    factor, control, triangle = kernel_factor(source)
     dimension, transformed = source.shape[1], source
     coordinates = np.zeros((factor.shape[1], dimension))
     variance = max(float(cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
@@ -86,7 +86,7 @@ def gaussian(points: Floats, control: Floats) -> Floats:
     return np.asarray(np.exp(-cdist(points, control, "sqeuclidean") / (2 * WIDTH**2)))
 
 
-def _kernel_factor(points: Floats) -> tuple[Floats, Floats, Floats]:
+def kernel_factor(points: Floats) -> tuple[Floats, Floats, Floats]:
     """Factor L of the kernel matrix L L', shape (n, k); its k pivot points; and its rows there, shape (k, k)."""
     factor, pivots, rank, _ = dpstrf(gaussian(points, points), tol=KERNEL_ROUNDING, lower=1)
     lower = np.tril(factor)[:, :rank]
@@ -109,22 +109,35 @@ def _variance(transformed: Floats, target: Floats, expected: ExpectedPairs) -> f
     return max(float(total / max(expected.source.sum() * transformed.shape[1], 1e-300)), SHARPEST)
 
 
-@compiled
 def expect(transformed: Floats, target: Floats, variance: float, outliers: float) -> tuple[Floats, Floats, Floats]:
-    """The sums of `ExpectedPairs` without the matrix or its entries below rounding."""
+    """The sums of `ExpectedPairs` where the fraction ``outliers`` of the target is spread evenly."""
+    n, dimension = transformed.shape
+    background = (2 * np.pi * variance) ** (dimension / 2) * outliers / (1 - outliers) * n / len(target)
+    sums: tuple[Floats, Floats, Floats] = expected_sums(transformed, target, variance, np.zeros(n), background)
+    return sums
+
+
+@compiled
+def expected_sums(
+    transformed: Floats, target: Floats, variance: float, handicap: Floats, background: float
+) -> tuple[Floats, Floats, Floats]:
+    """The sums of `ExpectedPairs` without the matrix or its entries below rounding.
+
+    A source point's weight is ``exp(-handicap - |x - y|**2 / (2 variance))``, with ``handicap`` of shape (n,); that of
+    no source point is ``background``.
+    """
     n, dimension = transformed.shape
     m = len(target)
     source, explained, drawn = np.zeros(n), np.zeros(m), np.zeros((n, dimension))
-    uniform = (2 * np.pi * variance) ** (dimension / 2) * outliers / (1 - outliers) * n / m
     away, chance = np.empty(n), np.empty(n)
     for j in range(m):
         for i in range(n):
             square = 0.0
             for k in range(dimension):
                 square += (target[j, k] - transformed[i, k]) ** 2
-            away[i] = square / (2 * variance)
+            away[i] = square / (2 * variance) + handicap[i]
         nearest = away.min()  # an offset against underflow
-        total = uniform * np.exp(nearest) if outliers > 0 else 0.0
+        total = background * np.exp(nearest) if background > 0 else 0.0
         for i in range(n):
             chance[i] = np.exp(nearest - away[i]) if away[i] - nearest < NEGLIGIBLE else 0.0
             total += chance[i]

@@ -11,6 +11,7 @@ import numpy as np
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.matching import _annealing as tps_rpm
+from tsis.matching import _bcpd as bcpd
 from tsis.matching import _cpd as cpd
 from tsis.matching import _posterior as tprl
 from tsis.matching import _rpm_lns as rpm_lns
@@ -51,6 +52,7 @@ METHODS: Mapping[str, MatchMethod] = MappingProxyType(
     {
         "tprl": tprl.fit,
         "cpd": cpd.fit,
+        "bcpd": bcpd.fit,
         "tps-rpm": tps_rpm.fit,
         "rpm-lns": rpm_lns.fit,
         "shape-context": shape_context.fit,
@@ -150,8 +152,8 @@ def register(
         Points, shapes (n, d) and (m, d) with d = 2 or 3, in one unit; at least 4 each, not all in a line or plane.
         Above some thousands of points samples are matched, with a note; above two millions an error is raised.
     method
-        ``"tprl"``, ``"cpd"``, ``"tps-rpm"``, ``"rpm-lns"``, ``"shape-context"`` or the name of a plug-in. All
-        but the first expect only a small rotation between the sets.
+        ``"tprl"``, ``"cpd"``, ``"bcpd"``, ``"tps-rpm"``, ``"rpm-lns"``, ``"shape-context"`` or the name of a plug-in.
+        All but the first expect only a small rotation between the sets.
     rng
         Random generator, for samples of large sets and for methods that need it; seeded with 0 by default.
     rotation_sd_deg

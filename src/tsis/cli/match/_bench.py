@@ -164,8 +164,8 @@ def benchmark(
     methods: Annotated[
         str | None,
         typer.Option(
-            help="With commas: tprl, cpd, tps-rpm, rpm-lns, shape-context, pycpd, pycpd-common, pycpd-outliers, "
-            "pycpd-raw, probreg, probreg-common.",
+            help="With commas: tprl, cpd, bcpd, tps-rpm, rpm-lns, shape-context, pycpd, pycpd-common, pycpd-outliers, "
+            "pycpd-raw, biocpd, biocpd-common, biocpd-outliers, probreg, probreg-common.",
             show_default="all that are installed",
         ),
     ] = None,

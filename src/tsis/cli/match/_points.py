@@ -30,7 +30,7 @@ def points(
     source: Annotated[Path, typer.Argument(metavar="A", help="Source points: CSV, NPY, PLY or an image.")],
     target: Annotated[Path, typer.Argument(metavar="B", help="Target points: CSV, NPY, PLY or an image.")],
     *,
-    method: Annotated[str, typer.Option(help="One of tprl, cpd, tps-rpm, rpm-lns, shape-context.")] = "tprl",
+    method: Annotated[str, typer.Option(help="One of tprl, cpd, bcpd, tps-rpm, rpm-lns, shape-context.")] = "tprl",
     out: Annotated[
         Path | None, typer.Option(help="New CSV file for the transformed points, their matches and confidences.")
     ] = None,
