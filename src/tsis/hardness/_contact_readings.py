@@ -90,7 +90,7 @@ def as_touch_readings(
     Parameters
     ----------
     contacts
-        One or several of: `TouchReading`; mappings with the keys of `COLUMNS`; objects with such attributes, such as the
+        One or several of: `TouchReading`; mappings with the keys of `COLUMNS`; objects with such attributes, such as
         results of `tsis.imaging.contacts`; a table of pandas; or the path of a CSV file with such a header.
     force
         Force in N of all contacts, or of each; None where the contacts state theirs.
@@ -159,7 +159,7 @@ def _csv_rows(path: Path) -> Sequence[Mapping[str, Any]]:
 def _forces(force: float | Sequence[float] | None, count: int) -> Sequence[float | None]:
     if force is None:
         return [None] * count
-    forces = list(force) if isinstance(force, Sequence) or hasattr(force, "__len__") else [force] * count
+    forces = [float(force)] * count if isinstance(force, (int, float)) else [float(each) for each in force]
     if len(forces) != count:
         raise InputError(f"force must be one number, or one for each of the {count} contacts; got {len(forces)}")
     return forces

@@ -80,7 +80,8 @@ class TouchLikelihood:
         self._ratios = _nodes(object_poisson, 3)
         radii = [np.exp(body.radius.nodes()[1] - logsumexp(body.radius.nodes()[1])) for body in self._bodies]
         self._radius_nodes = [
-            list(zip(body.radius.nodes()[0], weight, strict=True)) for body, weight in zip(self._bodies, radii, strict=True)
+            list(zip(body.radius.nodes()[0], weight, strict=True))
+            for body, weight in zip(self._bodies, radii, strict=True)
         ]
         self.residual_count = sum(
             (reading.force_n is not None) + (reading.radius_mm is not None and reading.depth_mm is not None)
@@ -180,7 +181,9 @@ class TouchLikelihood:
         flat = softness.ravel()
         residuals = np.stack(
             [
-                term.observed - np.interp(flat, SOFTNESS, term.curve) + (log_compliance.ravel() if term.is_force else 0.0)
+                term.observed
+                - np.interp(flat, SOFTNESS, term.curve)
+                + (log_compliance.ravel() if term.is_force else 0.0)
                 for term in terms
             ]
         )

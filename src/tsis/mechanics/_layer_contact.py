@@ -1,4 +1,4 @@
-"""A smooth body pressed on a gel layer that is bonded to a rigid backing: force, dent and contact of a sphere or cylinder.
+"""A sphere or cylinder pressed on a gel layer that is bonded to a rigid backing: force, dent and pressure by contact.
 
 Small strain, frictionless. The body is a half-space with a parabolic face, as in Hertz's theory; the gel is a layer of
 finite thickness. The pressure is a sum of ``(1 - r²/a²)^(m - 1/2)``, m = 1, 2, 3, which vanishes at the edge. Its
@@ -129,13 +129,13 @@ def layer_contact(
         "contact_radius_mm over thickness_mm", float(contact.max(initial=0.0)) / thickness_mm, 0.0, LARGEST_RATIO
     )
     flat = [array.ravel() for array in (contact, radius, soft, gel)]
-    results = [_solve(body, *parts, thickness_mm, poisson) for parts in zip(*flat, strict=True)]
+    results = [_solve(body, *parts, thickness=thickness_mm, poisson=poisson) for parts in zip(*flat, strict=True)]
     force, dent, peak = (np.array(part).reshape(contact.shape) for part in zip(*results, strict=True))
     return LayerContact(force=force, dent_mm=dent, peak_kpa=peak)
 
 
 def _solve(
-    body: str, contact: float, radius: float, soft: float, gel: float, thickness: float, poisson: float
+    body: str, contact: float, radius: float, soft: float, gel: float, *, thickness: float, poisson: float
 ) -> tuple[float, float, float]:
     """Force, dent and peak pressure."""
     half, backing, middle = _displacements(body, contact / thickness, poisson)
@@ -191,5 +191,5 @@ def _half_space(places: Floats) -> Floats:
     return np.asarray(amplitude * scipy.special.hyp2f1(0.5, -_ORDERS, 1.0, places**2))
 
 
-def _gamma(values: Floats) -> Floats:
+def _gamma(values: NDArray[np.floating]) -> Floats:
     return np.asarray(scipy.special.gamma(values))
