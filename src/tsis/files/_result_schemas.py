@@ -21,7 +21,7 @@ _RESULTS = {
     "detect": ("apply", "train"),
     "doctor": ("",),
     "examine": ("", "contacts"),
-    "hardness": ("",),
+    "hardness": ("", "contacts"),
     "logins": ("",),
     "match": ("", "bench"),
     "network": ("apply", "train"),

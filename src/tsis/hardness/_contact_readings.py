@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tsis.errors import FileInputError, InputError
-from tsis.files import as_path, printable_path, read_bytes
+from tsis.errors import InputError
+from tsis.hardness._contact_rows import COLUMNS, contact_rows, contact_value, is_good
 from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 FORCE_SD, RADIUS_SD, DEPTH_SD = 0.02, 0.02, 0.03  # relative standard deviations where none is given
 LEAST_FORCE_SD_N = 0.005
-MOST_BYTES = 10_000_000
-COLUMNS = (
-    *("force_n", "force_sd_n", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2"),
-    *("depth_mm", "depth_sd_mm", "object_radius_mm", "time_s"),
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,16 +97,16 @@ def as_touch_readings(
     FileInputError
         When the file is missing or not such a table.
     """
-    rows = _rows(contacts)
+    rows = contact_rows(contacts)
     if not rows:
         raise InputError("contacts must hold at least one contact; got none")
     forces = _forces(force, len(rows))
-    good = [(row, each) for row, each in zip(rows, forces, strict=True) if _is_good(row)]
-    refused = tuple(_name(row, index) for index, row in enumerate(rows) if not _is_good(row))
+    good = [(row, each) for row, each in zip(rows, forces, strict=True) if is_good(row)]
+    refused = tuple(_name(row, index) for index, row in enumerate(rows) if not is_good(row))
     if not good:
         raise InputError(f"contacts must hold a good contact; all {len(rows)} are marked as not good: press again")
     readings = tuple(_reading(row, _name(row, index), each) for index, (row, each) in enumerate(good))
-    radii = {float(radius) for row, _ in good if (radius := _value(row, "object_radius_mm")) is not None}
+    radii = {float(radius) for row, _ in good if (radius := contact_value(row, "object_radius_mm")) is not None}
     if len(radii) > 1:
         raise InputError(f"object_radius_mm must be one number for all contacts; got {sorted(radii)}")
     return readings, refused, radii.pop() if radii else None
@@ -123,39 +118,6 @@ def loading_part(readings: Sequence[TouchReading]) -> tuple[TouchReading, ...]:
     return tuple(readings[: sizes.index(max(sizes)) + 1])
 
 
-def _rows(contacts: Any) -> list[Any]:
-    if isinstance(contacts, (str, Path)):
-        return list(_csv_rows(as_path(contacts)))
-    if hasattr(contacts, "to_dict") and hasattr(contacts, "columns"):  # a table of pandas
-        return list(contacts.to_dict("records"))
-    if isinstance(contacts, Mapping) or not isinstance(contacts, Sequence):
-        return [contacts] if contacts is not None else []
-    return list(contacts)
-
-
-def _csv_rows(path: Path) -> Sequence[Mapping[str, Any]]:
-    try:
-        text = read_bytes(path, most=MOST_BYTES).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileInputError(f"{printable_path(path)} must be CSV text in UTF-8; got other bytes") from error
-    reader = csv.DictReader(io.StringIO(text))
-    head = [name.strip() for name in reader.fieldnames or ()]
-    if not set(head) & {"radius_mm", "area_mm2", "depth_mm"}:
-        raise FileInputError(
-            f"{printable_path(path)} must have a header with radius_mm, area_mm2 or depth_mm, beside force_n; "
-            f"got {', '.join(head)!r:.120}"
-        )
-    rows = []
-    for number, line in enumerate(reader, start=2):
-        row: dict[str, Any] = {"name": f"line {number}"}
-        for name, cell in line.items():
-            if name is None or cell is None:
-                raise FileInputError(f"{printable_path(path)}: line {number} must have {len(head)} columns")
-            row[name.strip()] = cell.strip()
-        rows.append(row)
-    return rows
-
-
 def _forces(force: float | Sequence[float] | None, count: int) -> Sequence[float | None]:
     if force is None:
         return [None] * count
@@ -165,18 +127,8 @@ def _forces(force: float | Sequence[float] | None, count: int) -> Sequence[float
     return forces
 
 
-def _value(row: Any, name: str) -> Any:
-    value = row.get(name) if isinstance(row, Mapping) else getattr(row, name, None)
-    return None if value is None or value == "" or (isinstance(value, float) and math.isnan(value)) else value
-
-
-def _is_good(row: Any) -> bool:
-    good = _value(row, "good")
-    return good is None or str(good).strip().lower() not in ("false", "0", "no")
-
-
 def _name(row: Any, index: int) -> str:
-    return str(_value(row, "name") or f"contact {index + 1}")
+    return str(contact_value(row, "name") or f"contact {index + 1}")
 
 
 def _reading(row: Any, name: str, force: float | None) -> TouchReading:
@@ -186,7 +138,7 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
         raise InputError(f"contacts must have radius_mm, area_mm2 or depth_mm; got {type(row).__name__}")
     numbers: dict[str, float] = {}
     for column in COLUMNS[:8]:
-        value = force if column == "force_n" and force is not None else _value(row, column)
+        value = force if column == "force_n" and force is not None else contact_value(row, column)
         if value is not None:
             try:
                 numbers[column] = float(value)

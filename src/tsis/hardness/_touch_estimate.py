@@ -2,36 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.catalog import load_sensor
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.hardness._contact_readings import as_touch_readings, loading_part
-from tsis.hardness._exploration import HardnessPrior, RadiusPrior, modulus_samples
-from tsis.hardness._touch_likelihood import TouchedBody, TouchErrors, TouchLikelihood
+from tsis.hardness._exploration import HardnessPrior, modulus_samples
+from tsis.hardness._object_geometry import ObjectGeometry, as_geometry
+from tsis.hardness._touch_findings import contact_findings, misfit_findings, unknowable
+from tsis.hardness._touch_likelihood import TouchErrors, TouchLikelihood
+from tsis.hardness._touch_terms import TouchedBody
 from tsis.hardness._verdict import UNTRUSTED_FLAGS, modulus_findings
 from tsis.model import (
-    IMPROBABLE,
     NOT_TRUSTED,
     Estimate,
     GelSensor,
     Probe,
     gel_sensor_of_probe,
-    probability_bound,
     require_number,
-    require_one_of,
     require_type,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -40,55 +38,8 @@ if TYPE_CHECKING:
 
     Finding = tuple[str, str]
 
-SHAPES = ("sphere", "cylinder", "flat")
 GEL_PRIOR = HardnessPrior(young_kpa=(2.0, 10_000.0), poisson=(0.45, 0.495))
 PRESS_SD = 0.02  # relative standard deviation of a contact radius from press to press
-LARGEST_RADIUS_MM = 60.0  # of objects
-RADIUS_SD = 0.01  # relative, of an object's radius that is given without one
-WIDEST_CONTACT = 0.6  # of half the face's smaller side
-DEEPEST_CONTACT = 0.9  # of the object's radius: the model was compared with finite strain up to there
-SAME_FORCE = 0.02
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObjectGeometry:
-    """Shape of the touched part of an object.
-
-    Parameters
-    ----------
-    shape
-        ``"sphere"``; ``"cylinder"``, lying on the face; or ``"flat"``, wider than the contact.
-    radius_mm, radius_sd_mm
-        Radius in [0.5, 60] mm and its standard deviation, 1 % by default; None for an unknown radius.
-    length_mm
-        Length of the cylinder's contact, over which its force acts.
-
-    Raises
-    ------
-    InputError
-        When a value is out of range, or the length of a cylinder is missing.
-    """
-
-    shape: Literal["sphere", "cylinder", "flat"] = "sphere"
-    radius_mm: float | None = None
-    radius_sd_mm: float | None = None
-    length_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        require_one_of("shape of the object", self.shape, SHAPES)
-        if self.radius_mm is not None:
-            require_number("radius_mm of the object", self.radius_mm, 0.5, LARGEST_RADIUS_MM, hint="millimetres")
-            if self.radius_sd_mm is not None:
-                require_number("radius_sd_mm of the object", self.radius_sd_mm, 0.0, self.radius_mm / 3)
-        if self.shape == "cylinder":
-            require_number("length_mm of a cylinder", self.length_mm, 0.5, 500.0, hint="millimetres of contact")
-
-    def radius_prior(self) -> RadiusPrior:
-        """The radius, or all radii from 1 to 60 mm."""
-        if self.radius_mm is None:
-            return RadiusPrior(radius_mm=None, sd_mm=0.0, largest_mm=LARGEST_RADIUS_MM)
-        sd = RADIUS_SD * self.radius_mm if self.radius_sd_mm is None else self.radius_sd_mm
-        return RadiusPrior(radius_mm=self.radius_mm, sd_mm=sd, largest_mm=LARGEST_RADIUS_MM)
 
 
 def estimate_from_contacts(
@@ -165,19 +116,19 @@ def estimate_from_contacts(
     require_type("prior", prior, HardnessPrior)
     require_number("press_sd", press_sd, 0.0, 0.5, hint="a fraction")
     readings, left_out, stated_mm = as_touch_readings(contacts, force=force)
-    shape = _as_geometry(geometry, stated_mm)
+    shape = as_geometry(geometry, stated_mm)
     readings = loading_part(readings) if sequence else readings
     bodies = [_body(readings, shape)]
     if reference is not None:
         bodies.append(_rigid_ball(reference, reference_radius_mm))
     errors = TouchErrors(press=press_sd, scale=gel.scale_uncertainty, same_press=sequence)
-    unknowable = _unknowable(readings, shape)
-    samples, misfit, count = _explored(bodies, gel, prior, errors, flat=shape.shape == "flat" or bool(unknowable))
+    reasons = unknowable(readings, shape)
+    samples, misfit, count = _explored(bodies, gel, prior, errors, flat=shape.shape == "flat" or bool(reasons))
     flagged = [
-        *unknowable,
-        *_about_contacts(readings, left_out, shape, gel),
-        *(() if unknowable else modulus_findings(samples, prior)),
-        *_about_misfit(misfit, count),
+        *reasons,
+        *contact_findings(readings, left_out, shape, gel),
+        *(() if reasons else modulus_findings(samples, prior)),
+        *misfit_findings(misfit, count),
     ]
     causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
     low, high = np.quantile(samples, [0.05, 0.95])
@@ -185,7 +136,7 @@ def estimate_from_contacts(
     return Estimate(
         samples={"young_kpa": samples},
         prior_sd={"young_kpa": prior.young_sd_kpa},
-        identifiability=NOT_TRUSTED if causes else unknowable[0][1] if unknowable else told,
+        identifiability=NOT_TRUSTED if causes else reasons[0][1] if reasons else told,
         prior=str(prior),
         trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),
@@ -209,21 +160,6 @@ def _as_sensor(sensor: GelSensor | Probe | str | Path) -> GelSensor:
     if isinstance(sensor, GelSensor):
         return sensor
     return gel_sensor_of_probe(sensor) if isinstance(sensor, Probe) else load_sensor(sensor)
-
-
-def _as_geometry(geometry: Any, stated_mm: float | None) -> ObjectGeometry:
-    if isinstance(geometry, Mapping):
-        for name in geometry:
-            require_one_of("field of geometry", name, ObjectGeometry.__slots__)
-        shape = ObjectGeometry(**geometry)
-    elif isinstance(geometry, str):
-        shape = ObjectGeometry(shape=geometry)  # type: ignore[arg-type]  # checked there
-    elif isinstance(geometry, (int, float)):
-        shape = ObjectGeometry(radius_mm=float(geometry))
-    else:
-        require_type("geometry", geometry, ObjectGeometry)
-        shape = geometry
-    return replace(shape, radius_mm=stated_mm) if shape.radius_mm is None else shape
 
 
 def _body(readings: tuple[TouchReading, ...], shape: ObjectGeometry) -> TouchedBody:
@@ -267,57 +203,3 @@ def _explored(
 
         samples = modulus_samples(log_density, prior)
     return samples, least[0], likelihood.residual_count - 1
-
-
-def _unknowable(readings: Sequence[TouchReading], shape: ObjectGeometry) -> list[Finding]:
-    """Why no modulus can follow from such contacts, at most one reason."""
-    if shape.shape == "flat":
-        note = "The modulus is not identifiable: the contact of a flat object does not change with its modulus."
-        return [("young_kpa_not_identified", note)]
-    forces = [reading for reading in readings if reading.force_n is not None]
-    pairs = [reading for reading in readings if reading.radius_mm is not None and reading.depth_mm is not None]
-    if not forces and shape.radius_mm is None:
-        note = "The modulus is not identifiable: force and radius of the object are both unknown (give one of them)."
-        return [("young_kpa_not_identified", note)]
-    if not forces and not pairs:
-        note = "The modulus is not identifiable: without a force each contact needs radius_mm and depth_mm."
-        return [("young_kpa_not_identified", note)]
-    return []
-
-
-def _about_contacts(
-    readings: Sequence[TouchReading], left_out: Sequence[str], shape: ObjectGeometry, gel: GelSensor
-) -> list[Finding]:
-    flagged: list[Finding] = []
-    if left_out:
-        flagged.append(("contacts_left_out", f"{len(left_out)} contacts are not good and were left out."))
-    if shape.radius_mm is None and shape.shape != "flat":
-        flagged.append(("radius_unknown", "The object's radius is unknown; its modulus grows with it: give radius_mm."))
-    radii = [reading.radius_mm for reading in readings if reading.radius_mm is not None]
-    widest = WIDEST_CONTACT * min(gel.width_mm, gel.height_mm) / 2
-    if radii and max(radii) > widest:
-        note = f"A contact of {max(radii):.3g} mm is wider than {widest:.3g} mm, 0.6 of the face: press less."
-        flagged.append(("contact_too_wide", note))
-    if radii and shape.radius_mm is not None and max(radii) > DEEPEST_CONTACT * shape.radius_mm:
-        note = f"A contact of {max(radii):.3g} mm on a radius of {shape.radius_mm:.3g} mm is too deep: press less."
-        flagged.append(("contact_too_deep", note))
-    if gel.shape != "flat":
-        note = f"The gel of {gel.name} is not flat: as a layer its compliance is only estimated."
-        flagged.append(("gel_not_flat", note))
-    forces = [reading.force_n for reading in readings if reading.force_n is not None]
-    if forces and max(forces) < (1 + SAME_FORCE) * min(forces):
-        flagged.append(("one_force", "All contacts have one force: a second one would test the model."))
-    return flagged
-
-
-def _about_misfit(misfit: float, freedom: int) -> list[Finding]:
-    if freedom < 1:
-        return []
-    chance = float(scipy.stats.chi2.sf(misfit, freedom))
-    if chance >= IMPROBABLE:
-        return []
-    note = (
-        f"Forces, radii and dents contradict each other (chance below {probability_bound(chance)}): the object is not "
-        "of that shape, or force, scale or sensor are wrong."
-    )
-    return [("model_does_not_fit", note)]

@@ -9,40 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import logsumexp
 
-from tsis.hardness._layer_model import (
-    CYLINDER_MODEL_SD,
-    DENT_MODEL_SD,
-    FORCE_MODEL_SD,
-    SOFTNESS,
-    curves_at_depth,
-    curves_at_radius,
-)
+from tsis.hardness._layer_model import SOFTNESS
+from tsis.hardness._touch_terms import measured_terms
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from typing import Literal
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.hardness._contact_readings import TouchReading
-    from tsis.hardness._exploration import RadiusPrior
+    from tsis.hardness._touch_terms import MeasuredTerm, TouchedBody
     from tsis.model import BoundedValue
 
     Floats = NDArray[np.float64]
 
 GEL_MODULI, RATIOS, THICKNESSES = 15, 5, 3  # nodes over intervals that leave room
-RIGID = 0.0  # softness of a rigid reference
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TouchedBody:
-    """Readings on one body."""
-
-    readings: tuple[TouchReading, ...]
-    shape: Literal["sphere", "cylinder"]
-    radius: RadiusPrior
-    length_mm: float = 1.0  # of a cylinder, over which its force acts
-    rigid: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +99,7 @@ class TouchLikelihood:
         """Log likelihood of one body's readings, shape (moduli, gels), over its radius and Poisson's ratio."""
         parts, least = [], np.inf
         for radius, radius_weight in nodes:
-            terms = list(self._terms(body, radius, thickness, poisson))
+            terms = list(measured_terms(body, radius, thickness, poisson))
             for ratio, ratio_weight in self._ratios:
                 own = np.zeros_like(object_kpa) if body.rigid else (1 - ratio**2) / object_kpa
                 softness = own[:, None] / (own[:, None] + gel)
@@ -129,51 +109,8 @@ class TouchLikelihood:
                 least = min(least, misfit)
         return np.asarray(logsumexp(parts, axis=0)), least
 
-    def _terms(self, body: TouchedBody, radius: float, thickness: float, poisson: float) -> Iterator[_Term]:
-        length = np.log(body.length_mm) if body.shape == "cylinder" else 0.0
-        for index, reading in enumerate(body.readings):
-            x = (reading.radius_mm or 0.0) / radius
-            model = CYLINDER_MODEL_SD * x**2 if body.shape == "cylinder" else 0.0
-            if reading.radius_mm is not None:
-                curves = curves_at_radius(reading.radius_mm, body.shape, radius, thickness, poisson)
-                assert reading.radius_sd_mm is not None
-                own_radius = reading.radius_sd_mm / reading.radius_mm
-                if reading.force_n is not None and reading.force_sd_n is not None:
-                    yield _Term(
-                        press=index,
-                        observed=float(np.log(reading.force_n)) - length,
-                        curve=curves.log_force,
-                        slope=curves.force_slope,
-                        sd=float(np.hypot(reading.force_sd_n / reading.force_n, np.hypot(FORCE_MODEL_SD, model))),
-                        reading_sd=own_radius,
-                        is_force=True,
-                    )
-                if reading.depth_mm is not None and reading.depth_sd_mm is not None:
-                    yield _Term(
-                        press=index,
-                        observed=float(np.log(reading.depth_mm)),
-                        curve=curves.log_dent,
-                        slope=curves.dent_slope,
-                        sd=float(np.hypot(reading.depth_sd_mm / reading.depth_mm, np.hypot(DENT_MODEL_SD, model))),
-                        reading_sd=own_radius,
-                        is_force=False,
-                    )
-            elif reading.force_n is not None and reading.depth_mm is not None:
-                assert reading.depth_sd_mm is not None
-                assert reading.force_sd_n is not None
-                log_force, slope = curves_at_depth(reading.depth_mm, body.shape, radius, thickness, poisson)
-                yield _Term(
-                    press=index,
-                    observed=float(np.log(reading.force_n)) - length,
-                    curve=log_force,
-                    slope=slope,
-                    sd=float(np.hypot(reading.force_sd_n / reading.force_n, FORCE_MODEL_SD)),
-                    reading_sd=float(np.hypot(reading.depth_sd_mm / reading.depth_mm, DENT_MODEL_SD)),
-                    is_force=True,
-                )
-
     def _gaussian(
-        self, body: TouchedBody, terms: Sequence[_Term], softness: Floats, log_compliance: Floats
+        self, body: TouchedBody, terms: Sequence[MeasuredTerm], softness: Floats, log_compliance: Floats
     ) -> tuple[Floats, float]:
         """Log likelihood by normal errors, and the least misfit; the covariance is that at the best softness."""
         if not terms:
@@ -195,7 +132,7 @@ class TouchLikelihood:
         value = -misfit / 2 - np.log(np.diagonal(factor)).sum()
         return value.reshape(softness.shape), float(misfit.min())
 
-    def _covariance(self, terms: Sequence[_Term], softness: float) -> Floats:
+    def _covariance(self, terms: Sequence[MeasuredTerm], softness: float) -> Floats:
         slopes = np.array([np.interp(softness, SOFTNESS, term.slope) for term in terms])
         press = np.array([term.press for term in terms])
         same = press[:, None] == press
@@ -203,19 +140,6 @@ class TouchLikelihood:
         of_press = self._errors.press**2 * (np.ones_like(same, dtype=float) if self._errors.same_press else same)
         common = np.outer(slopes, slopes) * (readings + of_press + self._errors.scale**2)
         return np.asarray(common + np.diag([term.sd**2 for term in terms]))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Term:
-    """One measured logarithm, and its model over `SOFTNESS`."""
-
-    press: int
-    observed: float
-    curve: Floats
-    slope: Floats  # with the logarithm of the contact radius or dent that was read
-    sd: float
-    reading_sd: float
-    is_force: bool
 
 
 def _nodes(limits: tuple[float, float], count: int, *, logarithmic: bool = False) -> list[tuple[float, float]]:
