@@ -51,6 +51,16 @@ from tsis.report._forms import (
     require_absent,
     write_form,
 )
+from tsis.report._gel import (
+    CONTACT_HEADINGS,
+    contact_documents,
+    contact_notes,
+    contact_rows,
+    contacts_csv,
+    draw_contacts,
+    gel_contacts_report,
+    overlay_inches,
+)
 from tsis.report._hardness import (
     estimate_cards,
     estimate_messages_of,
@@ -83,6 +93,7 @@ from tsis.report._relative import (
 from tsis.report._tracking import PressTrack, track_document, track_notes, track_press, track_report, track_rows
 
 __all__ = [
+    "CONTACT_HEADINGS",
     "ENDINGS",
     "FORM_LABELS",
     "HEADINGS",
@@ -115,13 +126,18 @@ __all__ = [
     "comparison_document",
     "comparison_notes",
     "comparison_tables",
+    "contact_documents",
+    "contact_notes",
     "contact_report",
+    "contact_rows",
+    "contacts_csv",
     "content_rows",
     "design_caption",
     "design_document",
     "design_notes",
     "design_page",
     "design_rows",
+    "draw_contacts",
     "draw_errors",
     "draw_poses",
     "draw_registration",
@@ -136,6 +152,7 @@ __all__ = [
     "finding_notes",
     "finding_rows",
     "free_folder",
+    "gel_contacts_report",
     "hardness_notes",
     "hardness_page",
     "hardness_report",
@@ -144,6 +161,7 @@ __all__ = [
     "import_message",
     "inclusion_report",
     "measured_values",
+    "overlay_inches",
     "recomputation_document",
     "recomputation_message",
     "recomputation_notes",
