@@ -18,7 +18,7 @@ from tsis.cli._sensor import SensorOption
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -70,11 +70,12 @@ def contacts(
         )
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "sensor": chosen.name, "frames": len(paths)}
     written: list[str] = []
-    for path, content in (
+    outputs: tuple[tuple[Path | None, Callable[[], bytes]], ...] = (
         (csv, lambda: tsis.report.contacts_csv(found)),
         (page, lambda: tsis.report.gel_contacts_report(levels, found, provenance=provenance)),
         (figure, lambda: _picture(levels, found)),
-    ):
+    )
+    for path, content in outputs:
         if path is not None:
             tsis.files.write_durably(path, content())
             written.append(str(path))

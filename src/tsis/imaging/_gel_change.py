@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 BLACK, GLARE = 3.0, 250.0  # levels of 255
+MOST_CLIPPED = 0.5  # of the pixels
 FOREIGN = 30.0  # median change of a reference of another sensor, levels
 FEWEST_WITHOUT_REFERENCE = 8
 MARKER_DARK = 0.75  # level of a marker over that of its surroundings
@@ -50,6 +51,9 @@ def gel_levels(frame: Any, sensor: GelSensor, *, what: str = "frame") -> NDArray
         raise InputError(f"{what} must have levels from 0 to 255, or 16 bits; got {result.min():g} to {result.max():g}")
     if result.max() <= BLACK:
         raise InputError(f"{what} must be lit; got a black frame: switch the sensor's lamps on")
+    clipped = float((result.min(axis=2) >= GLARE).mean())
+    if clipped > MOST_CLIPPED:
+        raise InputError(f"{what} must not be saturated; got {clipped:.0%} white pixels: lower the exposure")
     if sensor.light == "white":
         return np.asarray(result.mean(axis=2, keepdims=True))
     if result.shape[2] == 1 or np.ptp(result, axis=2).max() < 1.0:
