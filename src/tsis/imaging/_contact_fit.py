@@ -175,9 +175,15 @@ def fit_contact(
         if not ellipse:
             limits[3:5] = 1e-6
         solution = least_squares(
-            window.residual, np.zeros(7), bounds=(-limits, limits), x_scale=0.1, diff_step=np.full(7, 1e-3), xtol=1e-4, ftol=1e-5,
+            window.residual,
+            np.zeros(7),
+            bounds=(-limits, limits),
+            x_scale=0.1,
+            diff_step=np.full(7, 1e-3),
+            xtol=1e-4,
+            ftol=1e-5,
             max_nfev=25,
-        )  # fmt: skip
+        )
         left = 2.0 * float(solution.cost) / window.energy
         if best is None or left < best[0]:
             best = left, window, solution
