@@ -87,7 +87,7 @@ def contacts(
         )
     else:
         table = Table(*tsis.report.CONTACT_HEADINGS, title="Contacts")
-        for row in tsis.report.contact_rows(found):
+        for row in tsis.report.gel_contact_rows(found):
             table.add_row(*row)
         print_tables([table], tsis.report.contact_notes(found), where=", ".join(written))
     leave(trusted=any(contact.good for contact in found))

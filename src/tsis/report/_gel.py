@@ -53,7 +53,7 @@ def contacts_csv(found: Sequence[GelContact]) -> bytes:
     return table_bytes([COLUMNS, *(["" if value is None else value for value in row] for row in rows)])
 
 
-def contact_rows(found: Sequence[GelContact]) -> list[tuple[str, ...]]:
+def gel_contact_rows(found: Sequence[GelContact]) -> list[tuple[str, ...]]:
     """Cells for people: frame, centre, radius, quality and reasons."""
     return [
         (
@@ -119,7 +119,7 @@ def gel_contacts_report(
                     wide=True,
                 ),
             ),
-            tables=(Table(title="Contacts", headings=CONTACT_HEADINGS, rows=tuple(contact_rows(found))),),
+            tables=(Table(title="Contacts", headings=CONTACT_HEADINGS, rows=tuple(gel_contact_rows(found))),),
             provenance=provenance,
         )
     )
