@@ -4,7 +4,7 @@ from tsis.virtual._calibration_bench import VirtualBench, bench_name, bench_seed
 from tsis.virtual._camera import FORCE_SETTING, LARGEST_FORCE_N, USUAL_MS, VirtualCamera, virtual_mode
 from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
 from tsis.virtual._gel_frames import (
-    BallPress,
+    GelBallPress,
     GelLight,
     RenderedPress,
     ball_press,
@@ -27,8 +27,8 @@ __all__ = [
     "FORCE_SETTING",
     "LARGEST_FORCE_N",
     "USUAL_MS",
-    "BallPress",
     "DirectContactRig",
+    "GelBallPress",
     "GelLight",
     "GigEServer",
     "MachineErrors",

@@ -27,7 +27,7 @@ FINEST, WAVENUMBERS = 150.0, 3000  # largest wavenumber times the contact's radi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BallPress:
+class GelBallPress:
     """The face of a bonded gel under a rigid ball.
 
     Attributes
@@ -44,7 +44,7 @@ class BallPress:
     face_mm: NDArray[np.float64]
 
 
-def ball_press(ball_radius_mm: float, contact_radius_mm: float, *, thickness_mm: float, poisson: float) -> BallPress:
+def ball_press(ball_radius_mm: float, contact_radius_mm: float, *, thickness_mm: float, poisson: float) -> GelBallPress:
     """The face when a ball touches it over a given radius; the modulus cancels.
 
     Raises
@@ -71,7 +71,7 @@ def ball_press(ball_radius_mm: float, contact_radius_mm: float, *, thickness_mm:
     face = j0(radius[:, None] / a * k) @ (np.stack(transform, axis=1) @ solution[:-1])
     inside = radius <= a
     face[inside] = depth - (ball_radius_mm - np.sqrt(ball_radius_mm**2 - radius[inside] ** 2))
-    return BallPress(contact_radius_mm=a, depth_mm=depth, radius_mm=radius, face_mm=face)
+    return GelBallPress(contact_radius_mm=a, depth_mm=depth, radius_mm=radius, face_mm=face)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -135,7 +135,7 @@ def random_gel_light(shape: tuple[int, int], rng: np.random.Generator, *, size_p
 
 
 def gel_depth_mm(
-    press: BallPress | None, sensor: GelSensor, columns: int, rows: int, centre_px: tuple[float, float]
+    press: GelBallPress | None, sensor: GelSensor, columns: int, rows: int, centre_px: tuple[float, float]
 ) -> NDArray[np.float64]:
     """Depth of the face at each pixel, mm; zeros without a press."""
     require_type("sensor", sensor, GelSensor)
