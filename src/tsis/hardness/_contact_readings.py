@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
-from tsis.hardness._contact_rows import COLUMNS, contact_rows, contact_value, is_good
+from tsis.hardness._contact_rows import COLUMNS, contact_rows, contact_value, forces_of_contacts, is_good
 from tsis.model import require_number
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def as_touch_readings(
     rows = contact_rows(contacts)
     if not rows:
         raise InputError("contacts must hold at least one contact; got none")
-    forces = _forces(force, len(rows))
+    forces = forces_of_contacts(force, len(rows))
     good = [(row, each) for row, each in zip(rows, forces, strict=True) if is_good(row)]
     refused = tuple(_name(row, index) for index, row in enumerate(rows) if not is_good(row))
     if not good:
@@ -116,15 +116,6 @@ def loading_part(readings: Sequence[TouchReading]) -> tuple[TouchReading, ...]:
     """The contacts of a press from its first to its largest, in the order of time: what follows is unloading."""
     sizes = [reading.force_n or reading.radius_mm or reading.depth_mm or 0.0 for reading in readings]
     return tuple(readings[: sizes.index(max(sizes)) + 1])
-
-
-def _forces(force: float | Sequence[float] | None, count: int) -> Sequence[float | None]:
-    if force is None:
-        return [None] * count
-    forces = [float(force)] * count if isinstance(force, (int, float)) else [float(each) for each in force]
-    if len(forces) != count:
-        raise InputError(f"force must be one number, or one for each of the {count} contacts; got {len(forces)}")
-    return forces
 
 
 def _name(row: Any, index: int) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tsis.errors import FileInputError
+from tsis.errors import FileInputError, InputError
 from tsis.files import as_path, printable_path, read_bytes
 
 MOST_BYTES = 10_000_000
@@ -63,3 +63,13 @@ def is_good(row: Any) -> bool:
     """Whether the row is not marked as bad."""
     good = contact_value(row, "good")
     return good is None or str(good).strip().lower() not in ("false", "0", "no")
+
+
+def forces_of_contacts(force: float | Sequence[float] | None, count: int) -> Sequence[float | None]:
+    """The force of each contact; None where it is not given."""
+    if force is None:
+        return [None] * count
+    forces = [float(force)] * count if isinstance(force, (int, float)) else [float(each) for each in force]
+    if len(forces) != count:
+        raise InputError(f"force must be one number, or one for each of the {count} contacts; got {len(forces)}")
+    return forces

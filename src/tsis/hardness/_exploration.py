@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HardnessPrior:
-    """Ranges of the sphere: uniform in the logarithm of the modulus and in Poisson's ratio.
-
-    Raises `InputError` when a range is empty or lies outside.
+    """Ranges, uniform in the logarithm of the modulus and in Poisson's ratio; `InputError` for an empty or invalid one.
 
     Parameters
     ----------

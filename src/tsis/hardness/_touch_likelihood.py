@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from tsis.hardness._layer_model import SOFTNESS
-from tsis.hardness._touch_terms import measured_terms
+from tsis.hardness._touch_terms import limit_nodes, measured_terms
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,9 +55,9 @@ class TouchLikelihood:
         errors: TouchErrors,
     ) -> None:
         self._bodies, self._errors = tuple(bodies), errors
-        self._gel_kpa = _nodes(young_kpa.limits, GEL_MODULI, logarithmic=True)
-        self._layers = list(product(_nodes(thickness_mm.limits, THICKNESSES), _nodes(poisson.limits, RATIOS)))
-        self._ratios = _nodes(object_poisson, 3)
+        self._gel_kpa = limit_nodes(young_kpa.limits, GEL_MODULI, logarithmic=True)
+        self._layers = list(product(limit_nodes(thickness_mm.limits, THICKNESSES), limit_nodes(poisson.limits, RATIOS)))
+        self._ratios = limit_nodes(object_poisson, 3)
         radii = [np.exp(body.radius.nodes()[1] - logsumexp(body.radius.nodes()[1])) for body in self._bodies]
         self._radius_nodes = [
             list(zip(body.radius.nodes()[0], weight, strict=True))
@@ -140,13 +140,3 @@ class TouchLikelihood:
         of_press = self._errors.press**2 * (np.ones_like(same, dtype=float) if self._errors.same_press else same)
         common = np.outer(slopes, slopes) * (readings + of_press + self._errors.scale**2)
         return np.asarray(common + np.diag([term.sd**2 for term in terms]))
-
-
-def _nodes(limits: tuple[float, float], count: int, *, logarithmic: bool = False) -> list[tuple[float, float]]:
-    """Values between limits and their weights, which add up to one."""
-    low, high = (np.log(limits) if logarithmic else np.asarray(limits)).tolist()
-    if low == high:
-        return [(limits[0], 1.0)]
-    place, weight = np.polynomial.legendre.leggauss(count)
-    values = low + (high - low) * (place + 1) / 2
-    return list(zip((np.exp(values) if logarithmic else values).tolist(), (weight / 2).tolist(), strict=True))

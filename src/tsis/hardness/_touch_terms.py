@@ -94,3 +94,13 @@ def measured_terms(body: TouchedBody, radius: float, thickness: float, poisson: 
                 reading_sd=float(np.hypot(reading.depth_sd_mm / reading.depth_mm, DENT_MODEL_SD)),
                 is_force=True,
             )
+
+
+def limit_nodes(limits: tuple[float, float], count: int, *, logarithmic: bool = False) -> list[tuple[float, float]]:
+    """Values between limits and their weights, which add up to one."""
+    low, high = (np.log(limits) if logarithmic else np.asarray(limits)).tolist()
+    if low == high:
+        return [(limits[0], 1.0)]
+    place, weight = np.polynomial.legendre.leggauss(count)
+    values = low + (high - low) * (place + 1) / 2
+    return list(zip((np.exp(values) if logarithmic else values).tolist(), (weight / 2).tolist(), strict=True))
