@@ -27,6 +27,7 @@ _RESULTS = {
     "network": ("apply", "train"),
     "optics": ("angles", "modes", "propagate", "trace"),
     "records": ("edit", "export", "import", "list", "recompute", "send", "show", "verify"),
+    "sensor": ("check", "new", "show"),
     "simulate": ("", "list"),
     "study": ("analyse", "export", "import", "new", "plan", "run", "show", "verify"),
     "sweep": ("run", "run-plan", "verify"),

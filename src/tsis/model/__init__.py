@@ -1,5 +1,6 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
+from tsis.model._bounded_value import BoundedValue
 from tsis.model._budget import QuantityBudget, UncertaintyComponent
 from tsis.model._calibration import Calibration, LightMap
 from tsis.model._content import ContentValue
@@ -16,6 +17,14 @@ from tsis.model._estimate import (
     probability_bound,
     probability_text,
     unit_of,
+)
+from tsis.model._gel_sensor import (
+    CAMERA_2011_MM_PER_PIXEL,
+    CAMERA_2011_PX,
+    GEL_LIGHTS,
+    GEL_SHAPES,
+    GelSensor,
+    gel_sensor_of_probe,
 )
 from tsis.model._html import summary_html
 from tsis.model._image import (
@@ -51,7 +60,11 @@ from tsis.model._require import (
 
 __all__ = [
     "ABSENCE_FLAG",
+    "CAMERA_2011_MM_PER_PIXEL",
+    "CAMERA_2011_PX",
     "FOUR_LEDS",
+    "GEL_LIGHTS",
+    "GEL_SHAPES",
     "IMPROBABLE",
     "INCLUSION_RANGES",
     "INTERVAL_LEVEL",
@@ -63,9 +76,11 @@ __all__ = [
     "NO_UNIT",
     "SMALLEST_PIXEL_MM",
     "UNITS",
+    "BoundedValue",
     "Calibration",
     "ContentValue",
     "Estimate",
+    "GelSensor",
     "Glass",
     "Inclusion",
     "Layer",
@@ -84,6 +99,7 @@ __all__ = [
     "as_images",
     "freeze_arrays",
     "freeze_mappings",
+    "gel_sensor_of_probe",
     "grey_sha256",
     "image_from_xarray",
     "image_stack",
