@@ -38,7 +38,8 @@ def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float
 
     A line or a circle is fitted to the points where the light crosses half of the step. In each of eight parts of the
     edge an error function is fitted to the light over the distance from that line or circle; the scatter of the parts
-    is the uncertainty.
+    is the uncertainty. Raises `CalibrationError` when no edge stands out, or too little of it; `InputError` when the
+    scale is not known.
 
     Parameters
     ----------
@@ -48,13 +49,6 @@ def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float
         ``"straight"`` or ``"circle"``.
     extent_mm
         Distance to both sides of the edge, mm, in [0.05, 20]; the contact must be even that far.
-
-    Raises
-    ------
-    CalibrationError
-        When no edge stands out, or too little of it.
-    InputError
-        When the scale is not known.
 
     Examples
     --------

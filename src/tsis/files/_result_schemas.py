@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 # Results of each command; "" is that without a part.
 _RESULTS = {
     "acquire": ("describe", "list", "record", "snapshot", "watch"),
-    "calibrate": ("", "seal", "show"),
+    "calibrate": ("", "light", "seal", "show"),
     "console": ("",),
     "demo": ("",),
     "design": ("",),

@@ -2,7 +2,17 @@
 
 from tsis.model._bounded_value import BoundedValue
 from tsis.model._budget import QuantityBudget, UncertaintyComponent
-from tsis.model._calibration import Calibration, LightMap
+from tsis.model._calibration import (
+    BEND_TERMS,
+    FLUX_TERMS,
+    GROWTH_TERMS,
+    LIGHT_REACH,
+    LIGHT_RINGS,
+    LIGHT_TERMS,
+    Calibration,
+    LightMap,
+    LightTerms,
+)
 from tsis.model._content import ContentValue
 from tsis.model._estimate import (
     ABSENCE_FLAG,
@@ -60,16 +70,22 @@ from tsis.model._require import (
 
 __all__ = [
     "ABSENCE_FLAG",
+    "BEND_TERMS",
     "CAMERA_2011_MM_PER_PIXEL",
     "CAMERA_2011_PX",
+    "FLUX_TERMS",
     "FOUR_LEDS",
     "GEL_LIGHTS",
     "GEL_SHAPES",
+    "GROWTH_TERMS",
     "IMPROBABLE",
     "INCLUSION_RANGES",
     "INTERVAL_LEVEL",
     "LARGEST_EVIDENCE",
     "LARGEST_PIXEL_MM",
+    "LIGHT_REACH",
+    "LIGHT_RINGS",
+    "LIGHT_TERMS",
     "MN_PER_N",
     "NOT_IDENTIFIED",
     "NOT_TRUSTED",
@@ -86,6 +102,7 @@ __all__ = [
     "Layer",
     "Led",
     "LightMap",
+    "LightTerms",
     "Phantom",
     "PosteriorSamples",
     "PressField",

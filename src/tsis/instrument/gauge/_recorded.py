@@ -70,10 +70,8 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
 class RecordedGauge:
     """A file of readings behind the gauge protocol, without delays.
 
-    Parameters
-    ----------
-    path
-        CSV with the header ``time_s,force_n``, optionally with ``resolution_n`` and ``time_error_s``: seconds, newtons.
+    ``path`` is CSV with the header ``time_s,force_n``, optionally with ``resolution_n`` and ``time_error_s``: seconds,
+    newtons.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:

@@ -1,8 +1,7 @@
 """The audit: a hash-chained log of who stored or changed what and when.
 
-An entry has the digest of the new row. A changed, added or removed row therefore contradicts its last entry, and a
-changed, added or removed entry breaks the chain. The anchor, a file outside the database, detects a chain that was
-truncated or rewritten as a whole.
+An entry has the digest of the new row: a changed, added or removed row contradicts its last entry, such an entry breaks
+the chain, and the anchor, a file outside the database, detects a chain that was truncated or rewritten as a whole.
 """
 
 from __future__ import annotations

@@ -22,9 +22,7 @@ from tsis.plots import (
 )
 from tsis.report._folder import free_folder, require_room, write_folder
 from tsis.report._page import Card, Page, Picture, Table, html, on_axes
-from tsis.report.study._document import study_document
-from tsis.report.study._tables import comparison_table, device_tables, targets_table
-from tsis.report.study._text import (
+from tsis.report.study._document import (
     counted,
     ends,
     few_notes,
@@ -33,8 +31,10 @@ from tsis.report.study._text import (
     method_of,
     record_notes,
     small,
+    study_document,
     undecided_notes,
 )
+from tsis.report.study._tables import comparison_table, device_tables, targets_table
 from tsis.study import ANALYSED, ANALYSED_READING, QUANTITIES, enter_analysis, unblind
 from tsis.study.analysis import analyse
 
