@@ -21,6 +21,7 @@ _RESULTS = {
     "detect": ("apply", "train"),
     "doctor": ("",),
     "examine": ("", "contacts"),
+    "force": ("",),
     "hardness": ("",),
     "logins": ("",),
     "match": ("", "bench"),

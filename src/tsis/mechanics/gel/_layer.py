@@ -63,8 +63,9 @@ def layer_compliance(
     Notes
     -----
     With ``q = k h``, ``c = 3 - 4 nu`` and ``D = 2 c cosh 2q + 1 + c² + 4 q²`` the plane-strain compliances over
-    ``2 (1 - nu²) / (E k)`` are ``(2 c sinh 2q -+ 4 q) / D`` (normal, tangential) and ``(2 c (c - 1) (cosh 2q - 1) - 8 q²)
-    / ((c + 1) D)`` (coupling); across the wave ``tanh q / (G k)``. The normal one is Johnson, Contact Mechanics, 5.8.
+    ``2 (1 - nu²) / (E k)`` are ``(2 c sinh 2q -+ 4 q) / D`` (normal, tangential) and ``(2 c (c - 1) (cosh 2q - 1)
+    - 8 q²) / ((c + 1) D)`` (coupling); across the wave it is ``tanh q / (G k)``. The normal one is Johnson, Contact
+    Mechanics, 5.8.
 
     Examples
     --------

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import InputError, MechanicsError
+from tsis.model import require_array
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,6 +73,7 @@ def pressure_from_depth(
     Conjugate gradients with an active set after Polonsky and Keer, Wear 231 (1999) 206, for a given displacement;
     directions are smoothed by the inverse of the Green's function.
     """
+    depth_mm = require_array("depth_mm", depth_mm, ndim=2)  # finite numbers
     if depth_mm.shape != grid.shape or contact.shape != grid.shape:
         raise InputError(f"depth and contact must have the grid's shape {grid.shape}; got {depth_mm.shape}")
     target = np.where(contact, depth_mm, 0.0)
