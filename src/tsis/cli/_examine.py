@@ -15,9 +15,10 @@ import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli._options import (
     AsJson,
-    PriorFile,
+    InclusionPriorChoice,
     ShowPrior,
     calibrated_probe,
+    chosen_prior,
     chosen_probe,
     chosen_scale,
     read_frames,
@@ -116,7 +117,7 @@ def examine(
         bool, typer.Option("--budget", help="List what the uncertainty of the estimate and of the forces consists of.")
     ] = False,
     pdf: Annotated[bool, typer.Option("--pdf", help=f"Write the page of the estimate as {PDF} too.")] = False,
-    prior: PriorFile = None,
+    prior: InclusionPriorChoice = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-examine"
@@ -154,11 +155,7 @@ def examine(
         raise InputError(f"{option} needs --calibration: without it no inclusion is estimated")
     if prior is not None and calibration is None:
         raise InputError("--prior needs --calibration: without it no inclusion is estimated")
-    assumed = (
-        tsis.inclusion.InclusionPrior()
-        if prior is None
-        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior)
-    )
+    assumed = chosen_prior(prior)
     usable = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     by_line = usable is not None and not force_n and usable.calibration.force_line is not None
