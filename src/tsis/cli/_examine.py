@@ -16,11 +16,13 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli._options import (
     AsJson,
     InclusionPriorChoice,
+    OtherPriors,
     ShowPrior,
     calibrated_probe,
     chosen_prior,
     chosen_probe,
     chosen_scale,
+    other_priors,
     read_frames,
     reference_forces,
     require_no_file,
@@ -118,6 +120,7 @@ def examine(
     ] = False,
     pdf: Annotated[bool, typer.Option("--pdf", help=f"Write the page of the estimate as {PDF} too.")] = False,
     prior: InclusionPriorChoice = None,
+    ask_other_priors: OtherPriors = False,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-examine"
@@ -217,6 +220,10 @@ def examine(
         with surrogate_progress() as progress:
             found = tsis.inclusion.uncertainty_budget(pressed, **given, progress=progress) if budget else None
             result = tsis.inclusion.estimate(pressed, **given, progress=progress) if found is None else found.estimate
+        shown = result
+        if ask_other_priors:
+            shifts = tsis.inclusion.prior_sensitivity(result, pressed, other_priors(assumed), **given)
+            shown = tsis.inclusion.with_prior_sensitivity(result, shifts)
         of_forces = {
             frame.name: usable.force_budget(frame.force_n or 0.0, by_line=by_line)
             for frame in (*pressed, *on_reference)
@@ -229,7 +236,7 @@ def examine(
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
         outcome = _inclusion(
-            result, pressed, on_reference, by, assumed, provenance, comparison, budget=found, forces=of_forces, pdf=pdf
+            shown, pressed, on_reference, by, assumed, provenance, comparison, budget=found, forces=of_forces, pdf=pdf
         )
         savable = partial(
             savable_result,

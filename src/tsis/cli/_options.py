@@ -84,6 +84,17 @@ InclusionPriorChoice = Annotated[
 ]
 
 
+OtherPriors = Annotated[
+    bool, typer.Option("--other-priors", help="Say how far the answer moves under the other shipped priors.")
+]
+
+
+def other_priors(prior: tsis.inclusion.InclusionPrior) -> dict[str, tsis.inclusion.InclusionPrior]:
+    """The shipped priors but the one in use."""
+    named = {name: chosen_prior(name) for name in tsis.catalog.list_inclusion_priors()}
+    return {name: other for name, other in named.items() if replace(other, name="") != replace(prior, name="")}
+
+
 def chosen_prior(given: str | None) -> tsis.inclusion.InclusionPrior:
     """The prior of a name or of a file; the default one without."""
     if given is None:
