@@ -58,6 +58,8 @@ WALK = (
     Step("sensor new", r"File: my-gel.toml", ("my-gel.toml",)),
     Step("sensor check", r"0\.0634"),
     Step("sensor show", r"gsrobotics"),
+    Step("sensor frames", r"4 presses", ("gel-frames/press-4.png", "gel-frames/untouched.png")),
+    Step("contacts", r"good"),
     Step("serve", r"Ended; \d+ frames were sent", serves="Read it with: "),
     Step("calibrate guide", r"first", tuple(f"first/{name}" for name in CALIBRATED)),
     Step("calibrate make", r"tsis-calibration", tuple(f"tsis-calibration/{name}" for name in CALIBRATED)),
