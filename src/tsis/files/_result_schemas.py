@@ -22,6 +22,7 @@ _RESULTS = {
     "detect": ("apply", "train"),
     "doctor": ("",),
     "examine": ("", "contacts"),
+    "force": ("",),
     "hardness": ("", "contacts"),
     "logins": ("",),
     "match": ("", "bench"),

@@ -27,15 +27,8 @@ NOT_ROUND = 1.1  # long over short axis: a sphere on a round probe lights a roun
 BEYOND = 0.05  # fraction of the moduli for which a press lies outside the table
 SAME_FORCE = 0.02  # relative difference of forces that count as equal
 UNTRUSTED_FLAGS = frozenset(
-    [
-        "model_does_not_fit",
-        "saturated",
-        "not_round",
-        "outside_table",
-        "contact_too_wide",
-        "contact_too_deep",
-        "gel_not_flat",
-    ]
+    {"model_does_not_fit", "saturated", "not_round", "outside_table"}
+    | {"contact_too_wide", "contact_too_deep", "gel_not_flat"}
 )
 
 
