@@ -13,7 +13,7 @@ from tsis.files import LogChain, LogDraft, as_path, file_error, printable_path, 
 from tsis.model import require_number
 from tsis.study._log import LOG_FILE, append_log, read_log
 from tsis.study._plan import StudyPlan, parse_study_plan
-from tsis.study._unblinding import SealedTruth, commitment, parse_seal
+from tsis.study._seal import SealedTruth, commitment, parse_seal
 from tsis.study._values import DeviceReading, parse_reading, require_short_name
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from tsis.model import Inclusion, Phantom, require_integer, require_number, requ
 from tsis.study._folder import CREATED, PLAN, SEAL, open_study, user
 from tsis.study._log import LOG_FILE
 from tsis.study._plan import StudyPlan, coded
-from tsis.study._unblinding import SealedTruth, commitment
+from tsis.study._seal import SealedTruth, commitment
 from tsis.study._values import TargetTruth, require_short_name
 
 if TYPE_CHECKING:

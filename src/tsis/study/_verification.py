@@ -12,7 +12,7 @@ from tsis.files import as_path, one_line, read_bytes
 from tsis.study._folder import ANALYSED, CREATED, IMPORTED, PLAN, READING, SEAL, UNBLINDED, no_study
 from tsis.study._log import LOG_FILE, read_log
 from tsis.study._plan import parse_study_plan
-from tsis.study._unblinding import commitment
+from tsis.study._seal import commitment
 from tsis.study._values import parse_reading
 
 if TYPE_CHECKING:
