@@ -10,7 +10,7 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.model._content import ContentValue
-from tsis.model._html import summary_html
+from tsis.model._exchange import summary_html
 from tsis.model._press import interpolation_matrix, require_on_grid
 from tsis.model._require import require_array, require_number, require_type
 
@@ -123,6 +123,7 @@ class LightMap(ContentValue):
         factor = require_array("factor", self.factor, ndim=2) if np.size(self.factor) else np.zeros((0, 0))
         if factor.size and (len(factor) != LIGHT_TERMS or factor.shape[1] > LIGHT_TERMS):
             raise InputError(f"factor must have {LIGHT_TERMS} rows and at most as many columns; got {factor.shape}")
+        factor.flags.writeable = False
         object.__setattr__(self, "factor", factor)
         if isinstance(self.bend_per_mm2, np.ndarray) and not self.bend_per_mm2.size:
             object.__setattr__(self, "bend_per_mm2", np.zeros(shape))
