@@ -80,6 +80,12 @@ COMMANDS = {
     "sensor": CommandEntry(
         "tsis.cli._sensor", "app", f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}"
     ),
+    "force": CommandEntry(
+        "tsis.cli._force",
+        "force",
+        "Compute newtons and pressure from a depth map of a gel sensor, with the force's interval.",
+        "tsis force --demo --sensor gelsight-mini --out first-force",
+    ),
     "serve": CommandEntry(
         "tsis.cli._serve",
         "serve",
@@ -153,7 +159,7 @@ HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis dem
 Open software for optical tactile imaging.
 {RESEARCH_USE_ONLY}
 
-  measure    acquire, examine, hardness, contacts, track, match, detect, network
+  measure    acquire, examine, hardness, contacts, force, track, match, detect, network
              Frames from a camera; inclusions and hardness with intervals; point matching.
   calibrate  calibrate, sensor
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.
