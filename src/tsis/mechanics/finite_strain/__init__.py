@@ -9,6 +9,7 @@ from tsis.mechanics.finite_strain._continuation import PressContinuation, SlabPr
 from tsis.mechanics.finite_strain._load_path import State, find_first_contact, follow_load_path
 from tsis.mechanics.finite_strain._meshes import FiniteResolution
 from tsis.mechanics.finite_strain._press import (
+    PressSeries,
     press_finite,
     press_pairs,
     press_path,
@@ -34,6 +35,7 @@ __all__ = [
     "WIDEST_CONTACT",
     "FiniteResolution",
     "PressContinuation",
+    "PressSeries",
     "ProbeOnSlab",
     "SlabPress",
     "SolvedPress",

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 SMALLEST_PART = 1 / 256  # of the way to a state, before the continuation gives up
 GROWTH = 2.0
+STIFFER = 1.5  # tissue of the press from which a stalled load path is circumvented
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +64,12 @@ class SlabPress:
             return self
         same = replace(own, young_kpa=contrast * self.phantom.young_kpa, poisson=self.phantom.poisson)
         return replace(self, phantom=replace(self.phantom, inclusion=same))
+
+    def on_stiffer_tissue(self) -> SlabPress:
+        """A press with `STIFFER` times the force on uniform tissue that much stiffer, a way around stalled load paths."""
+        slab = replace(self.phantom, young_kpa=STIFFER * self.phantom.young_kpa)
+        stiffer = SlabPress(phantom=slab, force_n=STIFFER * self.force_n)
+        return stiffer.with_contrast(1.0)
 
     def towards(self, other: SlabPress, fraction: float) -> SlabPress:
         """Press at a fraction of the way; lengths in proportion, moduli and forces in their logarithms."""
@@ -165,17 +172,12 @@ class PressContinuation:
         return SolvedPress(press=press, state=state, result=model.read(state, press.force_n))
 
 
-STIFFER = 1.5  # tissue of the press from which a stalled load path is circumvented
-
-
 def path_around(
     probe: Probe, phantom: Phantom, forces_n: Sequence[float], resolution: FiniteResolution
 ) -> tuple[FinitePress, ...]:
     """The presses of a load path that stalls, reached through stiffer tissue."""
     continuation = PressContinuation(probe, phantom, resolution)
-    stiffer = replace(phantom, young_kpa=STIFFER * phantom.young_kpa)
-    press = SlabPress(phantom=stiffer, force_n=STIFFER * forces_n[0]).with_contrast(1.0)
-    here, results = continuation.first(press), []
+    here, results = continuation.first(SlabPress(phantom=phantom, force_n=forces_n[0]).on_stiffer_tissue()), []
     for force in forces_n:
         here = continuation.follow(here, SlabPress(phantom=phantom, force_n=force))
         results.append(here.result)

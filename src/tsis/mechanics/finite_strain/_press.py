@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._mesh import shape_on_axis
-from tsis.mechanics.finite_strain._continuation import path_around
+from tsis.mechanics.finite_strain._continuation import PressContinuation, SlabPress, SolvedPress, path_around
 from tsis.mechanics.finite_strain._load_path import StalledError
 from tsis.mechanics.finite_strain._meshes import FiniteResolution
 from tsis.mechanics.finite_strain._probe_on_slab import FinitePress, ProbeOnSlab
 from tsis.model import MN_PER_N, Phantom, PressField, Probe, require_number, require_type
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 
 LARGEST_FORCE_N = 50.0
 LIGHTEST = 2.5e-3  # of modulus times radius squared
+MOST_BRANCHES = 8  # phantoms whose solved presses a series remembers, with and without contrast
 
 
 def press_finite(
@@ -86,6 +89,77 @@ def press_pairs(
     return tuple((item.field, other.field) for item, other in zip(with_it, without, strict=True))
 
 
+class PressSeries:
+    """Presses of one probe at many forces, each continued from the nearest earlier one.
+
+    The fields are those of `press_finite`. The first press on a phantom costs a load path, each other a second or two.
+
+    Parameters
+    ----------
+    probe
+        The probe.
+    resolution
+        Mesh density.
+    """
+
+    def __init__(self, probe: Probe, resolution: FiniteResolution | None = None) -> None:
+        require_type("probe", probe, Probe)
+        self._probe, self._resolution = probe, resolution or FiniteResolution()
+        self._branches: OrderedDict[Phantom, _Branch] = OrderedDict()
+
+    def press(self, phantom: Phantom, *, force_n: float) -> PressField:
+        """Press on a phantom; arguments and errors are those of `press_finite`."""
+        _require_pressable(self._probe, phantom, (force_n,))
+        with threadpool_limits(limits=1, user_api="blas"):
+            field = self._on_own_mesh(phantom.without_inclusion()).uniform(force_n)
+            if phantom.inclusion is None:
+                return field
+            branch = self._on_own_mesh(phantom)
+            return _plus(field, branch.with_inclusion(force_n), branch.uniform(force_n))
+
+    def _on_own_mesh(self, phantom: Phantom) -> _Branch:
+        branch = self._branches.pop(phantom, None) or _Branch(self._probe, phantom, self._resolution)
+        self._branches[phantom] = branch
+        if len(self._branches) > MOST_BRANCHES:
+            self._branches.popitem(last=False)
+        return branch
+
+
+class _Branch:
+    """Solved presses on one mesh by their forces, with the inclusion and without its contrast."""
+
+    def __init__(self, probe: Probe, phantom: Phantom, resolution: FiniteResolution) -> None:
+        self._continuation = PressContinuation(probe, phantom, resolution)
+        self._phantom = phantom
+        self._uniform: dict[float, SolvedPress] = {}
+        self._with: dict[float, SolvedPress] = {}
+
+    def uniform(self, force_n: float) -> PressField:
+        if force_n not in self._uniform:
+            target = SlabPress(phantom=self._phantom, force_n=force_n).with_contrast(1.0)
+            start = _nearest(self._uniform, force_n) or self._first(target)
+            self._uniform[force_n] = self._continuation.follow(start, target)
+        return self._uniform[force_n].result.field
+
+    def with_inclusion(self, force_n: float) -> PressField:
+        if force_n not in self._with:
+            self.uniform(force_n)
+            target = SlabPress(phantom=self._phantom, force_n=force_n)
+            self._with[force_n] = self._continuation.follow(self._uniform[force_n], target)
+        return self._with[force_n].result.field
+
+    def _first(self, press: SlabPress) -> SolvedPress:
+        """The press, or one on stiffer tissue where its own load path stalls."""
+        try:
+            return self._continuation.first(press)
+        except StalledError:
+            return self._continuation.first(press.on_stiffer_tissue())
+
+
+def _nearest(solved: Mapping[float, SolvedPress], force_n: float) -> SolvedPress | None:
+    return solved[min(solved, key=lambda force: abs(np.log(force / force_n)))] if solved else None
+
+
 def _plus(field: PressField, with_it: PressField, without: PressField) -> PressField:
     return PressField(
         radius_mm=field.radius_mm,
@@ -106,13 +180,17 @@ def press_steps(
 ) -> tuple[FinitePress, ...]:
     """States of one load path on the phantom's own mesh, with their energy and largest stretch."""
     require_type("probe", probe, Probe)
+    _require_pressable(probe, phantom, forces_n)
+    return _solve_path(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
+
+
+def _require_pressable(probe: Probe, phantom: Phantom, forces_n: Sequence[float]) -> None:
     require_type("phantom", phantom, Phantom)
     require_ascending_forces(forces_n)
     softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
     require_enough_force(forces_n[0], softer, probe.radius_mm, lightest=LIGHTEST)
     if phantom.inclusion is not None:
         shape_on_axis(phantom)  # refuses other inclusions
-    return _solve_path(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
 
 
 def require_ascending_forces(forces_n: Sequence[float]) -> None:
