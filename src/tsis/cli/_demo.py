@@ -108,7 +108,7 @@ def demo(
         probe=chosen.name,
         calibration=calibration,
         frames={"target": images, "plain": references, "untouched": [untouched]},
-        options={"prior": asdict(assumed)},
+        options={"prior": asdict(assumed), "strain": result.provenance["strain"]},
         name=target.name,
         truth=truth or {},
     )

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     Progress = Callable[[int, int], None]
 
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 KIND = "finite-strain"
 PAIRS, CHECKS = 300, 30  # presses with and without contrast: to learn from, and to measure the error
 SAVED_EVERY = 20  # presses
