@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def _camera(**options: Any) -> VirtualCamera:
     rng = np.random.default_rng(7)
-    probe = VirtualProbe(tsis.load_probe("tsis-2011"), rng=rng, light=LightMap.uniform())
+    probe = VirtualProbe(tsis.load_probe("tsis-2011"), rng=rng, light=LightMap.uniform(), strain="small")
     return VirtualCamera(probe, tsis.load_phantom("plain"), rng=rng, **options)
 
 

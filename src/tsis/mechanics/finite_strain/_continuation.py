@@ -115,11 +115,18 @@ class SolvedPress:
 
 
 class PressContinuation:
-    """Presses of one probe on slabs whose meshes have one topology, that of ``like``."""
+    """Presses of one probe on slabs whose meshes have one topology: that of ``lines``, by default those of ``like``."""
 
-    def __init__(self, probe: Probe, like: Phantom, resolution: FiniteResolution | None = None) -> None:
+    def __init__(
+        self,
+        probe: Probe,
+        like: Phantom,
+        resolution: FiniteResolution | None = None,
+        *,
+        lines: SlabLines | None = None,
+    ) -> None:
         self.probe, self._resolution = probe, resolution or FiniteResolution()
-        self._lines: SlabLines = slab_lines(like, probe, suited(self._resolution, probe))
+        self._lines = slab_lines(like, probe, suited(self._resolution, probe)) if lines is None else lines
         self.solves = 0  # calls of Newton's method, those without convergence included
 
     def first(self, press: SlabPress) -> SolvedPress:
