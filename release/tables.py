@@ -1,9 +1,9 @@
 """The tables that ship with the package, so that no first answer waits for them: `make tables`.
 
-They are what the catalog's probes need at default settings: the contact tables of the hardness estimate, and for the
+They are what the catalog's probes need at default settings: the contact tables of the hardness estimate; for the
 inclusion estimate the light on the lit face, the surrogate of its presses, and what finite strain and uneven tissue add
-to them; for presses at finite strain those that others start from. Each is what the product itself computes and caches. `tests/files/test_shipped_tables.py` computes them again
-and compares.
+to them; and the solved presses from which others at finite strain continue. Each is what the product itself computes
+and caches. `tests/files/test_shipped_tables.py` computes them again and compares.
 """
 
 from __future__ import annotations

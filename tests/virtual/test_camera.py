@@ -138,6 +138,7 @@ class FlatRig:
 
     def __init__(self) -> None:
         self.sensor = Sensor(columns=10, rows=8, read_noise_grey=0.0, shot_noise_grey=0.0)
+        self.frame_settings = {"source": "virtual"}
         self.pressed: list[tuple[Any, float]] = []
         self.gate: threading.Event | None = None
         self.waits = threading.Event()

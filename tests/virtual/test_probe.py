@@ -12,7 +12,7 @@ import tsis
 from tsis.errors import InputError
 from tsis.imaging import Sensor, render
 from tsis.mechanics import press
-from tsis.mechanics.finite_strain import FiniteResolution
+from tsis.mechanics.finite_strain import FiniteResolution, PressSeries
 from tsis.mechanics.small_strain import Resolution
 from tsis.model import Calibration, LightMap
 from tsis.optics.irradiance import irradiance
@@ -147,7 +147,7 @@ def test_presses_at_finite_strain_are_those_of_the_finite_strain_model() -> None
         resolution=few,
     )
     plain = LUMP.without_inclusion()
-    field = press(PROBE, plain, force_n=1.0, strain="finite", resolution=few)
+    field = PressSeries(PROBE, few).press(plain, force_n=1.0)
     found = probe.light(plain, force_n=1.0)
     np.testing.assert_allclose(found, render(field, SMALL, IDEAL), rtol=1e-9, atol=1e-9)
     middle = (slice(24, 40), slice(36, 60))
@@ -161,6 +161,15 @@ def test_presses_at_finite_strain_are_those_of_the_finite_strain_model() -> None
 def off_axis() -> Phantom:
     assert LUMP.inclusion is not None
     return replace(LUMP, inclusion=replace(LUMP.inclusion, offset_mm=(3.0, 0.0)))
+
+
+def test_by_default_it_presses_at_finite_strain_and_says_so() -> None:
+    probe = VirtualProbe(PROBE, rng=np.random.default_rng(1), sensor=SMALL, light=LightMap.uniform())
+    assert probe.frame_settings["strain"] == "finite"
+    assert LUMP.inclusion is not None
+    beside = replace(LUMP, inclusion=replace(LUMP.inclusion, offset_mm=(3.0, 0.0)))
+    with pytest.raises(InputError, match=r"only one, for strain='finite'.*VirtualProbe\(strain='small'\) accepts"):
+        probe.press(beside, force_n=1.0)
 
 
 def test_by_default_it_is_lit_by_its_own_lamps() -> None:

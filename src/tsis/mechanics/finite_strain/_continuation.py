@@ -159,11 +159,14 @@ class PressContinuation:
             if part < SMALLEST_PART:
                 reason = self._model(here.press).explain(here.state)
                 cause, last = f" because {reason}" if reason else "", here.press
-                raise MechanicsError(
+                problem = (
                     f"{solved} at {press.force_n:.3g} N on tissue of {press.phantom.young_kpa:.3g} kPa{cause}; the "
-                    f"last press that converged has {last.force_n:.3g} N on {last.phantom.young_kpa:.3g} kPa: "
-                    "choose a smaller force or a state nearer to it"
+                    f"last press that converged has {last.force_n:.3g} N on {last.phantom.young_kpa:.3g} kPa"
                 )
+                valid = load_path.rounded_down(last.force_n * target.phantom.young_kpa / last.phantom.young_kpa)
+                largest = valid if valid < target.force_n else None
+                cure = "a press nearer to it" if largest is None else f"a force of at most {largest:.3g} N"
+                raise MechanicsError(f"{problem}: choose {cure}", problem=problem, largest_n=largest)
         return here
 
     def _model(self, press: SlabPress) -> ProbeOnSlab:
