@@ -74,7 +74,6 @@ def test_the_demo_estimates_with_the_prior_of_the_file(run_tsis: RunTsis, tmp_pa
         reference=again["reference"],
         prior=InclusionPrior(presence=0.9, poisson_sd=0.02),
         strain="small",
-        strain="small",
     )
     for name, samples in expected.samples.items():
         found = results["mine"]["parameters"][name]

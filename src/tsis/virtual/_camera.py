@@ -84,7 +84,7 @@ class VirtualCamera:
     --------
     >>> import numpy, tsis
     >>> rng = numpy.random.default_rng(1)
-    >>> probe = tsis.virtual.VirtualProbe(tsis.load_probe("tsis-2011"), rng=rng)
+    >>> probe = tsis.virtual.VirtualProbe(tsis.load_probe("tsis-2011"), rng=rng, strain="small")
     >>> camera = VirtualCamera(probe, tsis.load_phantom("plain"), rng=rng)
     >>> camera.open()
     >>> camera.start()
