@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 SEED, SATURATION_KPA = 25, 100.0
 BRIGHTEST_GREY, INNER_KPA, RIM_KPA, RIM = 230.0, 4.5, 18.0, 0.93  # exposure of tissue: these pressures fill the scale
+PADS_KPA = (5.0, 10.0)
 TIPS_MM = (6.0, 10.0, 14.0)  # a sharper one would sink through half of a soft probe
 GROWTH_PER_MM, ABSORPTION_PER_MM = 0.25, 0.05
 LAMP_LAWS = ("traced", "growing", "one-side", "absorbing")
@@ -71,10 +72,14 @@ class CalibratedProbe:
     known: UsableCalibration
     exposure: float
 
-    def corrected(self, frames: Sequence[TactileImage]) -> tuple[tuple[TactileImage, ...], Calibration]:
-        """Frames corrected by the product, and its response at their exposure."""
+    def corrected(
+        self, frames: Sequence[TactileImage], *, with_dents: bool = True
+    ) -> tuple[tuple[TactileImage, ...], Calibration]:
+        """Frames corrected by the product, and its response at their exposure, with the light on dents or without."""
         scale = self.known.calibration.need(PixelScale, "a frame").mm_per_pixel
-        ready, response = self.known.pressed([replace(frame, mm_per_pixel=scale) for frame in frames])
+        ready, response = self.known.pressed(
+            [replace(frame, mm_per_pixel=scale) for frame in frames], on_tissue=with_dents
+        )
         return tuple(ready), replace(response, gain_grey_per_kpa=self.exposure * response.gain_grey_per_kpa)
 
 
@@ -104,6 +109,7 @@ def calibrated_probe(law: str, probe: Probe) -> CalibratedProbe:
         background_grey=sensor.background_grey,
         read_noise_grey=sensor.read_noise_grey,
         shot_noise_grey=sensor.shot_noise_grey,
+        shading_sd=0.05,  # the calibration is of this very probe; only its lamps age a little
         offset_sd=0.0,  # `benchmarks.worlds` adds the stray light
         light=light if isinstance(light, LightMap) else light.near_undented(),
     )
@@ -118,6 +124,7 @@ def _session(law: str, probe: Probe, machine: VirtualLoadingMachine) -> UsableCa
         "seed": SEED,
         "saturation": SATURATION_KPA,
         "tips": TIPS_MM,
+        "pads": PADS_KPA,
         "code": _code(),
     }
     file = cache_folder() / "lamp-laws" / f"{law}-{content_key(decided_by)}.json"
@@ -125,7 +132,10 @@ def _session(law: str, probe: Probe, machine: VirtualLoadingMachine) -> UsableCa
         bench = VirtualBench(probe, rng=np.random.default_rng([SEED, 1]), machine=machine)
         with tempfile.TemporaryDirectory() as folder:
             session = SessionFolder(folder + "/session")
-            session.begin(SessionSetup(name=f"lamps {law}", probe=probe.name, camera="virtual", tips_mm=TIPS_MM))
+            setup = SessionSetup(
+                name=f"lamps {law}", probe=probe.name, camera="virtual", tips_mm=TIPS_MM, pads_kpa=PADS_KPA
+            )
+            session.begin(setup)
             for step in session.plan():
                 session.save(step, bench.shots(step))
             made, _ = calibrate(session)

@@ -48,6 +48,8 @@ class World:
         Mechanics of the presses of even tissue.
     lamps
         One of `LAMP_LAWS`, with the calibration that the product makes; empty for the estimator's own light map.
+    dents_measured
+        Whether that calibration includes the step with soft pads.
     """
 
     name: str
@@ -56,6 +58,7 @@ class World:
     rough: bool = False
     strain: str = "small"
     lamps: str = ""
+    dents_measured: bool = True
 
 
 WORLDS = {
@@ -72,6 +75,7 @@ WORLDS = {
         World(name="rough-10-5", sd=0.1, rough=True),
         World(name="finite-uneven-10-5", sd=0.1, strain="finite"),
         *(World(name=f"lamps-{law}", lamps=law) for law in LAMP_LAWS),
+        *(World(name=f"lamps-{law}-no-pads", lamps=law, dents_measured=False) for law in LAMP_LAWS),
     )
 }
 
@@ -200,6 +204,7 @@ def seen_by_product(world: World, protocol: Protocol, case: SimulatedCase) -> Si
     """The case with the frames and the calibration that the product hands to an estimate."""
     if not world.lamps:
         return case
-    frames, known = calibrated_probe(world.lamps, protocol.probe).corrected((*case.frames, *case.references))
+    lamps = calibrated_probe(world.lamps, protocol.probe)
+    frames, known = lamps.corrected((*case.frames, *case.references), with_dents=world.dents_measured)
     count = len(case.frames)
     return replace(case, frames=frames[:count], references=frames[count:], calibration=known)

@@ -73,12 +73,12 @@ def kept(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("command", [(), ("guide",), ("make",), ("show",), ("seal",)])
+@pytest.mark.parametrize("command", [(), ("guide",), ("make",), ("light",), ("show",), ("seal",)])
 def test_help_names_what_there_is(run_tsis: RunTsis, command: tuple[str, ...]) -> None:
     finished = run_tsis("calibrate", *command, "--help")
     assert finished.code == 0
     assert "Usage: tsis calibrate" in finished.out
-    for each in command or ("guide", "make", "show", "seal"):
+    for each in command or ("guide", "make", "light", "show", "seal"):
         assert each in finished.out
 
 

@@ -81,11 +81,12 @@ def test_what_is_told_is_said_in_one_sentence(told: Estimate) -> None:
     assert "modulus is not identifiable" in alone.identifiability
 
 
-def test_the_bayes_factor_is_the_integral_of_the_likelihood() -> None:
+@pytest.mark.parametrize("heterogeneity_sd", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
+def test_the_bayes_factor_is_the_integral_of_the_likelihood(heterogeneity_sd: float) -> None:
     """Of a faint inclusion, over the prior, by plain Monte Carlo."""
     faint = replace(PLAIN, inclusion=tsis.Inclusion(diameter_mm=1.5, depth_mm=6.0, young_kpa=80.0))
     targets, references = pressed(faint, seed=5)
-    narrow = InclusionPrior(diameter_mm=(1.0, 3.0))
+    narrow = InclusionPrior(diameter_mm=(1.0, 3.0), heterogeneity_sd=heterogeneity_sd)
     tables = press_tables(DOMED, narrow, "small")
     likelihood = read_frames(
         targets, references, tables, probe=DOMED, calibration=bench().calibration, prior=narrow

@@ -194,9 +194,11 @@ def test_errors_of_an_unmeasured_light_change_the_profiles_as_stated(model: Forw
     rng = np.random.default_rng(4)
     errors = ShadingUncertainty(
         by_displacement=rng.standard_normal((20, 4)),
+        by_bend=rng.standard_normal((20, 4)),
         by_slope=rng.standard_normal((20, 4)),
         by_force=np.array([0.1, -0.2, 0.05, 0.0]),
         by_square=np.array([0.0, 0.002, -0.001, 0.003]),
+        by_gain=np.array([0.02, 0.0, -0.05, 0.01]),
     )
     whole = replace(model, shading=replace(SHADING, uncertainty=errors))
     model, wide = (replace(each, correction=None) for each in (model, whole))  # the formula is of small strain
@@ -208,6 +210,7 @@ def test_errors_of_an_unmeasured_light_change_the_profiles_as_stated(model: Forw
         pressed = model.rings.under(float(force), model.rings.on(PRIOR.tissue_young_kpa, PRIOR.thickness_mm, shown))
         pressure, displacement, slope = np.split(pressed, 3, axis=-1)
         logarithm = (errors.by_displacement @ drawn) * displacement + (errors.by_slope @ drawn) * slope
+        logarithm += (errors.by_bend @ drawn) * displacement**2 + errors.by_gain @ drawn
         logarithm -= errors.by_force @ drawn * force + errors.by_square @ drawn * pressure**2
         expected = without[:, frame] * np.exp(logarithm)
         np.testing.assert_allclose(found[:, frame], expected, rtol=1e-9)

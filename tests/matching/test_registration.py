@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 EVERY_METHOD = pytest.mark.parametrize("method", METHODS)
 SEEDS = st.integers(0, 10_000)
-SOME = settings(max_examples=4, derandomize=True)
+SOME = settings(max_examples=2, derandomize=True)
 LARGEST_SHIFT = 0.02  # of the shape's extent; the points lie some 0.1 apart
 
 

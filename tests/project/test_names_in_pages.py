@@ -20,7 +20,7 @@ CODE = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\[`([^`\n]+)`\]\(([^)\s]+)\)")
 FILE = re.compile(r"[\w.][\w./-]*(?:/[\w.-]*|\.(?:py|toml|yaml|md|cff|txt))")
 PATTERNS = ("_name", "__init__", "mine.toml", "prior.toml")  # what a reader's own files or any module are called
-MADE = ("docs/_build/html", "build/sbom.cdx.json")  # by commands, and so in no clone
+MADE = ("docs/_build/html", "build/sbom.cdx.json", "build/release")  # by commands, and so in no clone
 
 
 def text_of(page: str) -> str:

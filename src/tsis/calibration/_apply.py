@@ -19,22 +19,24 @@ if TYPE_CHECKING:
     from tsis.instrument.acquisition import Acquisition
     from tsis.model import Calibration, TactileImage
 
+    CorrectedFrames = tuple[list[TactileImage], Calibration]
+
 
 def apply_calibration(
-    calibration: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str
-) -> tuple[list[TactileImage], Calibration]:
-    """Correct frames by the reference and give the response with the uncertainty of the forces.
-
-    The force line gives the force of each frame without one.
+    calibration: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str, on_tissue: bool = False
+) -> CorrectedFrames:
+    """Correct frames by the reference and give the response with the uncertainty of forces by the force line.
 
     Parameters
     ----------
     calibration
         The calibration; its expiry is not checked here.
     frames
-        Raw camera frames.
+        Raw camera frames; the force line gives the force of each without one.
     identity
         SHA-256 by which results cite the calibration.
+    on_tissue
+        Whether the frames show tissue and not a tip or ball: its dents change the light otherwise.
 
     Raises
     ------
@@ -44,19 +46,15 @@ def apply_calibration(
     ImageMismatchError
         When a frame differs in size, scale or full scale from those of the calibration.
     InputError
-        When a frame lies outside the line's range, or does not belong to the reference.
+        When a frame lies outside the line's range, or is not of the reference.
     """
     frames = [_of_same_instrument(calibration, frame) for frame in frames]
-    forces = [_force(calibration, frame) for frame in frames if frame.force_n is None]
+    forces = [_force(calibration, frame, on_tissue=on_tissue) for frame in frames if frame.force_n is None]
     by_line = iter(forces)
-    ready = [
-        replace(
-            frame if calibration.reference is None else calibration.reference.corrected(frame),
-            force_n=next(by_line).value if frame.force_n is None else frame.force_n,
-        )
-        for frame in frames
-    ]
-    response = calibration.cited_response(identity)
+    reference = calibration.reference
+    corrected = frames if reference is None else [reference.corrected(frame) for frame in frames]
+    ready = [frame if frame.force_n is not None else replace(frame, force_n=next(by_line).value) for frame in corrected]
+    response = calibration.cited_response(identity, on_tissue=on_tissue)
     uncertainty = max((force.sd / force.value for force in forces), default=0.0)
     return ready, replace(response, force_sd=max(response.force_sd, uncertainty))
 
@@ -72,10 +70,11 @@ def _of_same_instrument(calibration: ProbeCalibration, frame: TactileImage) -> T
     return frame if calibration.scale is None else calibration.scale.on(frame)
 
 
-def _force(calibration: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
+def _force(calibration: ProbeCalibration, frame: TactileImage, *, on_tissue: bool) -> MeasuredValue:
     line = calibration.need(ForceLine, "a force without --force-n")
     reference = calibration.need(CameraReference, "a force without --force-n")
-    return line.force_n(total_grey(frame, reference, method=line.method))
+    total = total_grey(frame, reference, method=line.method)
+    return line.soft_force_n(total) if on_tissue else line.force_n(total)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,9 +93,9 @@ class UsableCalibration(ContentValue):
         """The summary of the calibration."""
         return self.calibration._repr_html_()
 
-    def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
-        """Corrected frames and the matching response; errors as `apply_calibration`."""
-        return apply_calibration(self.calibration, frames, identity=self.identity)
+    def pressed(self, frames: Sequence[TactileImage], *, on_tissue: bool = False) -> CorrectedFrames:
+        """Corrected frames and the matching response; parameters and errors as `apply_calibration`."""
+        return apply_calibration(self.calibration, frames, identity=self.identity, on_tissue=on_tissue)
 
     def force_budget(self, force_n: float, *, by_line: bool) -> QuantityBudget:
         """The uncertainty budget of a force in newtons: of the force line, or of a force that was stated."""
@@ -118,10 +117,9 @@ class UsableCalibration(ContentValue):
 
         Raises `ImageMismatchError` for another probe, camera or mode. Without a reference nothing is compared.
         """
-        reference = self.calibration.reference
-        for frame in () if reference is None else frames:
-            assert reference is not None
-            reference.require_untouched(frame)
+        if (reference := self.calibration.reference) is not None:
+            for frame in frames:
+                reference.require_untouched(frame)
 
     def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:
         """Refuse another camera or other settings; stored frames carry no camera name."""

@@ -1,4 +1,4 @@
-"""Probes, phantoms, spheres and priors of the package, as TOML files that a user can copy and replace."""
+"""Probes, phantoms, spheres, gel sensors and priors of the package, as TOML files that a user can copy and replace."""
 
 from tsis.catalog._entries import (
     list_phantoms,
@@ -13,19 +13,24 @@ from tsis.catalog._entries import (
     probe_variant,
 )
 from tsis.catalog._priors import default_prior_toml, parse_prior, read_prior_file
+from tsis.catalog._sensors import list_sensors, load_sensor, parse_sensor, sensor_toml
 
 __all__ = [
     "default_prior_toml",
     "list_phantoms",
     "list_probes",
+    "list_sensors",
     "list_spheres",
     "load_phantom",
     "load_probe",
+    "load_sensor",
     "load_sphere",
     "parse_prior",
     "parse_probe",
+    "parse_sensor",
     "phantom_variant",
     "probe_toml",
     "probe_variant",
     "read_prior_file",
+    "sensor_toml",
 ]

@@ -71,6 +71,9 @@ COMMANDS = {
         "Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness.",
         "tsis hardness --demo --out first-touch",
     ),
+    "sensor": CommandEntry(
+        "tsis.cli._sensor", "app", f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}"
+    ),
     "serve": CommandEntry(
         "tsis.cli._serve",
         "serve",
@@ -146,8 +149,8 @@ Open software for optical tactile imaging.
 
   measure    acquire, examine, hardness, track, match, detect, network
              Frames from a camera; inclusions and hardness with intervals; point matching.
-  calibrate  calibrate
-             The calibration of a probe: step by step, from saved frames, or sealed.
+  calibrate  calibrate, sensor
+             The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.
   simulate   demo, simulate, design, optics, sweep, serve
              The virtual probe, its mechanics and its light; the design of a probe; many presses.
   records    records, study

@@ -207,8 +207,8 @@ def examine(
 
             require_savable([*frames, *reference_frames])
         destination = chosen_destination(save, store, kind, number)
-        pressed, response = usable.pressed(frames)
-        on_reference, reference_response = usable.pressed(reference_frames)
+        pressed, response = usable.pressed(frames, on_tissue=True)
+        on_reference, reference_response = usable.pressed(reference_frames, on_tissue=True)
         response = max(response, reference_response, key=lambda item: item.force_sd)
         if by_line:
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}

@@ -139,7 +139,7 @@ def apply(
     frames = [
         tsis.instrument.read_image(path, mm_per_pixel=scale, force_n=force_n) for path in (*images, reference_press)
     ]
-    pressed, response = usable.pressed(frames)
+    pressed, response = usable.pressed(frames, on_tissue=True)
     chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
     outputs = trained.outputs(pressed[:-1], pressed[-1], probe=chosen, calibration=response)
     result = trained(outputs)

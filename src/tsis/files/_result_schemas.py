@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 # Results of each command; "" is that without a part.
 _RESULTS = {
     "acquire": ("describe", "list", "record", "snapshot", "watch"),
-    "calibrate": ("", "seal", "show"),
+    "calibrate": ("", "light", "seal", "show"),
     "console": ("",),
     "demo": ("",),
     "design": ("",),
@@ -27,6 +27,7 @@ _RESULTS = {
     "network": ("apply", "train"),
     "optics": ("angles", "modes", "propagate", "trace"),
     "records": ("edit", "export", "import", "list", "recompute", "send", "show", "verify"),
+    "sensor": ("check", "new", "show"),
     "simulate": ("", "list"),
     "study": ("analyse", "export", "import", "new", "plan", "run", "show", "verify"),
     "sweep": ("run", "run-plan", "verify"),

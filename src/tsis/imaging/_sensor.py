@@ -10,7 +10,14 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.imaging._pixel_loops import develop
-from tsis.model import require_array, require_integer, require_number, require_pixel_scale
+from tsis.model import (
+    CAMERA_2011_MM_PER_PIXEL,
+    CAMERA_2011_PX,
+    require_array,
+    require_integer,
+    require_number,
+    require_pixel_scale,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -46,9 +53,9 @@ class Sensor:
         cosine. 0 is a telecentric lens.
     """
 
-    columns: int = 768
-    rows: int = 492
-    mm_per_pixel: tuple[float, float] = (0.0336, 0.0392)
+    columns: int = CAMERA_2011_PX[0]
+    rows: int = CAMERA_2011_PX[1]
+    mm_per_pixel: tuple[float, float] = CAMERA_2011_MM_PER_PIXEL
     full_scale: float = 255.0
     read_noise_grey: float = 0.5
     shot_noise_grey: float = 0.017

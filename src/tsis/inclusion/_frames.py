@@ -11,17 +11,25 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.imaging import Features, features, radial_profile
 from tsis.inclusion.posterior import (
-    FLUX_TERMS,
-    GROWTH_TERMS,
     ForwardModel,
     Profiles,
     RingShading,
     ShadingUncertainty,
     ring_responses,
-    shading_of,
 )
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
-from tsis.model import MN_PER_N, TactileImage, require_number
+from tsis.model import (
+    BEND_TERMS,
+    FLUX_TERMS,
+    GROWTH_TERMS,
+    LIGHT_REACH,
+    LIGHT_RINGS,
+    LIGHT_TERMS,
+    MN_PER_N,
+    LightTerms,
+    TactileImage,
+    require_number,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,7 +41,7 @@ if TYPE_CHECKING:
     from tsis.model import Calibration, LightMap, Probe
 
 
-RINGS = 20
+RINGS = LIGHT_RINGS
 DARKEST = 1e-3  # of the brightest light; darker pixels are not corrected
 GENERIC_GROWTH_PER_MM, GENERIC_FLUX = 0.25, 0.5  # of lamps around a soft probe; the flux is that at the rim
 # Standard deviations where no dent was measured: growth per mm and flux at the rim of each Legendre term, light lost
@@ -42,7 +50,7 @@ GENERIC_GROWTH_PER_MM, GENERIC_FLUX = 0.25, 0.5  # of lamps around a soft probe;
 GENERIC_GROWTH_SD, GENERIC_FLUX_SD = 0.25, 0.75
 GENERIC_LOSS_SD, GENERIC_SQUARE_SD, GENERIC_GAIN_SD, GENERIC_FORCE_SD = 0.02, 1.5e-3, 0.5, 0.01
 GAIN_RANGE = (1e-6, 1e6)  # of a `Calibration`
-OUTER_FRACTION = 0.8  # of the face's radius; beyond it the singular pressure at the rim dominates
+OUTER_FRACTION = LIGHT_REACH  # of the face's radius; beyond it the singular pressure at the rim dominates
 
 
 def ring_edges(probe: Probe) -> Floats:
@@ -68,16 +76,20 @@ def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: Floats) 
 def _usual_light(rings: int) -> RingLight:
     """Light that was corrected to be uniform, under lamps whose change by a dent was not measured."""
     at_rim = OUTER_FRACTION  # the terms of the flux are over the last ring's distance
-    mean = np.zeros(GROWTH_TERMS + FLUX_TERMS + 2)
-    mean[0], mean[GROWTH_TERMS] = GENERIC_GROWTH_PER_MM, at_rim * GENERIC_FLUX
-    growth, flux = shading_of(mean, rings)
+    first = GROWTH_TERMS + BEND_TERMS
+    mean = np.zeros(LIGHT_TERMS)
+    mean[0], mean[first] = GENERIC_GROWTH_PER_MM, at_rim * GENERIC_FLUX
+    usual = LightTerms.of(mean, rings)
     growth_sd, flux_sd = (
         sd * np.minimum(1.0, 3.0 / np.arange(1, terms + 1)) ** 2  # lamps vary smoothly along the radius
         for sd, terms in ((GENERIC_GROWTH_SD, GROWTH_TERMS), (at_rim * GENERIC_FLUX_SD, FLUX_TERMS))
     )
-    sd = np.array([*growth_sd, *flux_sd, GENERIC_LOSS_SD, GENERIC_SQUARE_SD])
-    uncertainty = ShadingUncertainty.of_terms(np.diag(sd), rings)
-    shading = RingShading(growth_per_mm=growth, bend_per_mm2=np.zeros(rings), flux=flux, uncertainty=uncertainty)
+    none = np.zeros(BEND_TERMS)
+    sd = np.diag([*growth_sd, *none, *flux_sd, GENERIC_LOSS_SD, GENERIC_SQUARE_SD, 0.0])
+    uncertainty = ShadingUncertainty.of_terms(sd[:, sd.any(axis=0)], rings)
+    shading = RingShading(
+        growth_per_mm=usual.growth_per_mm, bend_per_mm2=np.zeros(rings), flux=usual.flux, uncertainty=uncertainty
+    )
     return RingLight(level=np.ones(rings), shading=shading)
 
 
@@ -140,7 +152,10 @@ def _rings_of(
     if level.min() <= DARKEST * level.max():
         raise InputError("light of the calibration must reach all rings of the face; got a dark ring")
     grows, bends, flux = (mean(part, 0.0) / level for part in (relative * growth, relative * bend, outwards))
-    return RingLight(level=level, shading=RingShading(growth_per_mm=grows, bend_per_mm2=bends, flux=flux))
+    shading = RingShading(growth_per_mm=grows, bend_per_mm2=bends, flux=flux)
+    if light.factor.size:
+        shading = replace(shading, uncertainty=ShadingUncertainty.of_terms(light.factor, len(level)))
+    return RingLight(level=level, shading=shading)
 
 
 def depletion_per_n(calibration: Calibration, probe: Probe) -> float:

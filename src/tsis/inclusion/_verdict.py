@@ -112,7 +112,7 @@ def light_findings(calibration: Calibration) -> list[Finding]:
         (
             "light_not_measured",
             "The calibration does not state what a dent does to the light: the intervals allow for usual lamps and are "
-            "wide. Measure the light of this probe on dents, and store it as the calibration's light.",
+            "wide. Measure it on soft pads: tsis calibrate --pad-kpa 5 --pad-kpa 10.",
         )
     ]
 

@@ -1,7 +1,18 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
+from tsis.model._bounded_value import BoundedValue
 from tsis.model._budget import QuantityBudget, UncertaintyComponent
-from tsis.model._calibration import Calibration, LightMap
+from tsis.model._calibration import (
+    BEND_TERMS,
+    FLUX_TERMS,
+    GROWTH_TERMS,
+    LIGHT_REACH,
+    LIGHT_RINGS,
+    LIGHT_TERMS,
+    Calibration,
+    LightMap,
+    LightTerms,
+)
 from tsis.model._content import ContentValue
 from tsis.model._estimate import (
     ABSENCE_FLAG,
@@ -16,6 +27,14 @@ from tsis.model._estimate import (
     probability_bound,
     probability_text,
     unit_of,
+)
+from tsis.model._gel_sensor import (
+    CAMERA_2011_MM_PER_PIXEL,
+    CAMERA_2011_PX,
+    GEL_LIGHTS,
+    GEL_SHAPES,
+    GelSensor,
+    gel_sensor_of_probe,
 )
 from tsis.model._html import summary_html
 from tsis.model._image import (
@@ -51,26 +70,39 @@ from tsis.model._require import (
 
 __all__ = [
     "ABSENCE_FLAG",
+    "BEND_TERMS",
+    "CAMERA_2011_MM_PER_PIXEL",
+    "CAMERA_2011_PX",
+    "FLUX_TERMS",
     "FOUR_LEDS",
+    "GEL_LIGHTS",
+    "GEL_SHAPES",
+    "GROWTH_TERMS",
     "IMPROBABLE",
     "INCLUSION_RANGES",
     "INTERVAL_LEVEL",
     "LARGEST_EVIDENCE",
     "LARGEST_PIXEL_MM",
+    "LIGHT_REACH",
+    "LIGHT_RINGS",
+    "LIGHT_TERMS",
     "MN_PER_N",
     "NOT_IDENTIFIED",
     "NOT_TRUSTED",
     "NO_UNIT",
     "SMALLEST_PIXEL_MM",
     "UNITS",
+    "BoundedValue",
     "Calibration",
     "ContentValue",
     "Estimate",
+    "GelSensor",
     "Glass",
     "Inclusion",
     "Layer",
     "Led",
     "LightMap",
+    "LightTerms",
     "Phantom",
     "PosteriorSamples",
     "PressField",
@@ -84,6 +116,7 @@ __all__ = [
     "as_images",
     "freeze_arrays",
     "freeze_mappings",
+    "gel_sensor_of_probe",
     "grey_sha256",
     "image_from_xarray",
     "image_stack",

@@ -12,7 +12,7 @@ from tsis.errors import InputError
 from tsis.model._content import ContentValue
 from tsis.model._html import summary_html
 from tsis.model._press import interpolation_matrix, require_on_grid
-from tsis.model._require import require_number, require_type
+from tsis.model._require import require_array, require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,49 @@ if TYPE_CHECKING:
 MOST = {"relative": 1e6, "flux_x": 1e3, "flux_y": 1e3, "growth_per_mm": 10.0, "bend_per_mm2": 100.0}
 LEAST_LIGHT = 1e-6
 FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
+# Errors of a measured map: Legendre terms along the radius of growth, bend and flux, the light that contact takes, the
+# bend of the contact law, and the log gain. The radius ends at this fraction of the face's.
+GROWTH_TERMS, BEND_TERMS, FLUX_TERMS = 8, 3, 5
+LIGHT_TERMS = GROWTH_TERMS + BEND_TERMS + FLUX_TERMS + 3
+LIGHT_REACH, LIGHT_RINGS = 0.8, 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LightTerms:
+    """Terms of the logarithm of the light of a dented face, for rings of equal width out to `LIGHT_REACH`.
+
+    The arrays have the shape of the coefficients' second axis, or (rings, that axis) where they differ from ring to
+    ring.
+    """
+
+    growth_per_mm: NDArray[np.float64]
+    bend_per_mm2: NDArray[np.float64]
+    flux: NDArray[np.float64]
+    loss_per_n: NDArray[np.float64]
+    square_per_kpa2: NDArray[np.float64]
+    log_gain: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, coefficients: NDArray[np.float64], rings: int = LIGHT_RINGS) -> Self:
+        """Terms of coefficients of the shape (`LIGHT_TERMS`, ...).
+
+        In their order: Legendre coefficients along the radius of growth and bend, and of the flux over the distance
+        from the axis in units of the outermost ring's; then the light lost per newton, the bend of the contact law and
+        the log gain.
+        """
+        legendre = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, rings), GROWTH_TERMS - 1)
+        distance = (np.arange(rings) + 0.5) / (rings - 0.5)
+        growth, bend, flux, (loss, square, gain) = np.split(
+            coefficients, np.cumsum([GROWTH_TERMS, BEND_TERMS, FLUX_TERMS])
+        )
+        return cls(
+            growth_per_mm=legendre @ growth,
+            bend_per_mm2=legendre[:, :BEND_TERMS] @ bend,
+            flux=(distance[:, None] * legendre[:, :FLUX_TERMS]) @ flux,
+            loss_per_n=np.asarray(loss),
+            square_per_kpa2=np.asarray(square),
+            log_gain=np.asarray(gain),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,6 +86,9 @@ class LightMap(ContentValue):
         displaced towards the glass, shape (m, n).
     bend_per_mm2
         See ``growth_per_mm``; zero by default.
+    factor
+        Joint errors of a map that was measured on dents: ``factor @ factor.T`` is the covariance of the coefficients of
+        `LightTerms`, the gain among them; shape (`LIGHT_TERMS`, k), or empty where they are not known.
     error
         Root mean square over the face of the standard error of ``relative`` from the number of rays.
     depletion
@@ -70,9 +116,14 @@ class LightMap(ContentValue):
     error: float
     depletion: float = 0.0
     bend_per_mm2: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    factor: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         shape = require_on_grid(self)
+        factor = require_array("factor", self.factor, ndim=2) if np.size(self.factor) else np.zeros((0, 0))
+        if factor.size and (len(factor) != LIGHT_TERMS or factor.shape[1] > LIGHT_TERMS):
+            raise InputError(f"factor must have {LIGHT_TERMS} rows and at most as many columns; got {factor.shape}")
+        object.__setattr__(self, "factor", factor)
         if isinstance(self.bend_per_mm2, np.ndarray) and not self.bend_per_mm2.size:
             object.__setattr__(self, "bend_per_mm2", np.zeros(shape))
         require_on_grid(self, *FIELDS)
@@ -93,7 +144,8 @@ class LightMap(ContentValue):
 
     def _content(self) -> tuple[bytes | float, ...]:
         arrays = (getattr(self, name).tobytes() for name in ("x_mm", "y_mm", *FIELDS))
-        return (*arrays, self.error, self.depletion)
+        errors = (self.factor.tobytes(),) if self.factor.size else ()  # maps without keep the identity that they had
+        return (*arrays, self.error, self.depletion, *errors)
 
     @property
     def sha256(self) -> str:

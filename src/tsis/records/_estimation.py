@@ -89,8 +89,9 @@ def estimate_stored(
     others = [record.image(press) for press in request.presses if press.role == REFERENCE_ROLES[request.kind]]
     if not images:
         raise RecordsError("an estimate must rest on at least one press on the target; of these presses none is one")
-    ready, response = apply_calibration(calibration, images, identity=request.calibration)
-    reference, other = apply_calibration(calibration, others, identity=request.calibration)
+    given: dict[str, Any] = {"identity": request.calibration, "on_tissue": request.kind == ESTIMATES[0]}
+    ready, response = apply_calibration(calibration, images, **given)
+    reference, other = apply_calibration(calibration, others, **given)
     probe, (options, notes) = load_probe(request.probe), migrate_options(request.kind, request.options)
     call = dict(options) | ({"prior": _prior(request.kind, options["prior"])} if "prior" in options else {})
     call |= {"probe": probe, "reference": reference, "progress": progress}

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tsis.calibration.file import calibration_sha256
 from tsis.files import to_json_value
+from tsis.model import BEND_TERMS, GROWTH_TERMS
 from tsis.plots import dot_board, force_residuals, force_sums, hysteresis_loops
 from tsis.report._document import envelope
 from tsis.report._page import Card, Page, Picture, Table, html, on_axes
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tsis.calibration import MeasuredValue
+    from tsis.calibration.dents import DentLight
     from tsis.calibration.file import ProbeCalibration
     from tsis.calibration.session import SessionResult
 
@@ -60,7 +64,28 @@ def calibration_rows(calibration: ProbeCalibration, findings: SessionResult) -> 
         "hysteresis": findings.line.hysteresis,
         "largest tip against the one before, at 0.8 N": findings.line.tip_difference,
     }
-    return (*rows, *(_fraction_row(name, value) for name, value in fractions.items() if value is not None))
+    shown = (*rows, *(_fraction_row(name, value) for name, value in fractions.items() if value is not None))
+    return shown if findings.dents is None else (*shown, *light_rows(findings.dents))
+
+
+def light_rows(dents: DentLight) -> tuple[Row, ...]:
+    """Quantity, value and standard uncertainty of the light on dents."""
+    light = dents.response.light
+    assert light is not None  # of every fit
+    middle = len(light.x_mm) // 2
+    growth_sd, flux_sd = (float(np.linalg.norm(light.factor[row])) for row in (0, GROWTH_TERMS + BEND_TERMS))
+    return (
+        ("gain on tissue over that of the tips", f"{dents.gain_ratio:.4g}", f"sd {dents.gain_sd:.1%}"),
+        (
+            "growth of the light, middle of the face",
+            f"{light.growth_per_mm[middle, middle]:.3g} per mm",
+            f"mean sd {growth_sd:.2g}",
+        ),
+        ("flux of the light, rim of the pads", f"{light.flux_x[middle, -1]:.3g}", f"mean sd {flux_sd:.2g}"),
+        ("light of the strongest press on a pad", "", f"sd {dents.product_sd:.1%}"),
+        ("dents up to", f"{dents.displacement_mm:.2f} mm", f"{dents.presses} presses on pads"),
+        ("misfit of the pads", f"{dents.misfit:.2f}", "1 or less expected"),
+    )
 
 
 def content_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
@@ -78,6 +103,8 @@ def content_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row
         rows.append(("range of force", f"{line.least_n:.2f} to {line.most_n:.2f} N", ""))
     if (response := calibration.response) is not None:
         rows.append(("gain", f"{response.gain_grey_per_kpa:.4g} grey/kPa", f"sd {response.gain_sd:.1%}"))
+    if (tissue := calibration.tissue) is not None:
+        rows.append(("gain on tissue, fitted with the light", f"{tissue.gain_grey_per_kpa:.4g} grey/kPa", ""))
     return tuple(rows)
 
 
@@ -114,6 +141,10 @@ def calibration_notes(calibration: ProbeCalibration, findings: SessionResult) ->
         notes.append("No flat field was taken: light counts as even.")
     if calibration.reference is not None and calibration.reference.patch_px is None:
         notes.append("No reference patch: the lamps' drift is not corrected but counted as 1 % of every force.")
+    if calibration.tissue is None:
+        notes.append(
+            "The light on dents was not measured: estimates of inclusions are wide (tsis calibrate --pad-kpa 5)."
+        )
     return tuple(notes)
 
 

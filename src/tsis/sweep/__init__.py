@@ -15,18 +15,22 @@ from tsis.sweep._data_set import (
 from tsis.sweep._plan import Plan, Range
 from tsis.sweep._plan_file import EXAMPLE, load_plan, parse_plan_text, plan_document
 from tsis.sweep._run import SweepSummary, run_sweep, seconds_per_press, worker_count
-from tsis.sweep._samples import PressFunction, Rows, SweepBatch, press_all, sweep_batches
 from tsis.sweep._shards import (
     DIGEST,
+    PressFunction,
     Receipt,
+    Rows,
+    SweepBatch,
     data_set_of,
     digest_position,
     encode_shard,
+    press_all,
     receipt_of,
     rows_sha256,
     sha256,
     shard_name,
     sign_shard,
+    sweep_batches,
 )
 from tsis.sweep._work import Finished, SweepJob, finish_batch
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Self
 
-    from tsis.sweep._samples import SweepBatch
+    from tsis.sweep._shards import SweepBatch
     from tsis.sweep._work import Outcome, SweepJob
 
 

@@ -17,7 +17,7 @@ from tsis.sweep._work import Lost
 if TYPE_CHECKING:
     from typing import Self
 
-    from tsis.sweep._samples import SweepBatch
+    from tsis.sweep._shards import SweepBatch
     from tsis.sweep._work import Outcome, SweepJob
 
 

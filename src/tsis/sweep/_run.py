@@ -17,8 +17,7 @@ from tsis.sweep._dask_pool import DaskPool
 from tsis.sweep._data_set import as_folder, begun, data_set_key, head, write_manifest
 from tsis.sweep._plan import TISSUE, extremes
 from tsis.sweep._pools import LocalPool
-from tsis.sweep._samples import SweepBatch, press_all, sweep_batches
-from tsis.sweep._shards import Receipt, shard_name
+from tsis.sweep._shards import Receipt, SweepBatch, press_all, shard_name, sweep_batches
 from tsis.sweep._work import Failed, Lost, SweepJob
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
     from tsis.sweep._plan import Plan
     from tsis.sweep._pools import WorkerPool
-    from tsis.sweep._samples import PressFunction
+    from tsis.sweep._shards import PressFunction
 
 
 MOST_WORKERS = 1024

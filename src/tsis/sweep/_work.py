@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from tsis.errors import SweepError
 from tsis.files import write_durably
 from tsis.sweep._data_set import MANIFEST_FILE
-from tsis.sweep._samples import press_all
-from tsis.sweep._shards import LARGEST_SHARD_BYTES, Receipt, encode_shard, receipt_of, shard_name
+from tsis.sweep._shards import LARGEST_SHARD_BYTES, Receipt, encode_shard, press_all, receipt_of, shard_name
 
 if TYPE_CHECKING:
     from tsis.sweep._plan import Plan
-    from tsis.sweep._samples import PressFunction, SweepBatch
+    from tsis.sweep._shards import PressFunction, SweepBatch
 
 
 # Threads of one process have one setting of the threads of linear algebra, which determines the last digits.

@@ -13,6 +13,7 @@ from tsis.calibration.session import (
     DARK,
     EDGE,
     FLAT,
+    PAD_FORCES_N,
     UNTOUCHED,
     CalibrationFrame,
     CalibrationStep,
@@ -91,6 +92,11 @@ class VirtualBench:
         """Yield the frames of a step."""
         if step.tip_mm is not None:
             for image, gauge_n in self.machine.loading(step.tip_mm, loading_forces()):
+                yield CalibrationFrame(image=_raw(image), force_n=gauge_n)
+            return
+        if step.pad_kpa is not None:
+            for force_n in PAD_FORCES_N:
+                image, gauge_n = self.machine.press_pad(step.pad_kpa, force_n)
                 yield CalibrationFrame(image=_raw(image), force_n=gauge_n)
             return
         take = self._take(step)

@@ -113,6 +113,7 @@ class MachineErrors:
     force_sd: float = 0.003  # of the force from the commanded force, relative; the gauge shows it
     position_sd_mm: float = 0.2  # of a tip's mounting position
     stray_grey: float = 3.0  # light of the untouched probe, grey levels; no standard deviation
+    pad_young_sd: float = 0.05  # of a pad's modulus, relative
     gauge_gain_sd: float = 0.001  # of the gauge's gain
     gauge_zero_sd_n: float = 0.003  # of its zero
     gauge_noise_n: float = 0.001  # of its readings

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from tsis.calibration.dents import PAD_THICKNESS_MM
 from tsis.calibration.force import LARGEST_GAUGE_N
 from tsis.errors import InputError
 from tsis.imaging import Sensor, rough_contact
-from tsis.mechanics import HertzContact, effective_modulus_kpa, hertz_under_force
-from tsis.model import MN_PER_N, Calibration, LightMap, Probe, TactileImage, require_number, require_type
+from tsis.mechanics import HertzContact, effective_modulus_kpa, hertz_under_force, press
+from tsis.model import MN_PER_N, Calibration, LightMap, Phantom, Probe, TactileImage, require_number, require_type
 from tsis.optics.irradiance import Irradiance
 from tsis.virtual._direct_contact import direct_contact_calibration
 from tsis.virtual._loading_camera import LoadingCamera, MachineErrors, drawn_truth
+from tsis.virtual._probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging import LedDrift
+    from tsis.model import PressField
 
 
 NOMINAL_TIP_MM, NOMINAL_N = 2.0, 2.0  # the press that determines the exposure
@@ -98,6 +102,7 @@ class VirtualLoadingMachine:
         self._rng, self._blur_mm = rng, require_number("blur_mm", blur_mm, 0.0, 2.0, hint="millimetres")
         self.camera = LoadingCamera(self.sensor, rng=rng, drift=drift, patch=patch, warm_s=warm_s, frame_s=frame_s)
         self._tips: dict[float, tuple[float, NDArray[np.float64]]] = {}
+        self._pads: dict[float, tuple[float, float]] = {}  # modulus over the nominal one, and light
         self._largest_n = 0.0
         peak = _contact(probe, 1.0, NOMINAL_TIP_MM, NOMINAL_N).peak_pressure_kpa
         self._dented = light
@@ -172,6 +177,46 @@ class VirtualLoadingMachine:
         light = self._light(tip, force, *self._mounted(tip)) * self._press_factor(force)
         image = self._lit(light * self.truth.relative_light, f"{tip:g} mm tip at {force_n:g} N", force_n=force_n)
         return image, self._gauge_reading(force)
+
+    def press_pad(self, young_kpa: float, force_n: float) -> tuple[TactileImage, float]:
+        """Press a soft flat pad of a nominal modulus in kPa, in [0.5, 200], which its true one misses a little.
+
+        Returns and raises as `press`, and `MechanicsError` beyond the model's strain.
+        """
+        require_number("young_kpa", young_kpa, 0.5, 200.0, hint="kilopascals")
+        force = require_number("force_n", force_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
+        force *= max(0.0, 1 + self.errors.force_sd * self._rng.standard_normal())
+        if force == 0:
+            return self.no_contact(), self._gauge_reading(0.0)
+        if young_kpa not in self._pads:
+            softer = float(np.exp(self.errors.pad_young_sd * self._rng.standard_normal()))
+            self._pads[young_kpa] = softer, 1 + self.errors.tip_sd * float(self._rng.standard_normal())
+        factor, brighter = self._pads[young_kpa]
+        stiffer = self.truth.stiffness
+        pad = Phantom(young_kpa=factor * young_kpa / stiffer, poisson=0.49, thickness_mm=PAD_THICKNESS_MM)
+        field = press(self.probe, pad, force_n=force / stiffer, resolution=FINE_RESOLUTION)
+        field = replace(field, pressure_kpa=stiffer * field.pressure_kpa, force_n=force)
+        light = brighter * self._press_factor(force) * self._on_pad(field)
+        image = self._lit(light * self.truth.relative_light, f"{young_kpa:g} kPa pad at {force_n:g} N", force_n=force_n)
+        return image, self._gauge_reading(force)
+
+    def _on_pad(self, field: PressField) -> NDArray[np.float64]:
+        """Light of a press that is round about the axis, under even light, shape (rows, columns)."""
+        x, y = self.sensor.axes_mm()
+        radius = self.sensor.radius_mm()
+        slope = np.gradient(field.face_displacement_mm, field.radius_mm)
+        pressure, displacement, outwards = (
+            np.interp(radius, field.radius_mm, part, right=0.0)
+            for part in (field.pressure_kpa, field.face_displacement_mm, slope)
+        )
+        light = rough_contact(pressure, self.truth.response)
+        if self._dented is not None:
+            away = np.maximum(radius, 1e-9)
+            slopes = outwards * x / away, outwards * y[:, None] / away
+            dented = self._dented.at(x, y, displacement_mm=displacement, slope_x=slopes[0], slope_y=slopes[1])
+            light *= dented / np.maximum(self._dented.at(x, y), DARKEST) * self._remaining(light)
+        knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * radius.max()) + 3)
+        return self._blurred(light * (1 + np.interp(2 * radius, np.arange(len(knots)), knots)))
 
     def loading(self, tip_radius_mm: float, forces_n: Sequence[float]) -> list[tuple[TactileImage, float]]:
         """Frames and gauge readings of forces in order of time."""

@@ -19,6 +19,7 @@ from tsis.report import calibration_notes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from tests.calibration.session.conftest import Bench
 
@@ -265,3 +266,24 @@ def test_frames_of_another_size_are_refused(copied: SessionFolder, step: str, na
 def test_days_out_of_range_are_refused(bench: Bench, days: float) -> None:
     with pytest.raises(InputError, match=r"days must lie in \[1, 3650\]"):
         calibrate(bench.session, days=days)
+
+
+def test_pads_measure_the_light_on_dents(bench: Bench, copied: SessionFolder, tmp_path: Path) -> None:
+    """The bench's light does not change by a dent: the gain on tissue is the true one."""
+    session = SessionFolder(tmp_path / "with-pads")
+    session.begin(replace(copied.terms(), pads_kpa=(5.0, 10.0), began=None))
+    for step in copied.plan():
+        shutil.copytree(copied.path / step.name, session.path / step.name)
+    assert [step.name for step in session.plan()][-2:] == ["pad-5kPa", "pad-10kPa"]
+    assert "pad-5kPa" not in session.missing()  # optional
+    for step in session.plan()[-2:]:
+        session.save(step, bench.virtual.shots(step))
+    made, found = calibrate(session)
+    assert made.tissue is not None
+    assert found.dents is not None
+    true = bench.virtual.machine.truth.response.gain_grey_per_kpa
+    assert abs(np.log(made.tissue.gain_grey_per_kpa / true)) < 3 * np.hypot(found.dents.gain_sd, 0.02)
+    assert made.tissue.light is not None
+    assert made.tissue.light.factor.size
+    assert made.force_line is not None
+    assert made.force_line.soft_ratio is None  # the sum shows no pad at the exposure of this bench's tips

@@ -29,18 +29,20 @@ if TYPE_CHECKING:
 
 CALIBRATION_FORMAT, CALIBRATION_VERSION = "tsis-calibration", 3
 LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
+# Parts that earlier versions did not know: where they are absent, the file and its hash are as before.
+LATER: dict[str, Any] = {"tissue": None, "soft_ratio": None, "factor": []}
 
 
 def calibration_sha256(calibration: ProbeCalibration) -> str:
     """SHA-256 of the content, by which results cite the calibration."""
-    sha256 = document_sha256(to_json_value(calibration, pack=False))
+    sha256 = document_sha256(_without_later(to_json_value(calibration, pack=False)))
     assert sha256 is not None  # values contain neither NaN nor endless nesting
     return sha256
 
 
 def calibration_bytes(calibration: ProbeCalibration) -> bytes:
     """Content of the calibration file; `InputError` when it exceeds `LARGEST_BYTES`."""
-    content = to_json_value(calibration)
+    content = _without_later(to_json_value(calibration))
     require_bounded_arrays(content, "calibration")
     document = {
         "format": CALIBRATION_FORMAT,
@@ -130,6 +132,15 @@ def document_sha256(content: Any) -> str | None:
         return None
 
 
+def _without_later(content: Any) -> Any:
+    """The values without absent parts that earlier versions did not know."""
+    if isinstance(content, dict):
+        return {
+            name: _without_later(item) for name, item in content.items() if not (name in LATER and item == LATER[name])
+        }
+    return content
+
+
 def _as_floats(content: Any) -> Any:
     """Integers as floats: 60 and 60.0 have one hash."""
     if isinstance(content, dict):
@@ -141,7 +152,7 @@ def _as_floats(content: Any) -> Any:
 
 LARGEST_VALUES_BYTES = 2**20
 BY_HAND = ("response", "scale")  # parts that can be entered by hand
-FROM_FRAMES = ("reference", "force_line", "specification", "made", "expires")
+FROM_FRAMES = ("reference", "force_line", "tissue", "specification", "made", "expires")
 
 
 def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:

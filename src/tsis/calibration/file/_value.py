@@ -116,6 +116,9 @@ class ProbeCalibration(ContentValue):
         Force from the sum of grey levels.
     response
         Grey level against pressure, for the estimates.
+    tissue
+        The same on soft objects, with the light on dents, its errors, and the gain that belongs to it; presses on
+        tissue use it.
     specification
         The specification sheet.
 
@@ -146,6 +149,7 @@ new one: tsis calibrate)
     reference: CameraReference | None = None
     force_line: ForceLine | None = None
     response: Calibration | None = None
+    tissue: Calibration | None = None
     specification: Specification | None = None
 
     def __post_init__(self) -> None:
@@ -170,12 +174,12 @@ new one: tsis calibrate)
             raise InputError(f"expires must lie after made; got {self.expires} and {self.made}")
 
     def _require_one_probe(self) -> None:
-        if self.response is not None:
-            require_name("response.name", self.response.name)
-        for part in (self.response, self.specification):
+        for what in ("response", "tissue", "specification"):
+            part = getattr(self, what)
             if part is None:
                 continue
-            what = "response" if part is self.response else "specification"
+            if isinstance(part, Calibration):
+                require_name(f"{what}.name", part.name)
             require_name(f"{what}.probe", part.probe)
             if part.probe and self.probe and part.probe != self.probe:
                 raise InputError(f"{what}.probe must be that of the calibration, {self.probe!r}; got {part.probe!r}")
@@ -257,9 +261,14 @@ new one: tsis calibrate)
         ]
         return summary_html(self.name or "Calibration", rows)
 
-    def cited_response(self, identity: str) -> Calibration:
-        """The response, named after the calibration and its hash, for the calibration's probe."""
+    def cited_response(self, identity: str, *, on_tissue: bool = False) -> Calibration:
+        """The response, named after the calibration and its hash, for the calibration's probe.
+
+        ``on_tissue`` prefers that on soft objects.
+        """
         response = self.need(Calibration, "an estimate")
+        if on_tissue and self.tissue is not None:
+            response = self.tissue
         name = f"{self.name or response.name} ({identity[:12]})"
         return replace(response, name=name, probe=response.probe or self.probe)
 
@@ -270,6 +279,7 @@ PARTS: Mapping[str, type] = MappingProxyType(
         "reference": CameraReference,
         "force_line": ForceLine,
         "response": Calibration,
+        "tissue": Calibration,
         "specification": Specification,
     }
 )

@@ -59,6 +59,9 @@ class ForceLine:
         Radii of the tips, one or more, each in [0.1, 1000] mm.
     method
         Segmentation method of the bright patch, ``"threshold"`` or ``"canny"``.
+    soft_ratio
+        Force that the line gives for soft flat pads, over their true force: their dents change the light otherwise than
+        those of tips. None where no pad was pressed.
 
     Examples
     --------
@@ -87,8 +90,12 @@ class ForceLine:
     drift_share: float = 0.0
     gauge_share: float = 0.0
     method: str = "threshold"
+    soft_ratio: MeasuredValue | None = None
 
     def __post_init__(self) -> None:
+        if self.soft_ratio is not None:
+            require_type("soft_ratio", self.soft_ratio, MeasuredValue)
+            require_number("soft_ratio", self.soft_ratio.value, 0.01, 100.0, hint="a ratio of forces")
         for name in ("intercept_grey", "slope_grey_per_n", "residual_grey", "residual_share"):
             require_type(name, getattr(self, name), MeasuredValue)
         require_number("slope_grey_per_n", self.slope_grey_per_n.value, 1e-9, 1e15, hint="grey levels a newton")
@@ -142,6 +149,22 @@ class ForceLine:
                 f"line was calibrated; got {total:.4g}, which would be {force:.3g} N (press within the range)"
             )
         return self.with_uncertainty(force)
+
+    def soft_force_n(self, total_grey: float) -> MeasuredValue:
+        """The force of a new frame of soft tissue; parameters and errors as `force_n`.
+
+        Where pads were pressed, their ratio corrects the line of the tips.
+        """
+        by_tips, ratio = self.force_n(total_grey), self.soft_ratio
+        if ratio is None:
+            return by_tips
+        force = by_tips.value / ratio.value
+        parts = (
+            (by_tips.sd / ratio.value, by_tips.degrees_of_freedom),
+            (force * ratio.sd / ratio.value, ratio.degrees_of_freedom),
+        )
+        variance, freedom = combine_variances(tuple((sd**2, of) for sd, of in parts))
+        return MeasuredValue(value=force, sd=float(np.sqrt(variance)), degrees_of_freedom=freedom, unit="N")
 
     def with_uncertainty(self, force_n: float) -> MeasuredValue:
         """A force in newtons with the prediction uncertainty of one new frame."""

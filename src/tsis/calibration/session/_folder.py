@@ -119,7 +119,7 @@ class SessionFolder:
     def plan(self) -> tuple[CalibrationStep, ...]:
         """The session's steps."""
         terms = self.terms()
-        return plan_steps(terms.tips_mm, repeats=terms.repeats)
+        return plan_steps(terms.tips_mm, repeats=terms.repeats, pads_kpa=terms.pads_kpa)
 
     def done(self, step: CalibrationStep) -> bool:
         """Whether all frames of the step are stored."""

@@ -11,33 +11,40 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.__about__ import VALID_DAYS
+from tsis.calibration._measured import MeasuredValue
+from tsis.calibration.dents import LEAST_PAD_N, PadPresses, fit_dent_light, ring_edges_mm
 from tsis.calibration.file import ProbeCalibration
-from tsis.calibration.force import UNTOUCHED_N, Loading, fit_force_line, fit_run, read_loading_frame
+from tsis.calibration.force import UNTOUCHED_N, Loading, fit_force_line, fit_run, read_loading_frame, total_grey
 from tsis.calibration.reference import make_reference
 from tsis.calibration.response import fit_response
 from tsis.calibration.scale import scale_from_dots
 from tsis.calibration.session._setup import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
 from tsis.calibration.specification import edge_width, frame_rate, specification_sheet
+from tsis.catalog import load_probe
 from tsis.compiled import one_blas_thread
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.files import printable_path
+from tsis.imaging import radial_profile
 from tsis.model import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from tsis.calibration._measured import MeasuredValue
+    from numpy.typing import NDArray
+
+    from tsis.calibration.dents import DentLight
     from tsis.calibration.force import ForceLine, ForceLineDiagnostics
     from tsis.calibration.reference import CameraReference
     from tsis.calibration.response import PressureResponse
     from tsis.calibration.scale import DotDiagnostics, PixelScale
     from tsis.calibration.session._folder import CalibrationFrame, SessionFolder
-    from tsis.calibration.session._setup import CalibrationStep
-    from tsis.model import TactileImage
+    from tsis.calibration.session._setup import CalibrationStep, SessionSetup
+    from tsis.model import Calibration, TactileImage
 
 
 TOUCHED_N = 0.03  # above the zero: smaller forces are within the drift of an unloaded gauge
 AT_REST = 0.02  # fraction of the largest sum of grey levels that a frame without contact may show
+FEWEST_SEEN = 3  # presses on pads that compare the force line with the gauge
 LEAST_CORRELATION = 0.97  # of sums and forces; loops of 10 % and curves as F**(2/3) have 0.99
 
 
@@ -117,6 +124,8 @@ class SessionResult:
         Diagnostics of the force line.
     response
         Gain and saturation with their intervals.
+    dents
+        Light on dents, where pads were pressed.
     """
 
     dots: DotDiagnostics
@@ -124,6 +133,7 @@ class SessionResult:
     loadings: tuple[Loading, ...]
     line: ForceLineDiagnostics
     response: PressureResponse
+    dents: DentLight | None = None
 
 
 def calibrate(
@@ -177,7 +187,7 @@ def _calibrated(
     reference = _reference(shots, scale, terms.patch_px)
     loadings = []
     for step in steps.values():
-        if step.is_loading:  # in turn, because the frames of a large camera fill the memory
+        if step.tip_mm is not None:  # in turn, because the frames of a large camera fill the memory
             pressed = session.shots(step)
             _require_same_format(pressed, step, shots[DARK][0].image)
             with _named(step.name):
@@ -188,6 +198,9 @@ def _calibrated(
     # The pitch has one error along both axes, so the relative errors of a pixel's sides add to that of its area.
     area = sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
     response = fit_response(loadings, reference=reference, gauge_fraction=terms.gauge_share, area_fraction=area)
+    by_tips = response.calibration(reference, name=terms.name, probe=terms.probe)
+    dents, ratio = _dents(session, terms, by_tips, reference, loadings, line)
+    line = replace(line, soft_ratio=ratio)
     times = [shot.time_s for shot in shots[UNTOUCHED] if shot.time_s is not None]
     calibration = ProbeCalibration(
         name=terms.name,
@@ -199,7 +212,8 @@ def _calibrated(
         scale=scale,
         reference=reference,
         force_line=line,
-        response=response.calibration(reference, name=terms.name, probe=terms.probe),
+        response=by_tips,
+        tissue=None if dents is None else dents.response,
         specification=specification_sheet(
             probe=terms.probe,
             line=line,
@@ -210,7 +224,85 @@ def _calibrated(
     )
     progress(len(steps) + 1, len(steps) + 1)
     return calibration, SessionResult(
-        dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response
+        dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response, dents=dents
+    )
+
+
+def _dents(
+    session: SessionFolder,
+    terms: SessionSetup,
+    response: Calibration,
+    reference: CameraReference,
+    loadings: Sequence[Loading],
+    line: ForceLine,
+) -> tuple[DentLight | None, MeasuredValue | None]:
+    """Light on dents from the pads that were pressed, and the force of the line over theirs; None without any."""
+    pads = [step for step in session.plan() if step.pad_kpa is not None and session.done(step)]
+    if not pads or reference.mm_per_pixel is None:
+        return None, None
+    probe, presses, ratios = load_probe(terms.probe), [], []
+    for step in pads:
+        with _named(step.name):
+            shots = session.shots(step)
+            presses.append(read_pad(shots, step, reference, ring_edges_mm(probe)))
+            ratios += _line_over_gauge(shots, line, reference)
+    pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
+    simulated = terms.began is None
+    with _named(pads[0].name):
+        found = fit_dent_light(
+            presses,
+            loadings,
+            probe=probe,
+            response=response,
+            pixel_mm2=pixel,
+            pad_sd=terms.pad_sd,
+            strain="small" if simulated else "finite",  # the virtual bench presses its pads at small strain
+        )
+    if len(ratios) < FEWEST_SEEN:
+        return found, None
+    mean, sd = float(np.mean(ratios)), float(np.std(ratios, ddof=1))
+    return found, MeasuredValue(value=mean, sd=sd, degrees_of_freedom=len(ratios) - 1.0)
+
+
+def _line_over_gauge(shots: Sequence[CalibrationFrame], line: ForceLine, reference: CameraReference) -> list[float]:
+    """Force by the line of the tips over that of the gauge, for each press on a pad."""
+    zero, result = float(shots[0].force_n or 0.0), []
+    for shot in shots:
+        if (force := float(shot.force_n or 0.0) - zero) >= LEAST_PAD_N:
+            frame = replace(shot.image, mm_per_pixel=reference.mm_per_pixel)
+            total = total_grey(frame, reference, method=line.method)
+            if total > 0:  # at the exposure of the tips, pads may be too dark
+                result.append((total - line.intercept_grey.value) / line.slope_grey_per_n.value / force)
+    return result
+
+
+def read_pad(
+    shots: Sequence[CalibrationFrame], step: CalibrationStep, reference: CameraReference, edges_mm: NDArray[np.float64]
+) -> PadPresses:
+    """Read the rings of presses on a pad up to the largest force.
+
+    Raises `CalibrationError` when a frame has no force or repeats the frame before.
+    """
+    assert step.pad_kpa is not None
+    forces = [shot.force_n for shot in shots]
+    if any(force is None for force in forces):
+        raise CalibrationError("every frame must have a force; one has none (is the gauge silent?)")
+    _require_new_frames(shots)
+    load = np.array([float(force or 0.0) for force in forces])
+    load -= load[0]
+    rising = slice(0, int(load.argmax()) + 1)  # pads creep, and unloading shows it
+    grey, variance = [], []
+    for shot in shots[rising]:
+        rings = radial_profile(
+            reference.corrected(replace(shot.image, mm_per_pixel=reference.mm_per_pixel)), edges_mm=edges_mm
+        )
+        grey.append(np.where(rings.clipped_count > 0, np.nan, rings.mean_grey))
+        pixel = (
+            reference.read_noise_grey.value**2 + reference.shot_noise_grey.value * np.maximum(grey[-1], 0.0) + 1 / 12
+        )
+        variance.append(pixel / np.maximum(rings.count, 1))
+    return PadPresses(
+        young_kpa=step.pad_kpa, force_n=load[rising], grey=np.array(grey), variance=np.nan_to_num(np.array(variance))
     )
 
 

@@ -9,6 +9,7 @@ from datetime import datetime  # noqa: TC003 - the file format reads the type
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from tsis.calibration.dents import PAD_THICKNESS_MM
 from tsis.calibration.file import SETTING_TOLERANCE, require_name, require_time
 from tsis.calibration.force import LARGEST_N, STEP_N, TIPS_MM
 from tsis.errors import InputError
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 DARK, UNTOUCHED, FLAT, BOARD_UNTOUCHED, BOARD, EDGE = "dark", "untouched", "flat", "board-untouched", "board", "edge"
 STILL_FRAMES, FLAT_FRAMES, BOARD_FRAMES, EDGE_FRAMES = 16, 8, 4, 4
 FLAT_LEVELS = 3
+PAD, PAD_FORCES_N = "pad", (0.0, 0.4, 0.6, 0.8, 1.0, 1.2)  # of a virtual loading; a person loads about so
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +43,8 @@ class CalibrationStep:
         Radius of the tip of a loading, mm.
     run
         Number of the loading among those of its tip, from 1.
+    pad_kpa
+        Modulus of the soft flat pad of a loading, kPa.
     """
 
     name: str
@@ -49,14 +53,17 @@ class CalibrationStep:
     optional: bool = False
     tip_mm: float | None = None
     run: int = 1
+    pad_kpa: float | None = None
 
     @property
     def is_loading(self) -> bool:
         """Whether its frames have forces."""
-        return self.tip_mm is not None
+        return self.tip_mm is not None or self.pad_kpa is not None
 
 
-def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[CalibrationStep, ...]:
+def plan_steps(
+    tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1, pads_kpa: Sequence[float] = ()
+) -> tuple[CalibrationStep, ...]:
     """The steps of a whole calibration; `InputError` when a radius or the number of loadings lies outside its range.
 
     Parameters
@@ -65,6 +72,8 @@ def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple
         Radii of the tips of the loading machine, each in [0.1, 1000] mm.
     repeats
         Loadings of each tip, in [1, 20].
+    pads_kpa
+        Moduli of the soft flat pads that measure the light on dents, each in [0.5, 200] kPa.
 
     Examples
     --------
@@ -95,6 +104,19 @@ def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple
         for run in range(1, repeats + 1)
         for tip in radii
     ]
+    soft = [
+        CalibrationStep(
+            name=f"{PAD}-{require_number('pad_kpa', pad, 0.5, 200.0, hint='kilopascals'):g}kPa",
+            instruction=(
+                f"Press the whole face on the soft flat pad of {pad:g} kPa, {PAD_THICKNESS_MM:g} mm thick, not yet "
+                f"touching; then load from 0 to {PAD_FORCES_N[-1]:g} N in steps of about 0.2 N (measures the light on "
+                "dents)"
+            ),
+            optional=True,
+            pad_kpa=float(pad),
+        )
+        for pad in pads_kpa
+    ]
     return (
         CalibrationStep(name=DARK, instruction="Switch the lamps off, or cover the lens", frames=STILL_FRAMES),
         CalibrationStep(name=UNTOUCHED, instruction="Switch the lamps on, touch nothing", frames=STILL_FRAMES),
@@ -112,6 +134,7 @@ def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple
             optional=True,
         ),
         *loadings,
+        *soft,
     )
 
 
@@ -120,7 +143,17 @@ def tip_name(radius_mm: float) -> str:
     return f"tip-{radius_mm:g}mm"
 
 
-STATED = ("name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm", "repeats")  # by a person
+STATED = (
+    "name",
+    "pitch_mm",
+    "pitch_sd_mm",
+    "gauge_share",
+    "patch_px",
+    "tips_mm",
+    "repeats",
+    "pads_kpa",
+    "pad_sd",
+)  # by a person
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +180,9 @@ class SessionSetup(ContentValue):
         Reference patch that shows the lamps past the probe: left, top, right, bottom; None without one.
     tips_mm, repeats
         Radii of the tips, all different, and loadings of each.
+    pads_kpa, pad_sd
+        Moduli of the soft flat pads, all different, and their relative standard uncertainty; without pads the light on
+        dents is not measured.
     """
 
     name: str
@@ -160,6 +196,8 @@ class SessionSetup(ContentValue):
     patch_px: tuple[int, int, int, int] | None = None
     tips_mm: tuple[float, ...] = TIPS_MM
     repeats: int = 1
+    pads_kpa: tuple[float, ...] = ()
+    pad_sd: float = 0.05
 
     def __post_init__(self) -> None:
         for name in ("name", "probe", "camera"):
@@ -168,7 +206,10 @@ class SessionSetup(ContentValue):
         require_number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
         require_number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
         require_number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a fraction of 1")
-        steps = [step.name for step in plan_steps(self.tips_mm, repeats=self.repeats)]
+        require_number("pad_sd", self.pad_sd, 0.001, 0.5, hint="a fraction of 1")
+        if len(set(self.pads_kpa)) < len(self.pads_kpa):
+            raise InputError(f"pads_kpa must hold each pad once; got {list(self.pads_kpa)}")
+        steps = [step.name for step in plan_steps(self.tips_mm, repeats=self.repeats, pads_kpa=self.pads_kpa)]
         if len(set(steps)) < len(steps):
             raise InputError(f"tips_mm must hold each tip once; got {list(self.tips_mm)} (take repeats instead)")
         if self.patch_px is not None:

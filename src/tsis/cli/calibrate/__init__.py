@@ -7,6 +7,7 @@ import typer
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._groups import DefaultCommand
 from tsis.cli.calibrate._guide import guide
+from tsis.cli.calibrate._light import light
 from tsis.cli.calibrate._make import make, seal, show
 
 app = typer.Typer(
@@ -18,10 +19,11 @@ app = typer.Typer(
     ),
     epilog="Example: tsis calibrate --camera aravis: --gauge /dev/ttyUSB0 --probe tsis-2011 --name bench-2",
 )
-app.command("guide", epilog="Example: tsis calibrate guide --seed 3 --tip-mm 2 --tip-mm 10 --out first-calibration")(
+app.command("guide", epilog="Example: tsis calibrate guide --seed 3 --tip-mm 2 --tip-mm 10 --pad-kpa 5 --out first")(
     guide
 )
 app.command("make", epilog="Example: tsis calibrate make tsis-calibration-frames --days 90")(make)
+app.command("light", epilog="Example: tsis calibrate light tsis-calibration-frames")(light)
 app.command("show", epilog="Example: tsis calibrate show tsis-calibration/calibration.json")(show)
 app.command("seal", epilog="Example: tsis calibrate seal values.json --out calibration.json")(seal)
 

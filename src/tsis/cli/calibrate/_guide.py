@@ -124,6 +124,8 @@ OPTIONS = {  # by the setting
     "patch_px": "--patch-px",
     "tips_mm": "--tip-mm",
     "repeats": "--repeats",
+    "pads_kpa": "--pad-kpa",
+    "pad_sd": "--pad-uncertainty",
 }
 
 
@@ -201,6 +203,11 @@ def guide(
         typer.Option(help="Radius of a tip of the loading machine; repeatable.", show_default="2, 10, 14"),
     ] = None,
     repeats: Annotated[int, typer.Option(help="Loadings of each tip.", min=1, max=20)] = 1,
+    pad_kpa: Annotated[
+        list[float] | None,
+        typer.Option(help="Modulus of a soft flat pad that measures the light on dents; repeatable, best 5 and 10."),
+    ] = None,
+    pad_uncertainty: Annotated[float, typer.Option(help="Relative uncertainty of the pads' moduli.")] = 0.05,
     patch_px: Annotated[
         str | None,
         typer.Option(help="Region where the camera sees the lamps past the probe: left,top,right,bottom in pixels."),
@@ -232,6 +239,8 @@ def guide(
         patch_px=None if patch_px is None else _box(patch_px),
         tips_mm=tuple(tip_mm or tsis.calibration.force.TIPS_MM),
         repeats=repeats,
+        pads_kpa=tuple(pad_kpa or ()),
+        pad_sd=pad_uncertainty,
     )
     if camera == VIRTUAL:
         if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:

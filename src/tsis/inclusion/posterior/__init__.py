@@ -13,8 +13,6 @@ from tsis.inclusion.posterior._heterogeneity import (
 from tsis.inclusion.posterior._likelihood import ErrorSources, InclusionLikelihood, Profiles, least_sd
 from tsis.inclusion.posterior._rings import (
     FARTHEST,
-    FLUX_TERMS,
-    GROWTH_TERMS,
     SHIFTED,
     RingShading,
     ShadingUncertainty,
@@ -23,13 +21,10 @@ from tsis.inclusion.posterior._rings import (
     ring_correlation,
     ring_means,
     ring_responses,
-    shading_of,
 )
 
 __all__ = [
     "FARTHEST",
-    "FLUX_TERMS",
-    "GROWTH_TERMS",
     "HARMONICS",
     "LENGTHS_MM",
     "NUISANCES",
@@ -55,5 +50,4 @@ __all__ = [
     "ring_correlation",
     "ring_means",
     "ring_responses",
-    "shading_of",
 ]

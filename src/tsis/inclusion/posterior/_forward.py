@@ -153,11 +153,14 @@ class ForwardModel:
                 )
             slopes[:, frame, :, SHADE] = gain * by_shade
             by_force = push * self.rings.per_newton(presses[reference]) + bends[SHARED][frame]
-            by_loss = push * self.shading.uncertainty.by_force
+            unknown = self.shading.uncertainty
+            by_loss = push * unknown.by_force
             lost = push * self.depletion_per_n / (1 + self.depletion_per_n * push) + by_loss @ self._errors(nuisance)
             slopes[:, frame, :, SHARED + frame] = gain * (_along(by_answer, by_force) - lost * light)
             slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
-            slopes[:, frame, :, SHARED + 2 * frames :] = gain * (by_errors - light[..., None] * by_loss)
+            slopes[:, frame, :, SHARED + 2 * frames :] = gain * (
+                by_errors + light[..., None] * (unknown.by_gain - by_loss)
+            )
         return grey, slopes
 
     def field_columns(self, about: Floats | None, nuisance: Floats) -> Floats:
@@ -214,9 +217,10 @@ class ForwardModel:
         )
 
     def _remaining(self, force_n: float, nuisance: Floats) -> float:
-        """Fraction of the light after extraction by contact."""
-        lost = float(self.shading.uncertainty.by_force @ self._errors(nuisance))
-        return float(np.exp(-lost * force_n)) / (1 + self.depletion_per_n * force_n)
+        """Fraction of the light after extraction by contact, times the error of a gain measured with the light."""
+        unknown, errors = self.shading.uncertainty, self._errors(nuisance)
+        lost, gained = float(unknown.by_force @ errors), float(unknown.by_gain @ errors)
+        return float(np.exp(gained - lost * force_n)) / (1 + self.depletion_per_n * force_n)
 
     def _errors(self, nuisance: Floats) -> Floats:
         """The further errors of the shading."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from tsis.mechanics import hats
-from tsis.model import require_number
+from tsis.model import LIGHT_TERMS, LightTerms, require_number
 
 if TYPE_CHECKING:
     from tsis.inclusion._prior import Floats
@@ -189,7 +189,6 @@ def _ring_points(edges_mm: Floats) -> tuple[Floats, Floats]:
 
 
 TERMS = 3  # of the emphasis along the radius
-GROWTH_TERMS, FLUX_TERMS = 8, 5  # of an unmeasured map along the radius: rings of traced lamps need as many
 DARKEST = 1e-3  # least light on a tilted face over that on the level face
 
 
@@ -197,56 +196,52 @@ DARKEST = 1e-3  # least light on a tilted face over that on the level face
 class ShadingUncertainty:
     """Independent errors of the logarithm of the light on a dented face, each of unit standard deviation.
 
-    Error k is ``by_displacement[:, k] u + by_slope[:, k] u' - by_force[k] F - by_square[k] p**2`` for a face that is
-    displaced by u under the force F, where the pressure is p.
+    Error k is ``by_gain[k] + by_displacement[:, k] u + by_bend[:, k] u**2 + by_slope[:, k] u' - by_force[k] F -
+    by_square[k] p**2`` for a face that is displaced by u under the force F, where the pressure is p.
 
     Attributes
     ----------
-    by_displacement
-        Per mm, shape (rings, k).
+    by_displacement, by_bend
+        Per mm and per mm**2, shape (rings, k).
     by_slope
         Shape (rings, k).
     by_force
         Per newton, shape (k,): light that contact extracts from the whole face.
     by_square
         Per kPa**2, shape (k,): saturation of the contact.
+    by_gain
+        Shape (k,): the gain, as far as it was measured together with the light.
     """
 
     by_displacement: Floats
+    by_bend: Floats
     by_slope: Floats
     by_force: Floats
     by_square: Floats
+    by_gain: Floats
 
     @classmethod
     def none(cls) -> ShadingUncertainty:
         """No errors beside the emphasis of a `RingShading`."""
-        empty = np.zeros(0)
-        return cls(by_displacement=empty[None], by_slope=empty[None], by_force=empty, by_square=empty)
+        return cls.of_terms(np.zeros((LIGHT_TERMS, 0)), 1)
 
     @classmethod
     def of_terms(cls, factor: Floats, rings: int) -> ShadingUncertainty:
-        """Errors whose coefficients, as in `shading_of`, have the covariance ``factor @ factor.T``."""
-        by_displacement, by_slope = shading_of(factor, rings)
-        by_force, by_square = factor[GROWTH_TERMS + FLUX_TERMS :]
-        return cls(by_displacement=by_displacement, by_slope=by_slope, by_force=by_force, by_square=by_square)
+        """Errors whose coefficients, as in `tsis.model.LightTerms`, have the covariance ``factor @ factor.T``."""
+        terms = LightTerms.of(factor, rings)
+        return cls(
+            by_displacement=terms.growth_per_mm,
+            by_bend=terms.bend_per_mm2,
+            by_slope=terms.flux,
+            by_force=terms.loss_per_n,
+            by_square=terms.square_per_kpa2,
+            by_gain=terms.log_gain,
+        )
 
     @property
     def count(self) -> int:
         """Number of errors."""
         return len(self.by_force)
-
-
-def shading_of(coefficients: Floats, rings: int) -> tuple[Floats, Floats]:
-    """Growth per mm and flux of each ring, shape (rings, ...), from coefficients.
-
-    The coefficients have the shape (`GROWTH_TERMS` + `FLUX_TERMS` + 2, ...). The first are the Legendre coefficients of
-    the growth along the radius, the next those of the flux over the distance from the axis in units of the outermost
-    ring's. The last two, the loss of light per newton and the bend of the contact law, are not used.
-    """
-    growth = _legendre(rings, GROWTH_TERMS) @ coefficients[:GROWTH_TERMS]
-    distance = (np.arange(rings) + 0.5) / (rings - 0.5)
-    along = distance[:, None] * _legendre(rings, FLUX_TERMS)
-    return np.asarray(growth), np.asarray(along @ coefficients[GROWTH_TERMS : GROWTH_TERMS + FLUX_TERMS])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -285,13 +280,14 @@ class RingShading:
         tilt, logarithm = self._logarithm(displacement_mm, slope)
         unknown = self.uncertainty
         none = np.zeros(unknown.count) if errors is None else errors
-        grows, tilts = unknown.by_displacement @ none, unknown.by_slope @ none
-        factor = np.exp(power * logarithm + grows * displacement_mm + tilts * slope)
+        grows, bends, tilts = (part @ none for part in (unknown.by_displacement, unknown.by_bend, unknown.by_slope))
+        factor = np.exp(power * logarithm + (grows + bends * displacement_mm) * displacement_mm + tilts * slope)
         growth = self.growth_per_mm + 2 * self.bend_per_mm2 * displacement_mm
         by_errors = displacement_mm[..., None] * unknown.by_displacement + slope[..., None] * unknown.by_slope
+        by_errors += displacement_mm[..., None] ** 2 * unknown.by_bend
         return ShadingFactor(
             factor=factor,
-            by_displacement=factor * (power * growth + grows),
+            by_displacement=factor * (power * growth + grows + 2 * bends * displacement_mm),
             by_slope=factor * (np.where(tilt > DARKEST, power * self.flux / tilt, 0.0) + tilts),
             by_emphasis=(factor * logarithm)[..., None] * parabolas,
             by_errors=factor[..., None] * by_errors,
@@ -302,7 +298,8 @@ class RingShading:
         logarithm = self._power(emphasis)[1] * self._logarithm(displacement_mm, slope)[1]
         if errors is not None and errors.any():
             unknown = self.uncertainty
-            logarithm += (unknown.by_displacement @ errors) * displacement_mm + (unknown.by_slope @ errors) * slope
+            grows = unknown.by_displacement @ errors + (unknown.by_bend @ errors) * displacement_mm
+            logarithm += grows * displacement_mm + (unknown.by_slope @ errors) * slope
         return np.asarray(np.exp(logarithm))
 
     def _power(self, emphasis: Floats) -> tuple[Floats, Floats]:

@@ -70,10 +70,8 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
 class RecordedGauge:
     """A file of readings behind the gauge protocol, without delays.
 
-    Parameters
-    ----------
-    path
-        CSV with the header ``time_s,force_n``, optionally with ``resolution_n`` and ``time_error_s``: seconds, newtons.
+    ``path`` is CSV with the header ``time_s,force_n``, optionally with ``resolution_n`` and ``time_error_s``: seconds,
+    newtons.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -89,11 +87,7 @@ class RecordedGauge:
     lost, skipped = False, 0  # an incomplete file or one with invalid lines is refused
 
     def open(self) -> None:
-        """Read the file.
-
-        Raises `FileInputError` when it is missing, has another header, or a line is not finite numbers with ascending
-        times.
-        """
+        """Read the file; `FileInputError` when it is missing, or a line is not finite numbers with ascending times."""
         content = read_bytes(self._path, most=LARGEST_BYTES)
         try:
             self._numbers = array("d", (getattr(row, name) for row in _parsed(content) for name in HEAD))

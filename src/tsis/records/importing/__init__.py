@@ -1,5 +1,6 @@
 """Import of frames from other commands and cameras into a store: checked first, then stored press by press."""
 
+from tsis.records.importing._acquired import save_snapshot_to_store
 from tsis.records.importing._batch import ImportBatch, ImportOptions, IncomingPress, stored_calibration
 from tsis.records.importing._discovery import find_import_batches
 from tsis.records.importing._importing import (
@@ -11,7 +12,6 @@ from tsis.records.importing._importing import (
 )
 from tsis.records.importing._matching import target_by_number
 from tsis.records.importing._results import enter_estimate, new_target
-from tsis.records.importing._snapshots import save_snapshot_to_store
 
 __all__ = [
     "ImportBatch",

@@ -11,6 +11,7 @@ from tsis.instrument.recording import RECORDING_INDEX, RECORDING_SUMMARY
 from tsis.model import require_one_of
 from tsis.records._values import ROLES
 from tsis.records.export.bundle import DOCUMENTS, read_bundle
+from tsis.records.importing._acquired import recording, sidecar_of, snapshot_folder, snapshots
 from tsis.records.importing._batch import (
     MOST_FRAMES,
     ImportBatch,
@@ -19,9 +20,7 @@ from tsis.records.importing._batch import (
     inspect_file,
     modification_time,
 )
-from tsis.records.importing._recording import recording
 from tsis.records.importing._results import RESULT, result_folder
-from tsis.records.importing._snapshots import sidecar_of, snapshot_folder, snapshots
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

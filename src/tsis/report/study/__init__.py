@@ -1,17 +1,18 @@
 """The report of a blinded study."""
 
-from tsis.report.study._document import study_document, study_verification_document
-from tsis.report.study._page import PAGE, PAPER, publish_study, study_page
-from tsis.report.study._tables import targets_table
-from tsis.report.study._text import (
+from tsis.report.study._document import (
     ends,
     few_notes,
     fraction_text,
     interval_text,
     method_of,
     record_notes,
+    study_document,
+    study_verification_document,
     undecided_notes,
 )
+from tsis.report.study._page import PAGE, PAPER, publish_study, study_page
+from tsis.report.study._tables import targets_table
 
 __all__ = [
     "PAGE",

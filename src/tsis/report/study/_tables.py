@@ -6,14 +6,14 @@ import math
 from typing import TYPE_CHECKING
 
 from tsis.report._page import Table
-from tsis.report.study._document import limit_intervals
-from tsis.report.study._text import (
+from tsis.report.study._document import (
     NAMES,
     counted,
     ends,
     fraction_text,
     interval_text,
     labelled,
+    limit_intervals,
     method_of,
     score_text,
     small,

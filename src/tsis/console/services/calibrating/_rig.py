@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from tsis.calibration.force import loading_forces
-from tsis.calibration.session import LiveCalibration
+from tsis.calibration.session import PAD_FORCES_N, LiveCalibration
 from tsis.catalog import load_probe
 from tsis.errors import CalibrationError, CameraError
 from tsis.model import require_number
@@ -67,7 +67,7 @@ class VirtualCalibrationRig:
 
     def frames(self, step: CalibrationStep) -> int:
         """As the step says, and of a loading all its forces."""
-        return step.frames or len(loading_forces())
+        return step.frames or len(loading_forces() if step.pad_kpa is None else PAD_FORCES_N)
 
     def shots(self, step: CalibrationStep, over: Callable[[], bool]) -> Iterator[CalibrationFrame]:
         """Yield a step's frames."""

@@ -1,0 +1,163 @@
+"""``tsis sensor``: make, check and show the file of a gel sensor."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+import tsis
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli._options import AsJson, scale_of
+from tsis.cli._output import print_json, print_tables
+from tsis.errors import InputError
+
+if TYPE_CHECKING:
+    from tsis.model import GelSensor
+
+
+SensorOption = Annotated[
+    str,
+    typer.Option(
+        "--sensor",
+        help="Gel sensor: a name (tsis sensor show lists them) or a file of your own, as mine.toml, which "
+        "tsis sensor new makes.",
+    ),
+]
+
+app = typer.Typer(
+    name="sensor",
+    help=f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}",
+    no_args_is_help=True,
+)
+
+
+@app.command("new", epilog="Example: tsis sensor new my-gel --like gelsight-mini --scale-mm 0.0634 --out my-gel.toml")
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the new sensor.")],
+    *,
+    like: Annotated[str, typer.Option(help="Sensor of the catalog to start from.")] = "gelsight-mini",
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    image_px: Annotated[str | None, typer.Option(help="Columns and rows of that scale's frames, as 320,240.")] = None,
+    thickness_mm: Annotated[float | None, typer.Option(help="Thickness of the gel in mm, where you know it.")] = None,
+    young_kpa: Annotated[float | None, typer.Option(help="Young's modulus of the gel in kPa, where known.")] = None,
+    reference: Annotated[str | None, typer.Option(help="Frame of the untouched sensor, beside the file.")] = None,
+    out: Annotated[Path, typer.Option(help="File to write; it must not exist.")] = Path("sensor.toml"),
+    as_json: AsJson = False,
+) -> None:
+    """Write the file of your own gel sensor, from one of the catalog and what you know better."""
+    if name in tsis.catalog.list_sensors():
+        raise InputError(f"the name {name!r} is that of a sensor of the catalog; choose another, as my-{name}")
+    start = tsis.catalog.load_sensor(like)
+    changes: dict[str, Any] = {"name": name}
+    if scale_mm is not None:
+        changes["mm_per_pixel"] = scale_of(scale_mm)
+    if image_px is not None:
+        changes["image_px"] = _pixels(image_px)
+    for key, value in (("thickness_mm", thickness_mm), ("young_kpa", young_kpa)):
+        if value is not None:
+            changes[key] = tsis.model.BoundedValue(value=value)
+    if reference is not None:
+        changes["reference_file"] = reference
+    changed = {key for key in changes if key in start.sources}
+    changes["sources"] = {key: "given by the user" if key in changed else text for key, text in start.sources.items()}
+    sensor = replace(start, **changes)
+    tsis.report.require_absent(out)
+    tsis.files.write_durably(out, tsis.catalog.sensor_toml(sensor).encode())
+    if as_json:
+        print_json(tsis.report.envelope("sensor new", sensor=sensor_document(sensor), file=str(out)))
+        return
+    print_tables([_table(sensor)], _notes(sensor), where=f"File: {out}")
+
+
+def _pixels(text: str) -> tuple[int, int]:
+    parts = text.split(",")
+    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
+        raise InputError(f"--image-px must be columns and rows, as 320,240; got {text!r:.40}")
+    return int(parts[0]), int(parts[1])
+
+
+@app.command("check", epilog="Example: tsis sensor check my-gel.toml")
+def check(
+    sensor: Annotated[str, typer.Argument(help="File of the sensor, or a name of the catalog.")],
+    frames: Annotated[list[Path] | None, typer.Argument(help="Frames that should belong to it.")] = None,
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Check the file of a sensor, and that frames have its size; say what is still unknown."""
+    loaded = tsis.catalog.load_sensor(sensor)
+    for path in frames or []:
+        rows, columns = tsis.instrument.read_image(path).grey.shape
+        loaded.require_frame(columns, rows)
+    if as_json:
+        print_json(
+            tsis.report.envelope(
+                "sensor check", sensor=sensor_document(loaded), frames=len(frames or []), notes=_notes(loaded)
+            )
+        )
+        return
+    print_tables([_table(loaded)], _notes(loaded), where=f"{len(frames or [])} frames belong to it" if frames else "")
+
+
+@app.command("show", epilog="Example: tsis sensor show gelsight-mini")
+def show(
+    sensor: Annotated[str | None, typer.Argument(help="Name or file of the sensor; all names when left out.")] = None,
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Show a sensor with the source of each value, or the names of all."""
+    loaded = None if sensor is None else tsis.catalog.load_sensor(sensor)
+    names = tsis.catalog.list_sensors() if loaded is None else (loaded.name,)
+    if as_json:
+        shown = {} if loaded is None else {"sensor": sensor_document(loaded)}
+        print_json(tsis.report.envelope("sensor show", names=list(names), **shown))
+        return
+    if loaded is None:
+        print_tables([], names)
+        return
+    sources = Table("value", "source", title="Sources")
+    for name, text in loaded.sources.items():
+        sources.add_row(name, escape(text))
+    print_tables([_table(loaded), sources], _notes(loaded))
+
+
+def sensor_document(sensor: GelSensor) -> dict[str, Any]:
+    """The sensor as a part of a JSON result."""
+    document = {name: getattr(sensor, name) for name in sensor.__slots__}
+    for name in ("thickness_mm", "young_kpa", "poisson"):
+        document[name] = asdict(document[name])
+    return document | {"layers": [asdict(layer) for layer in sensor.layers], "sources": dict(sensor.sources)}
+
+
+def _table(sensor: GelSensor) -> Table:
+    table = Table("quantity", "value", title=escape(sensor.name))
+    face = f"{sensor.width_mm:g} x {sensor.height_mm:g} mm, {sensor.shape}, {sensor.outline}"
+    table.add_row("face", face + ("" if sensor.face_radius_mm is None else f" of radius {sensor.face_radius_mm:g} mm"))
+    table.add_row("gel thickness / mm", str(sensor.thickness_mm))
+    table.add_row("Young's modulus / kPa", str(sensor.young_kpa))
+    table.add_row("Poisson's ratio", str(sensor.poisson))
+    table.add_row("frame / px", f"{sensor.image_px[0]} x {sensor.image_px[1]}")
+    scale = sensor.mm_per_pixel
+    shown = "to be calibrated" if scale is None else f"{scale[0]:.4g} x {scale[1]:.4g}"
+    table.add_row("mm per pixel", shown + ("" if scale is None else f", sd {sensor.scale_uncertainty:.1%}"))
+    table.add_row("light", f"{sensor.light}; a deeper press is {sensor.pressed}")
+    table.add_row("markers", "none" if sensor.marker_pitch_mm is None else f"every {sensor.marker_pitch_mm:g} mm")
+    return table
+
+
+def _notes(sensor: GelSensor) -> list[str]:
+    """What is unknown and what is not valid."""
+    notes = list(sensor.limits)
+    if sensor.mm_per_pixel is None:
+        notes.append("mm_per_pixel is unknown: results are in pixels until the file has it.")
+    for name in ("thickness_mm", "young_kpa", "poisson"):
+        bounded = getattr(sensor, name)
+        if not bounded.exact and not sensor.layers:
+            notes.append(f"{name} is known from {bounded.low:g} to {bounded.high:g}: measure it for narrower results.")
+    return notes
