@@ -132,7 +132,8 @@ def new_study(
     repeats
         Readings of every target by an operator.
     threshold
-        Least score of a target that is called one with an inclusion.
+        Least score of a target that is called one with an inclusion, in [0, 1]: the virtual probe's score is a
+        probability. Other devices bring their own threshold (`import_readings`).
     actor
         Who creates it; the user of this machine by default.
 
@@ -162,7 +163,7 @@ def new_study(
         forces_n=tuple(forces_n),
         with_reference=with_reference,
         repeats=repeats,
-        threshold=float(require_number("threshold", threshold, -1e12, 1e12)),
+        threshold=require_number("threshold", threshold, 0.0, 1.0, hint="probability of an inclusion"),
         codes=tuple(truths),
         commitment=commitment(sealed),
         made=datetime.now(UTC),

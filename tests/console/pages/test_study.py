@@ -132,6 +132,7 @@ def test_it_is_unblinded_once_with_readings_and_then_shows_the_truth(lit: Instru
         await operator.sees("Study trial")
         await operator.clicks("Unblind and analyse")
         await operator.sees("The seal is opened:", "The study has 0 readings.")
+        await operator.types("Done by", "Ada")
         await operator.clicks("Unblind and analyse")
         await operator.hears("a study must have a reading before it is unblinded")
         await operator.clicks("Cancel")

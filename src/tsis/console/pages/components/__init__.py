@@ -36,11 +36,12 @@ from tsis.console.pages.components._lists import (
 )
 from tsis.console.pages.components._summary import StatePoller, Tabs, force_text, press_label, time_label
 from tsis.console.pages.components._upload import LARGEST_MIB, one_file
-from tsis.console.pages.components._viewer import CalibrationMemory, Viewer, follow_store
+from tsis.console.pages.components._viewer import LONGEST_OPERATOR, CalibrationMemory, Viewer, follow_store
 
 __all__ = [
     "FORCE",
     "LARGEST_MIB",
+    "LONGEST_OPERATOR",
     "CalibrationMemory",
     "ChoiceField",
     "FactList",

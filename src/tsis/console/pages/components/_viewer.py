@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from nicegui import run, ui
+from nicegui import binding, run, ui
 
 from tsis.console.auth import client_identity
 from tsis.errors import TsisError
+from tsis.files import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 STATE_EVERY_S, STORE_EVERY_S = 0.3, 1.0  # between two readings
 UNREAD, FAILED = -2, -1  # in place of the number of the store's entries
 ERROR_SHOWN_MS = 8000
+OPERATOR_KEY = "tsis-operator"  # in the browser's local storage; presence.js has it too
+LONGEST_OPERATOR = 60
 _log = logging.getLogger(__name__)
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -30,11 +34,18 @@ Value = TypeVar("Value")
 
 
 class Viewer:
-    """The client of an open page; ``visible`` while the page is not behind another tab."""
+    """The client of an open page; ``visible`` while the page is not behind another tab.
+
+    ``operator`` is the name under which this person works: the login's, else the one that was typed before in this
+    browser, which keeps it; empty before the first.
+    """
+
+    operator = binding.BindableProperty()
 
     def __init__(self, client: Client, instrument: Instrument, poller: StatePoller, tabs: Tabs) -> None:
         self._client, self._instrument, self._poller, self._tabs = client, instrument, poller, tabs
         self.visible = True
+        self.operator = client_identity(client.request).name
 
     @property
     def identity(self) -> str:
@@ -44,12 +55,23 @@ class Viewer:
     @property
     def name(self) -> str:
         """Name shown to others."""
-        return client_identity(self._client.request).name or self._tabs.name(self.identity)
+        return self.operator or self._tabs.name(self.identity)
 
     @property
     def logged_in(self) -> bool:
         """Whether the name belongs to a login."""
         return bool(client_identity(self._client.request).name)
+
+    def reported_operator(self, name: object) -> None:
+        """Take the name that the browser kept; a login's stays, and so does one that was typed meanwhile."""
+        if isinstance(name, str) and not self.operator:
+            self.operator = one_line(name).strip()[:LONGEST_OPERATOR]
+
+    def remember_operator(self, name: str) -> None:
+        """Keep a typed name in this browser, for all pages and after a restart; a login's stays."""
+        if name and not self.logged_in and name != self.operator:
+            self.operator = name
+            self._client.run_javascript(f"localStorage.setItem({json.dumps(OPERATOR_KEY)}, {json.dumps(name)})")
 
     def saved(self, kind: type[Value]) -> Value:
         """The saved value of this tab of this kind; it survives changes of page and reloads."""

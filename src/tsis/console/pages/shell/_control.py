@@ -39,7 +39,7 @@ class Notices:
 
 
 class PageVisibility(Element, component="presence.js"):
-    """Reports to the viewer when the page becomes visible or hidden."""
+    """Reports to the viewer when the page becomes visible or hidden, and the operator's name that the browser keeps."""
 
     def __init__(self, viewer: Viewer) -> None:
         super().__init__()
@@ -48,6 +48,7 @@ class PageVisibility(Element, component="presence.js"):
             viewer.visible = event.args is not False
 
         self.on("visible", changed)
+        self.on("operator", lambda event: viewer.reported_operator(event.args))
 
 
 TAKE, RELEASE = "Take the camera", "Release the camera"

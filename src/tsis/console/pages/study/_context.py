@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import TYPE_CHECKING, Protocol
 
-from tsis.console.pages.components import unit_field
+from tsis.console.pages.components import LONGEST_OPERATOR, unit_field
 from tsis.console.studies import has_report
 from tsis.report import address
 from tsis.report.study import study_page, targets_table
 from tsis.study.analysis import analyse
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from nicegui import ui
@@ -58,6 +59,7 @@ class StudyView:
     study: Study
     devices: tuple[DeviceProgress, ...]
     reported: bool
+    most_read: Mapping[tuple[str, str], int]  # most readings of a (code, device) by one operator
 
 
 def view_study(repository: StudyRepository, name: str) -> StudyView:
@@ -76,7 +78,12 @@ def view_study(repository: StudyRepository, name: str) -> StudyView:
         )
         for (device, operator), count in counter.items()
     ]
-    return StudyView(study=study, devices=tuple(devices), reported=has_report(study))
+    most: Counter[tuple[str, str]] = Counter()
+    for (code, device, _), count in Counter(
+        (reading.code, reading.device, reading.operator) for reading in study.readings
+    ).items():
+        most[code, device] = max(most[code, device], count)
+    return StudyView(study=study, devices=tuple(devices), reported=has_report(study), most_read=most)
 
 
 def study_result(study: Study) -> StudyResult:
@@ -102,12 +109,18 @@ class StudyContext(Protocol):
     name: str
 
 
-def who_field(viewer: Viewer, label: str, before: str = "") -> ui.input:
-    """Place a field for a person's name: the login's, else ``before``, who did it last, or the browser's."""
-    field = unit_field(label, viewer.name if viewer.logged_in else before or viewer.name, keys="text")
-    return field.props("readonly") if viewer.logged_in else field
+def who_field(viewer: Viewer, label: str) -> ui.input:
+    """Place a field for a person's name: the operator's, where it is known."""
+    field = unit_field(label, keys="text").bind_value_from(viewer, "operator")
+    return field.props("readonly") if viewer.logged_in else field.props(f"maxlength={LONGEST_OPERATOR}")
 
 
 def name_in(viewer: Viewer, field: ui.input) -> str:
-    """The name to enter; a browser may send what it likes, so a login's is taken from the login."""
-    return viewer.name if viewer.logged_in else (field.value or "").strip()
+    """The name to enter; a browser may send what it likes, so a login's is taken from the login.
+
+    A typed name is kept as the operator's.
+    """
+    name = viewer.operator if viewer.logged_in else (field.value or "").strip()
+    if name:
+        viewer.remember_operator(name)
+    return name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,8 +12,10 @@ from tsis.__about__ import LARGEST_SEED
 from tsis.catalog import list_probes
 from tsis.console.pages.components import (
     cell,
+    dialog_buttons,
     field_messages,
     loading,
+    open_dialog,
     panel_title,
     rows_under,
     typed_forces,
@@ -25,57 +26,83 @@ from tsis.console.pages.components import (
 from tsis.console.pages.study._context import name_in, who_field
 from tsis.console.studies import StudyRepository
 from tsis.errors import InputError
+from tsis.model import require_number
 from tsis.study import TARGETS, printed_targets, random_targets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from nicegui.events import GenericEventArguments
+
     from tsis.console.pages.components import Viewer
     from tsis.console.pages.study._context import StudyResult, StudyView
     from tsis.console.services import Instrument
     from tsis.console.studies import StudySummary
-    from tsis.study import Study, TargetTruth
+    from tsis.study import TargetTruth
 
 
 SHEETS = (20, 50, 200)
 
 
 class CodeTable:
-    """The table of targets."""
+    """The table of targets; a browser gets one sheet of it, so that a large study costs no more than a small one."""
 
     def __init__(self) -> None:
+        self._view: StudyView | None = None
+        self._result: StudyResult | None = None
+        self._sheet, self._size = 1, SHEETS[0]
         panel_title("Targets")
-        self._table = ui.table(rows=[], columns=[], row_key="number", pagination=SHEETS[0]).classes("targets")
+        self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages(0)).classes("targets")
+        self._table.on("request", self._requested)
         self._table.props(
             f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}" rows-per-page-label="Targets on a sheet"'
         )
 
     def show(self, view: StudyView, result: StudyResult | None) -> None:
         """Show codes with their readings, or with the truth of an unblinded study."""
-        if result is None:
-            headings, rows = _progress(view.study)
+        self._view, self._result = view, result
+        self._draw()
+
+    def _requested(self, event: GenericEventArguments) -> None:
+        asked = event.args.get("pagination") if isinstance(event.args, dict) else None
+        if isinstance(asked, dict):
+            page, size = asked.get("page"), asked.get("rowsPerPage")
+            self._sheet = page if isinstance(page, int) and page > 0 else 1
+            self._size = next((sheet for sheet in SHEETS if sheet == size), SHEETS[0])
+        self._draw()
+
+    def _draw(self) -> None:
+        if self._view is None:
+            return
+        total = len(self._view.study.plan.codes)
+        self._sheet = min(self._sheet, max(1, -(-total // self._size)))
+        begin = (self._sheet - 1) * self._size
+        part = slice(begin, begin + self._size)
+        if self._result is None:
+            headings, rows = _progress(self._view, part)
         else:
-            headings, rows = result.targets.headings, list(result.targets.rows)
+            headings, rows = self._result.targets.headings, list(self._result.targets.rows[part])
         self._table.columns = [
             {"name": f"c{at}", "label": text, "field": f"c{at}", "align": "left"}
             for at, text in enumerate(("order", *headings))
         ]
         self._table.rows = [
             {"number": number, **{f"c{at}": text for at, text in enumerate((str(number), *row))}}
-            for number, row in enumerate(rows, start=1)
+            for number, row in enumerate(rows, start=begin + 1)
         ]
+        self._table.pagination = self._pages(total)
         self._table.update()
 
+    def _pages(self, total: int) -> dict[str, int]:
+        return {"page": self._sheet, "rowsPerPage": self._size, "rowsNumber": total}
 
-def _progress(study: Study) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Codes, and for each device whether it has read them; the virtual probe's first."""
-    devices = tuple(dict.fromkeys((study.plan.device, *study.devices)))
-    most: dict[tuple[str, str], dict[str, int]] = defaultdict(lambda: defaultdict(int))
-    for reading in study.readings:
-        most[reading.code, reading.device][reading.operator] += 1
+
+def _progress(view: StudyView, part: slice) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Codes of a sheet, and for each device whether it has read them; the virtual probe's first."""
+    plan, devices = view.study.plan, tuple(dict.fromkeys((view.study.plan.device, *view.study.devices)))
     rows = [
-        (code, *(_state(max(most[code, device].values(), default=0), study.plan.repeats) for device in devices))
-        for code in study.plan.codes
+        (code, *(_state(view.most_read.get((code, device), 0), plan.repeats) for device in devices))
+        for code in plan.codes[part]
     ]
     return ("code", *devices), rows
 
@@ -86,6 +113,36 @@ def _state(read: int, repeats: int) -> str:
     return f"read {read} of {repeats}" if read else "left"
 
 
+PROBABILITY = "least probability of an inclusion, of the virtual probe; other devices bring theirs"
+USUAL_FORCES = (0.5, 1.0)  # at most; a flat probe has one
+LARGE = 1000  # readings, beyond which the size is confirmed first
+SECONDS_PER_READING = 0.55  # of one core, with four presses; measured on the domed probe
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudySize:
+    """What one operator has to read.
+
+    Examples
+    --------
+    >>> StudySize(readings=100_000, presses=400_000).text()
+    'It has 100,000 readings, 400,000 presses: about 15 hours of computing on the virtual probe.'
+    """
+
+    readings: int
+    presses: int
+
+    def text(self) -> str:
+        """Its size and what it costs."""
+        seconds = SECONDS_PER_READING * self.presses / 4
+        unit, length = next(item for item in DURATIONS if seconds >= 2 * item[1] or item[1] == 1.0)
+        return (
+            f"It has {self.readings:,} readings, {self.presses:,} presses: about {seconds / length:.0f} {unit} of "
+            "computing on the virtual probe."
+        )
+
+
+DURATIONS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0), ("seconds", 1.0))
 LIKE = {"printed": "like the printed study", "random": "drawn by chance"}
 LABELS = {"present": "targets with an inclusion", "blank": "blanks", "forces_n": "forces"}
 MOST_FORCES = 16
@@ -119,10 +176,24 @@ class StudyDraft:
                 forces_n=typed_forces(self.forces, most=MOST_FORCES) or None,
                 with_reference=self.with_reference,
                 repeats=typed_integer("repeats", self.repeats, 1, MOST_REPEATS),
-                threshold=typed_number("threshold", self.threshold),
+                threshold=require_number(
+                    "threshold", typed_number("threshold", self.threshold), 0.0, 1.0, hint=PROBABILITY
+                ),
                 actor=actor,
             )
         return name
+
+    def _threshold(self) -> float:
+        return require_number("threshold", typed_number("threshold", self.threshold), 0.0, 1.0, hint=PROBABILITY)
+
+    def size(self) -> StudySize:
+        """Readings and presses of the virtual probe; `InputError` for an invalid field."""
+        with field_messages(LABELS):
+            present, blank = (typed_whole(LABELS[name], getattr(self, name)) for name in ("present", "blank"))
+            repeats = typed_integer("repeats", self.repeats, 1, MOST_REPEATS)
+            forces = typed_forces(self.forces, most=MOST_FORCES) or USUAL_FORCES
+            readings = (present + blank) * repeats
+            return StudySize(readings=readings, presses=readings * len(forces) * (1 + self.with_reference))
 
     def _targets(self) -> Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]]:
         present, blank = (typed_whole(LABELS[name], getattr(self, name)) for name in ("present", "blank"))
@@ -227,18 +298,53 @@ class _NewStudy:
             "threshold": threshold,
             "seed": seed,
         }
+        for field in (present, blank, forces, repeats):
+            field.on_value_change(self._count)
+        threshold.props["hint"] = "probability, 0 to 1"
         self._reference = ui.checkbox("Reference presses on tissue nearby", value=start.with_reference)
+        self._reference.on_value_change(self._count)
         ui.label(MEANT).classes("muted")
+        self._size = ui.label().classes("muted")
         with ui.element("div").classes("row"):
             self._button = ui.button("Make the study", icon="add", on_click=self._make).props("no-caps")
+        self._dialogs = ui.element("div")
+        self._count()
 
-    async def _make(self) -> None:
-        draft = StudyDraft(
+    def _draft(self) -> StudyDraft:
+        return StudyDraft(
             like=str(self._like.value),
             probe=str(self._probe.value),
             with_reference=bool(self._reference.value),
             **{name: field.value or "" for name, field in self._texts.items()},
         )
+
+    def _count(self) -> None:
+        """Show what the study costs, while its numbers are typed."""
+        try:
+            self._size.text = self._draft().size().text()
+        except InputError as error:
+            self._size.text = f"{error}."
+
+    async def _make(self) -> None:
+        draft = self._draft()
+        try:
+            size = draft.size()
+        except InputError as error:
+            self._viewer.complain(str(error))
+            return
+        if size.readings <= LARGE:
+            await self._made(draft)
+            return
+        with open_dialog(self._dialogs, "A large study") as dialog:
+            ui.label(f"{size.text()} Its targets are fixed once it is made.")
+
+            async def confirmed() -> None:
+                dialog.close()
+                await self._made(draft)
+
+            dialog_buttons(dialog, f"Make {size.readings:,} readings", confirmed)
+
+    async def _made(self, draft: StudyDraft) -> None:
         with loading(self._button):
             created = await self._viewer.attempt(draft.make, self._repository, actor=name_in(self._viewer, self._who))
         if created is not None:

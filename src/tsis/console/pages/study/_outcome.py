@@ -89,14 +89,22 @@ class Unblinding:
 
     def __init__(self, page: StudyContext) -> None:
         self._page, self._blind = page, True
+        self._dialog: ui.dialog | None = None
+        self._who: ui.input | None = None
         self._container = ui.element("div")
         self._button = ui.button("Unblind and analyse", icon="visibility", on_click=self._clicked)
         self._button.props("dense no-caps outline")
 
-    def show(self, view: StudyView) -> None:
-        """Say what a click would do."""
+    async def show(self, view: StudyView) -> None:
+        """Say what a click would do; an open dialog is asked anew, since it told of the study before."""
         self._blind = view.study.unblinded is None
         self._button.text = "Unblind and analyse" if self._blind else "Analyse again"
+        if self._dialog is not None and not self._dialog.is_deleted and self._dialog.value:
+            who = "" if self._who is None else self._who.value or ""
+            self._dialog.delete()
+            await self._clicked()
+            if self._who is not None and who:
+                self._who.set_value(who)
 
     async def _clicked(self) -> None:
         page = self._page
@@ -112,6 +120,7 @@ class Unblinding:
         blind = study.unblinded is None
         title = f"{'Unblind' if blind else 'Analyse'} study {study.plan.name}"
         with open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
+            self._dialog = dialog
             if blind:
                 ui.label(f"{MEANT} The study has {count_of(len(study.readings), 'reading')}.")
             if verification.faults:
@@ -124,7 +133,7 @@ class Unblinding:
                     ui.label(f"{device} lacks {lacking} of {count_of(len(study.plan.codes), 'target')}.").classes(
                         "flag"
                     )
-            who = who_field(page.viewer, "Done by")
+            self._who = who = who_field(page.viewer, "Done by")
 
             async def begin() -> None:
                 with loading(button):

@@ -109,10 +109,10 @@ class Running:
             self._begin = ui.button("Run on the virtual probe", icon="play_arrow", on_click=self._run).props("no-caps")
 
     def show(self, view: StudyView) -> None:
-        """Fill in the last operator, unless the field has text."""
+        """Suggest the operator who has still to read, in a browser that knows no name."""
         own = [device for device in view.devices if device.device == view.study.plan.device]
         before = [device for device in own if device.read < device.expected]
-        if before and not self._named and not self._page.viewer.logged_in:
+        if before and not self._named and not self._page.viewer.operator and not self._who.value:
             self._who.set_value(max(before, key=lambda item: item.read).operator)
         self._named = True
 

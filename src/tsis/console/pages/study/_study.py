@@ -91,7 +91,7 @@ class StudyPage:
         self._run.set_visibility(blind)
         self._import.set_visibility(blind)
         self._running.show(view)
-        self._unblinding.show(view)
+        await self._unblinding.show(view)
         self._plan.show(_facts(view))
         self._devices.clear()
         with self._devices:
