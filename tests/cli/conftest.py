@@ -59,7 +59,9 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(
-            sys, "argv", ["tsis", "demo", "--save", "--store", "records", "--phantom", "size-8", "--out", "demo"]
+            sys,
+            "argv",
+            ["tsis", *"demo --seed 4 --strain small --save --store records --phantom size-8 --out demo".split()],
         )
         with pytest.raises(SystemExit) as stop:
             main()

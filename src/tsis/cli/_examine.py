@@ -244,7 +244,7 @@ def examine(
             probe=by.name,
             calibration=usable.calibration,
             frames={"target": frames, "plain": reference_frames},
-            options={"prior": asdict(assumed), "strain": result.provenance["strain"]},
+            options={"prior": asdict(assumed), "strain": result.provenance.get("strain", strain)},
         )
         publish_and_save(outcome, out, destination, savable, as_json=as_json)
 
