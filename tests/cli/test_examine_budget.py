@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis
 
 REFERENCES = ("--reference-press", "demo/reference-0.5N.png", "--reference-press", "demo/reference-1N.png")
-BUDGET = ("examine", *FRAMES, *KNOWN, *FORCES, *REFERENCES, "--strain", "small", "--budget")
+BUDGET = ("examine", *FRAMES, *KNOWN, *FORCES, *REFERENCES, "--budget")
 
 
 def test_the_budget_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> None:
