@@ -63,6 +63,8 @@ def test_what_is_no_setting_is_said_and_nothing_changes(
 ) -> None:
     _type(page, "Exposure", typed)
     page.get_by_text(message).first.wait_for()
+    expect(page.get_by_role("textbox", name="Exposure")).to_have_value(typed)  # to be corrected
+    page.get_by_role("textbox", name="Exposure").press("Escape")
     expect(page.get_by_role("textbox", name="Exposure")).to_have_value("20")
     assert _settings(console)["exposure_ms"] == 20.0
 

@@ -47,6 +47,12 @@ COMMANDS = {
         "Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated.",
         "tsis examine first-press/target-1N.png --reference first-press/untouched.png --scale-mm 0.0336,0.0392",
     ),
+    "contacts": CommandEntry(
+        "tsis.cli._contacts",
+        "contacts",
+        "Find the contact in frames of a gel sensor: centre, radius or ellipse, area, and a quality with reasons.",
+        "tsis contacts gel-frames/press-1.png --sensor gelsight-mini --reference gel-frames/untouched.png",
+    ),
     "track": CommandEntry(
         "tsis.cli._track",
         "track",
@@ -73,6 +79,12 @@ COMMANDS = {
     ),
     "sensor": CommandEntry(
         "tsis.cli._sensor", "app", f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}"
+    ),
+    "force": CommandEntry(
+        "tsis.cli._force",
+        "force",
+        "Compute newtons and pressure from a depth map of a gel sensor, with the force's interval.",
+        "tsis force --demo --sensor gelsight-mini --out first-force",
     ),
     "serve": CommandEntry(
         "tsis.cli._serve",
@@ -147,7 +159,7 @@ HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis dem
 Open software for optical tactile imaging.
 {RESEARCH_USE_ONLY}
 
-  measure    acquire, examine, hardness, track, match, detect, network
+  measure    acquire, examine, hardness, contacts, force, track, match, detect, network
              Frames from a camera; inclusions and hardness with intervals; point matching.
   calibrate  calibrate, sensor
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.

@@ -16,11 +16,12 @@ from tsis.cli._options import (
     DepthMm,
     DiameterMm,
     ForcesN,
+    InclusionPriorChoice,
     PhantomName,
-    PriorFile,
     ProbeOption,
     ShowPrior,
     YoungKpa,
+    chosen_prior,
     chosen_probe,
     require_no_file,
 )
@@ -47,7 +48,7 @@ def demo(
     strain: Annotated[
         str, typer.Option(help="Mechanics of presses and estimate: finite, seconds a press; small, tenths.")
     ] = "finite",
-    prior: PriorFile = None,
+    prior: InclusionPriorChoice = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
     save: SaveOption = False,
@@ -67,11 +68,7 @@ def demo(
     if save:
         require_no_file("--save", probe)
     chosen = chosen_probe(probe)
-    assumed = (
-        tsis.inclusion.InclusionPrior()
-        if prior is None
-        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior)
-    )
+    assumed = chosen_prior(prior)
     destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = tsis.optics.irradiance.irradiance(chosen, progress=advance)

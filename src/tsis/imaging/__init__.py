@@ -21,6 +21,8 @@ from tsis.imaging._corrections import (
 )
 from tsis.imaging._features import Features, features
 from tsis.imaging._filters import block_means
+from tsis.imaging._gel_change import GelChange, gel_change, gel_levels, gel_reference
+from tsis.imaging._gel_contacts import REASONS, GelContact, contacts, find_gel_contact
 from tsis.imaging._height_surface import HeightSurface, height_surface
 from tsis.imaging._lost_light import LostLight, find_lost_light
 from tsis.imaging._patch import (
@@ -43,11 +45,14 @@ __all__ = [
     "GAUSSIAN_MAD",
     "NOISE_FACTOR",
     "QUANTISATION",
+    "REASONS",
     "SCALE_TOLERANCE",
     "SMOOTH_PX",
     "Contact",
     "ContactModel",
     "Features",
+    "GelChange",
+    "GelContact",
     "HeightSurface",
     "LedDrift",
     "LostLight",
@@ -58,12 +63,17 @@ __all__ = [
     "block_means",
     "change_magnitude",
     "colour_map",
+    "contacts",
     "expose",
     "features",
     "find_colour_contact",
     "find_contact",
+    "find_gel_contact",
     "find_lost_light",
     "flatten",
+    "gel_change",
+    "gel_levels",
+    "gel_reference",
     "height_surface",
     "match_light",
     "pixel_noise",

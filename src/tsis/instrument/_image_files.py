@@ -140,6 +140,16 @@ def read_colour(path: str | os.PathLike[str]) -> NDArray[Any]:
     return levels
 
 
+def read_levels(path: str | os.PathLike[str]) -> NDArray[Any]:
+    """Read an image file as stored: shape (rows, columns), or (rows, columns, 3) red-green-blue; uint8 or uint16.
+
+    Raises `FileInputError` as `read_image`. The array is read-only.
+    """
+    levels = _decode(as_path(path)).levels
+    levels.flags.writeable = False
+    return levels
+
+
 def _decode(path: Path) -> _Picture:
     name = printable_path(path)
     if not read_head(path).startswith(_MAGIC):

@@ -11,6 +11,7 @@ from tsis.plots._detection import (
     scores_by_truth,
 )
 from tsis.plots._estimate import LABELS, design_errors, marginal, posterior, trade_off
+from tsis.plots._gel import gel_contact, gel_depth
 from tsis.plots._hardness import contact_growth, contact_rows, modulus, modulus_readings
 from tsis.plots._image import relief, ring_profile, tactile_image
 from tsis.plots._matching import (
@@ -46,6 +47,8 @@ __all__ = [
     "draw_scan_plan",
     "force_residuals",
     "force_sums",
+    "gel_contact",
+    "gel_depth",
     "grey_sums",
     "guide_index",
     "guide_light",

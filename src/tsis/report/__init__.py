@@ -52,6 +52,16 @@ from tsis.report._forms import (
     require_absent,
     write_form,
 )
+from tsis.report._gel import (
+    CONTACT_HEADINGS,
+    contact_documents,
+    contact_notes,
+    contacts_csv,
+    draw_contacts,
+    gel_contact_rows,
+    gel_contacts_report,
+    overlay_inches,
+)
 from tsis.report._hardness import (
     estimate_cards,
     estimate_messages_of,
@@ -84,6 +94,7 @@ from tsis.report._relative import (
 from tsis.report._tracking import PressTrack, track_document, track_notes, track_press, track_report, track_rows
 
 __all__ = [
+    "CONTACT_HEADINGS",
     "ENDINGS",
     "FORM_LABELS",
     "HEADINGS",
@@ -116,13 +127,17 @@ __all__ = [
     "comparison_document",
     "comparison_notes",
     "comparison_tables",
+    "contact_documents",
+    "contact_notes",
     "contact_report",
+    "contacts_csv",
     "content_rows",
     "design_caption",
     "design_document",
     "design_notes",
     "design_page",
     "design_rows",
+    "draw_contacts",
     "draw_errors",
     "draw_poses",
     "draw_registration",
@@ -137,6 +152,8 @@ __all__ = [
     "finding_notes",
     "finding_rows",
     "free_folder",
+    "gel_contact_rows",
+    "gel_contacts_report",
     "hardness_notes",
     "hardness_page",
     "hardness_report",
@@ -146,6 +163,7 @@ __all__ = [
     "inclusion_report",
     "light_rows",
     "measured_values",
+    "overlay_inches",
     "recomputation_document",
     "recomputation_message",
     "recomputation_notes",

@@ -3,6 +3,17 @@
 from tsis.virtual._calibration_bench import VirtualBench, bench_name, bench_seed
 from tsis.virtual._camera import FORCE_SETTING, LARGEST_FORCE_N, USUAL_MS, VirtualCamera, virtual_mode
 from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
+from tsis.virtual._gel_frames import (
+    GelBallPress,
+    GelLight,
+    RenderedPress,
+    ball_press,
+    gel_depth_mm,
+    random_gel_light,
+    random_gel_press,
+    render_gel,
+    rendered_series,
+)
 from tsis.virtual._gige import GigEServer
 from tsis.virtual._loading_camera import MachineErrors
 from tsis.virtual._loading_machine import FLAT_LEVELS, VirtualLoadingMachine
@@ -17,18 +28,27 @@ __all__ = [
     "LARGEST_FORCE_N",
     "USUAL_MS",
     "DirectContactRig",
+    "GelBallPress",
+    "GelLight",
     "GigEServer",
     "MachineErrors",
+    "RenderedPress",
     "VirtualBench",
     "VirtualCamera",
     "VirtualLoadingMachine",
     "VirtualProbe",
     "ball_frame",
+    "ball_press",
     "bench_name",
     "bench_seed",
     "direct_contact_calibration",
     "dot_board_frame",
+    "gel_depth_mm",
     "nominal_calibration",
+    "random_gel_light",
+    "random_gel_press",
+    "render_gel",
+    "rendered_series",
     "untouched_frame",
     "virtual_mode",
 ]

@@ -146,7 +146,12 @@ class Operator:
     @property
     def texts(self) -> list[str]:
         """All texts on the page."""
-        return [text for element in self._shown() for text in (_text(element), *_options(element)) if text]
+        return [
+            text
+            for element in self._shown()
+            for text in (_text(element), *_options(element), getattr(element, "error", None))
+            if text
+        ]
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -245,6 +250,11 @@ class Operator:
         field = await self._usable(name, partial(self._controls, kind=Upload))
         response = await self.http.post(field.props["url"], files={"file": (file, content)})
         assert response.status_code == 200, response.text
+
+    def presses_escape(self, name: str) -> None:
+        """Press Escape in a field."""
+        (field,) = self._fields(name)
+        self._send(field, "keydown.esc")
 
     def orders(self, **pagination: Any) -> None:
         """Order the table, as a click on its headings and below it does."""

@@ -118,7 +118,10 @@ def _named(record: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress
 def _terms(presses: Sequence[StoredPress], number: int) -> tuple[str, str]:
     """The probe and the calibration that all presses share."""
     if not presses:
-        raise RecordsError(f"target {number} must have a press on the target to be estimated; it has none (take one)")
+        raise RecordsError(
+            f"target {number} must have a press on the target to be estimated; it has none (start the camera, "
+            "press the target, and save a snapshot)"
+        )
     result = {(press.probe, press.calibration) for press in presses}
     if len(result) > 1:
         raise RecordsError("presses must be of one probe under one calibration; these are of several (choose fewer)")

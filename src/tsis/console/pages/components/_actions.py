@@ -123,6 +123,10 @@ class RunButton:
         self._runs = camera.running
         self.element.text = "Stop" if self._runs else "Start"
         self.element.set_icon("stop" if self._runs else "play_arrow")
+        if self._runs:  # the next step is the filled button
+            self.element.props(add="outline", remove="unelevated")
+        else:
+            self.element.props(add="unelevated", remove="outline")
 
     async def _clicked(self) -> None:
         if self._runs is None:

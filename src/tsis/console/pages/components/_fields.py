@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -112,8 +113,9 @@ class NumberField:
     """A field for one number of the instrument.
 
     A number that is being typed stays, whatever the instrument's state; Escape restores the field. ``act`` is called
-    with the number, outside the event loop; after an error the field shows the instrument's number again. ``emptied``
-    is called when the field is left empty; without it only numbers are accepted.
+    with the number, outside the event loop. What it refuses stays in the field, with the reason under it, until it is
+    corrected, Escape is pressed or the instrument's number changes. ``emptied`` is called when the field is left empty;
+    without it only numbers are accepted.
     """
 
     def __init__(
@@ -128,6 +130,7 @@ class NumberField:
         self._viewer, self._label, self._act, self._emptied = viewer, label, act, emptied
         self._value: float | None = None
         self._typing, self._just_done = False, UndoMemory()
+        self._refused: str | None = None  # the text that was refused last
         self.element = unit_field(label, unit=unit).classes("number-field")
         self.element.on("update:model-value", self._typed)
         self.element.on("blur", self._done)
@@ -138,6 +141,8 @@ class NumberField:
         """Show the instrument's number, unless another one is being typed."""
         if self._just_done.is_old(value):
             return
+        if value != self._value and self._refused is not None:
+            self._accepted()
         self._value = value
         self._typing = self._typing and self.element.enabled  # who may not change it any more has not typed it
         if not self._typing:
@@ -147,8 +152,16 @@ class NumberField:
         self._typing = True
 
     def _give_up(self) -> None:
-        self._typing = False
+        self._accepted()
         self.show(self._value)
+
+    def refuse(self, message: str) -> None:
+        """Show under the field why its text was refused."""
+        self._refused, self._typing = str(self.element.value or "").strip(), True
+        self.element.error = message
+
+    def _accepted(self) -> None:
+        self._refused, self._typing, self.element.error = None, False, None
 
     async def _done(self) -> None:
         if not self._typing:
@@ -157,9 +170,15 @@ class NumberField:
         if text == number_text_of_field(self._value):
             self._give_up()
             return
+        if text == self._refused:  # the field is left, or Enter is pressed again
+            return
         self._typing = False
         before = self._value
-        await self._viewer.attempt(self._accept, text)
+        message = await self._viewer.refusal(partial(self._accept, text))
+        if not self._typing:
+            self._accepted()
+        if message:
+            self.refuse(message)
         if not self._typing:
             self.element.set_value(number_text_of_field(self._value))
         if self._value != before:

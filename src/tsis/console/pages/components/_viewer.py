@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
 from nicegui import binding, run, ui
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 STATE_EVERY_S, STORE_EVERY_S = 0.3, 1.0  # between two readings
 UNREAD, FAILED = -2, -1  # in place of the number of the store's entries
-ERROR_SHOWN_MS = 8000
+CORNER: Final = "bottom-right"  # where messages cover least
 OPERATOR_KEY = "tsis-operator"  # in the browser's local storage; presence.js has it too
 LONGEST_OPERATOR = 60
 _log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ class Viewer:
     def __init__(self, client: Client, instrument: Instrument, poller: StatePoller, tabs: Tabs) -> None:
         self._client, self._instrument, self._poller, self._tabs = client, instrument, poller, tabs
         self.visible = True
-        self.operator = client_identity(client.request).name
+        self.operator = ""
 
     @property
     def identity(self) -> str:
@@ -55,7 +55,7 @@ class Viewer:
     @property
     def name(self) -> str:
         """Name shown to others."""
-        return self.operator or self._tabs.name(self.identity)
+        return client_identity(self._client.request).name or self.operator or self._tabs.name(self.identity)
 
     @property
     def logged_in(self) -> bool:
@@ -87,28 +87,36 @@ class Viewer:
         self, act: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs
     ) -> Result | None:
         """Run a slow call outside the event loop; show an error, and return None then."""
+        result: list[Result] = []
+        refusal = await self.refusal(lambda: result.append(act(*given, **named)))
+        if refusal:
+            self.complain(refusal)
+        return result[0] if result else None
+
+    async def refusal(self, act: Callable[[], object]) -> str:
+        """Run a slow call outside the event loop, and return its error, which a field shows itself; empty without."""
         try:
-            return await run.io_bound(act, *given, **named)
+            await run.io_bound(act)
         except TsisError as error:
-            self.complain(str(error))
+            return str(error)
         except Exception as error:
             _log.exception("a command of a page failed")
-            self.complain(f"this failed for an unexpected reason: {type(error).__name__}: {error}")
-        return None
+            return f"this failed for an unexpected reason: {type(error).__name__}: {error}"
+        return ""
 
     def command(self, act: Callable[..., object], *given: object) -> Callable[[], Awaitable[object]]:
         """A handler of a control that attempts a command of this client."""
         return lambda: self.attempt(act, *given, by=self.identity)
 
     def complain(self, message: str) -> None:
-        """Say what went wrong."""
+        """Say what went wrong, until it is closed; clicks go through the message to what lies under it."""
         with self._client:
-            ui.notify(message, type="negative", multi_line=True, timeout=ERROR_SHOWN_MS, close_button="Close")
+            ui.notify(message, type="negative", multi_line=True, timeout=0, close_button="Close", position=CORNER)
 
     def notify(self, message: str) -> None:
         """Say what was done."""
         with self._client:
-            ui.notify(message, type="positive", multi_line=True)
+            ui.notify(message, type="positive", multi_line=True, position=CORNER)
 
     async def entries(self) -> int | None:
         """Number of changes of the store by any program; None while the console closes. Errors as of the store."""

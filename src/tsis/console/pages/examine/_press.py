@@ -89,6 +89,10 @@ class PressPanel:
     def show(self, state: InstrumentState) -> None:
         """Show the instrument's press."""
         self._run.show(state.camera)
+        if state.camera.running:
+            self._save.props(add="unelevated", remove="outline")
+        else:
+            self._save.props(add="outline", remove="unelevated")
         self._target.show(state.target)
         self._role.show(state.role, {role: ROLE_NAMES[role] for role in state.roles})
         self._force.show(state.force_n)

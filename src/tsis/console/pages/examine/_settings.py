@@ -58,8 +58,10 @@ class SettingLine:
 
     async def _released(self, event: GenericEventArguments) -> None:
         value = min(max(float(event.args), self._setting.low), self._setting.high)
-        await self._viewer.attempt(self._adjust, value)
+        message = await self._viewer.refusal(partial(self._adjust, value))
         self._moving = False
+        if message:
+            self._field.refuse(message)
 
 
 def setting_label(name: str) -> str:

@@ -136,6 +136,8 @@ class Shell:
     def build(self) -> None:
         """Build the page of the tab that opens now."""
         viewer = Viewer(ui.context.client, self._instrument, self._poller, self._tabs)
+        if viewer.logged_in:
+            viewer.operator = viewer.name
         with ui.header(elevated=False).classes("bar"):
             ui.link("Skip to the page", f"#{MAIN}").classes("skip")
             ui.label("tsis").classes("brand")
@@ -171,6 +173,8 @@ class Shell:
 
 def _camera_text(state: InstrumentState) -> str:
     camera = state.camera
+    if state.busy:
+        return f"{state.busy} …"
     if not camera.running:
         return "camera stopped"
     if camera.lost:

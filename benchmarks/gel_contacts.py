@@ -1,0 +1,126 @@
+"""Contacts in frames of gel sensors: errors on real and on rendered frames.
+
+    python -m benchmarks.gel_contacts --seed 2026 --rendered 60 --data ../shared/data/real
+
+Real: 49 presses of a GelSight (Taxim) against hand-labelled centres, in two halves, the even ones of which the method
+was developed on; the ball presses of two 9DTact sensors. Rendered: balls of 2 to 10 mm diameter on three sensors, under
+lamps, blur, noise, gel thickness and Poisson's ratio that the method does not know (`tsis.virtual.random_gel_press`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from tsis.catalog import load_sensor
+from tsis.imaging import contacts
+from tsis.instrument import read_colour
+from tsis.virtual import random_gel_press
+
+SENSORS = ("gelsight-mini", "gelsight-taxim", "9dtact")
+WIDTH_90 = 1.645
+
+
+def taxim(path: Path) -> Table:
+    """Centre errors of the labelled presses."""
+    with np.load(path, allow_pickle=False) as data:
+        untouched, presses, labels = data["f0"], data["imgs"], data["touch_center"]
+    found = contacts(list(presses), sensor=load_sensor("gelsight-taxim"), reference=untouched)
+    table = Table(
+        "Taxim", "frames", "good", "median / px", "90 % / px", "largest / px", "median less the mean shift / px"
+    )
+    for name, part in (("even (developed on)", slice(0, None, 2)), ("odd", slice(1, None, 2)), ("all", slice(None))):
+        good = np.array([contact.good for contact in found[part]])
+        shift = np.array([contact.centre_px for contact in found[part]]) - labels[part]
+        error = np.hypot(*shift[good].T)
+        aside = np.hypot(*(shift[good] - np.median(shift[good], axis=0)).T)
+        table.add_row(
+            name, str(len(good)), f"{good.mean():.0%}", f"{np.median(error):.2f}", f"{np.quantile(error, 0.9):.2f}",
+            f"{error.max():.2f}", f"{np.median(aside):.2f}",
+        )  # fmt: skip
+    return table
+
+
+def nine_d_tact(folder: Path) -> Table:
+    """The two ball presses of 9DTact."""
+    table = Table(
+        "9DTact, ball of 4.0 mm radius", "good", "centre / px", "radius / mm", "sd / mm", "radius by makers / mm"
+    )
+    for sensor in ("sensor_1", "sensor_2"):
+        frames = [
+            read_colour(folder / sensor / f"depth_calibration_rectify_crop_{kind}.png") for kind in ("sample", "ref")
+        ]
+        (contact,) = contacts(frames[:1], sensor=load_sensor("9dtact"), reference=frames[1])
+        levels = np.load(folder / sensor / "depth_calibration_Pixel_to_Depth.npy")
+        change = (frames[1].astype(float) - frames[0]).mean(axis=2)
+        deepest = float(np.interp(np.quantile(change, 0.9995), np.arange(levels.size), levels))
+        by_makers = float(np.sqrt(2 * 4.0 * deepest - deepest**2))
+        table.add_row(
+            sensor, str(contact.good), f"{contact.centre_px[0]:.1f}, {contact.centre_px[1]:.1f}",
+            f"{contact.radius_mm:.3f}", f"{contact.radius_sd_mm:.3f}", f"{by_makers:.3f}",
+        )  # fmt: skip
+    return table
+
+
+def rendered(count: int, seed: int) -> Table:
+    """Radius errors of rendered presses; intervals are of the radius in pixels, as the rendering's scale is exact."""
+    rng = np.random.default_rng(seed)
+    table = Table(
+        "rendered",
+        "presses",
+        "good",
+        "median radius error",
+        "95 %",
+        "bias",
+        "90 % intervals hold",
+        "median centre error / radius",
+    )
+    every = []
+    for name in SENSORS:
+        rows = []
+        for _ in range(count):
+            press = random_gel_press(load_sensor(name), rng)
+            (contact,) = contacts([press.frame], sensor=press.sensor, reference=press.reference)
+            error = contact.radius_px / press.radius_px - 1.0
+            z = (contact.radius_px - press.radius_px) / contact.radius_sd_px
+            centre = np.hypot(*np.subtract(contact.centre_px, press.centre_px)) / press.radius_px
+            rows.append((contact.good, error, z, centre))
+        every += rows
+        table.add_row(name, *_row(rows))
+    table.add_row("all", *_row(every))
+    return table
+
+
+def _row(rows: list[tuple[bool, float, float, float]]) -> list[str]:
+    values = np.array([row[1:] for row in rows if row[0]])
+    error, z, centre = np.abs(values[:, 0]), values[:, 1], values[:, 2]
+    return [
+        str(len(rows)), f"{len(values) / len(rows):.0%}", f"{np.median(error):.2%}", f"{np.quantile(error, 0.95):.2%}",
+        f"{np.median(values[:, 0]):+.2%}", f"{np.mean(np.abs(z) < WIDTH_90):.1%}", f"{np.median(centre):.3f}",
+    ]  # fmt: skip
+
+
+def main() -> int:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=Path(__file__).parents[1] / ".." / "shared" / "data" / "real")
+    parser.add_argument("--seed", type=int, default=2026)
+    parser.add_argument("--rendered", type=int, default=60, help="presses a sensor")
+    options = parser.parse_args()
+    console = Console(width=140)
+    if options.data.is_dir():
+        console.print(taxim(options.data / "taxim_ball" / "dataPack_small.npz"))
+        console.print(nine_d_tact(options.data / "9dtact"))
+    else:
+        print(f"{options.data} does not exist: real frames are left out", file=sys.stderr)
+    console.print(rendered(options.rendered, options.seed))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

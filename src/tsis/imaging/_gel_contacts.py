@@ -1,0 +1,310 @@
+"""Contacts in frames of a gel sensor: place, size, standard deviations, and a quality with reasons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import ndimage
+
+from tsis.errors import InputError
+from tsis.imaging._contact_fit import ContactFit, fit_contact
+from tsis.imaging._filters import block_means
+from tsis.imaging._gel_change import GelChange, gel_change, gel_reference
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model import GelSensor
+
+
+SEARCH_COLUMNS = 160  # a search does not need more
+FITTED_RADIUS_PX = 15.0  # larger contacts are fitted on block means
+PEAK_NOISE = 8.0  # times the noise of the smoothed change
+LEAST_CHANGE = 3.0  # levels
+CENTRE_MODEL_SD, RADIUS_MODEL_SD = 0.03, 0.02  # of the radius: what the fit's model misses, by rendered frames
+LEAST_QUALITY = 0.5
+MOVED = 0.1  # of the radius, between frames of a sequence
+REASONS = {
+    "no contact": "nothing changed against the reference: press harder, or check the reference",
+    "poor fit": "no ellipse explains the change: press with a smoother part of the object",
+    "glare": "clipped pixels cover the contact: lower the exposure, or press elsewhere",
+    "cut by the border": "a part of the contact is outside the frame: press nearer to the middle",
+    "several contacts": "another contact is as strong: press with one",
+    "moving": "the contact moved since the frame before: hold still, or take a later frame",
+    "marker pattern": "markers cover much of the contact: press deeper, or use a gel without markers",
+    "uncertain": "the radius is not known within 15 %: press deeper, or reduce noise",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GelContact:
+    """The contact in one frame.
+
+    Lengths in mm are None where the sensor's scale is not known; all numbers are NaN where there is no contact.
+
+    Attributes
+    ----------
+    name
+        The frame's name.
+    centre_px, centre_sd_px
+        Centre (x, y), and its standard deviations.
+    radius_px, radius_sd_px
+        Radius of the circle of the same area.
+    semi_axes_px, angle_deg
+        Long and short semi-axis, equal for a circle, and the angle of the long one from x towards y.
+    centre_mm, centre_sd_mm
+        Centre on the face from the middle of the frame, without the lens's distortion.
+    radius_mm, radius_sd_mm, area_mm2, area_sd_mm2
+        Size on the face; the standard deviations include that of the scale.
+    explained
+        Fraction of the change that the fit explains.
+    quality
+        From 0 to 1.
+    good
+        Whether the quality is at least one half and no reason stands against it.
+    reasons
+        Names of what is wrong; `REASONS` has a sentence for each.
+    """
+
+    name: str
+    centre_px: tuple[float, float]
+    centre_sd_px: tuple[float, float]
+    radius_px: float
+    radius_sd_px: float
+    semi_axes_px: tuple[float, float]
+    angle_deg: float
+    centre_mm: tuple[float, float] | None
+    centre_sd_mm: tuple[float, float] | None
+    radius_mm: float | None
+    radius_sd_mm: float | None
+    area_mm2: float | None
+    area_sd_mm2: float | None
+    explained: float
+    quality: float
+    good: bool
+    reasons: tuple[str, ...]
+
+
+def contacts(
+    frames: Sequence[Any],
+    *,
+    sensor: GelSensor,
+    reference: Any | None = None,
+    names: Sequence[str] | None = None,
+    sequence: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[GelContact, ...]:
+    """Find the contact in each frame of a gel sensor.
+
+    Parameters
+    ----------
+    frames
+        Frames as `gel_levels` takes them: colour arrays of 8 or 16 bits, or grey ones of a white-light sensor.
+    sensor
+        The sensor that took them.
+    reference
+        A frame of the untouched sensor; None takes the median of at least eight frames pressed at different places.
+    names
+        Names of the frames; ``frame 1`` and so on when None.
+    sequence
+        Whether the frames are of one press in the order of time: then a contact that moves is no good one.
+    progress
+        Called with the number of finished frames and of all.
+
+    Raises
+    ------
+    InputError
+        When a frame is no picture, is black, has no colour under coloured lamps, or a reference is missing.
+    ImageMismatchError
+        When a frame or the reference does not belong to the sensor.
+    """
+    frames = list(frames)
+    if not frames:
+        raise InputError("frames must hold at least one frame; got none")
+    labels = [f"frame {number}" for number in range(1, len(frames) + 1)] if names is None else list(names)
+    untouched = gel_reference(frames, sensor, reference)
+    found: list[GelContact] = []
+    for number, (frame, name) in enumerate(zip(frames, labels, strict=True)):
+        change = gel_change(frame, untouched, sensor, what=name)
+        contact = find_gel_contact(change, sensor, name=name)
+        if sequence and found and _moved(found[-1], contact):
+            contact = replace(contact, good=False, reasons=(*contact.reasons, "moving"))
+        found.append(contact)
+        if progress is not None:
+            progress(number + 1, len(frames))
+    return tuple(found)
+
+
+def _moved(before: GelContact, now: GelContact) -> bool:
+    if "no contact" in before.reasons + now.reasons:
+        return False
+    return bool(np.hypot(*np.subtract(before.centre_px, now.centre_px)) > MOVED * now.radius_px)
+
+
+def find_gel_contact(change: GelChange, sensor: GelSensor, *, name: str = "frame") -> GelContact:
+    """Find the contact in the change of one frame; what `contacts` does for each."""
+    rows, columns = change.usable.shape
+    step = max(1, round(columns / SEARCH_COLUMNS))
+    coarse, usable = _reduced(change, step)
+    place = _search(coarse, usable, max(change.noise / step, 0.3))
+    if place is None:
+        return _none(name)
+    centre, radius, others = place
+    slope = sensor.light == "rgb"
+    fit = fit_contact(coarse, usable.astype(float), centre, radius, slope=slope, starts=(0.65, 0.85, 1.1))
+    if fit is None:
+        return _none(name)
+    fine = max(1, int(fit.radius * step / FITTED_RADIUS_PX))
+    if fine != step:
+        coarse, usable = _reduced(change, fine)
+        fit = _scaled(fit, step, fine)
+        fit = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, slope=slope) or fit
+    oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, slope=slope, ellipse=True)
+    if oval is not None and _is_oval(fit, oval):
+        fit = oval
+    fit = _scaled(fit, fine, 1)
+    reasons = _reasons(change, fit, others=[_again(other, step, 1) for other in others])
+    return _contact(name, fit, reasons, sensor, columns, rows, change)
+
+
+def _reduced(change: GelChange, step: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Block means of the change, and the blocks whose pixels all count."""
+    if step == 1:
+        return change.change, change.usable
+    rows, columns = (size // step for size in change.usable.shape)
+    part = np.s_[: rows * step, : columns * step]
+    blocks = [block_means(channel, (rows, columns)) for channel in np.moveaxis(change.change[part], 2, 0)]
+    return np.stack(blocks, axis=-1), block_means(change.usable[part], (rows, columns)) > 0.99
+
+
+def _again(point: tuple[float, float], step: int, new: int) -> tuple[float, float]:
+    x, y = ((part + 0.5) * step / new - 0.5 for part in point)
+    return x, y
+
+
+def _scaled(fit: ContactFit, step: int, new: int) -> ContactFit:
+    """The fit in pixels of another step."""
+    times = step / new
+    return replace(
+        fit,
+        centre=_again(fit.centre, step, new),
+        semi_axes=(fit.semi_axes[0] * times, fit.semi_axes[1] * times),
+        centre_sd=(fit.centre_sd[0] * times, fit.centre_sd[1] * times),
+        radius_sd=fit.radius_sd * times,
+    )
+
+
+def _search(
+    change: NDArray[np.float64], usable: NDArray[np.bool_], noise: float
+) -> tuple[tuple[float, float], float, list[tuple[float, float]]] | None:
+    """Centre and radius of the strongest patch, and centres of others as strong; None without one."""
+    weight = np.maximum(ndimage.gaussian_filter(usable.astype(float), 2.0), 0.05)
+    smooth = ndimage.gaussian_filter(change * usable[..., None], (2.0, 2.0, 0.0)) / weight[..., None]
+    strength = np.sqrt(np.square(smooth).sum(axis=2)) * usable
+    energy = np.sqrt(ndimage.gaussian_filter(strength**2, 4.0))
+    top = np.unravel_index(int(energy.argmax()), energy.shape)
+    background = float(np.median(strength))
+    if energy[top] < max(PEAK_NOISE * noise / 7.0, LEAST_CHANGE, 2.0 * background):
+        return None
+    near = strength[max(top[0] - 12, 0) : top[0] + 13, max(top[1] - 12, 0) : top[1] + 13]
+    mask = strength > max(0.4 * float(np.quantile(near, 0.95)), 1.5 * background)
+    labels, count = ndimage.label(ndimage.binary_closing(mask, iterations=2) | mask)
+    if count == 0:
+        return None
+    totals = ndimage.sum_labels(strength, labels, np.arange(1, count + 1))
+    areas = ndimage.sum_labels(labels > 0, labels, np.arange(1, count + 1))
+    main = int(np.argmax(totals))
+    y, x = np.nonzero(labels == main + 1)
+    others = [
+        (float(place[1]), float(place[0]))
+        for index, place in enumerate(np.atleast_2d(ndimage.center_of_mass(strength, labels, np.arange(1, count + 1))))
+        if index != main and totals[index] > 0.25 * totals[main] and areas[index] > 20
+    ]
+    return (float(x.mean()), float(y.mean())), max(float(np.sqrt(x.size / np.pi)), 3.0), others
+
+
+def _is_oval(circle: ContactFit, oval: ContactFit) -> bool:
+    """Whether unequal axes explain clearly more, with a clear difference of the axes."""
+    aspect = oval.semi_axes[0] / oval.semi_axes[1]
+    left = max(1.0 - circle.explained, 1e-9)
+    return aspect > 1.1 and oval.explained > circle.explained + 0.15 * left
+
+
+def _reasons(change: GelChange, fit: ContactFit, *, others: list[tuple[float, float]]) -> list[str]:
+    rows, columns = change.usable.shape
+    angle = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+    edge = np.array([fit.centre[0] + fit.radius * np.cos(angle), fit.centre[1] + fit.radius * np.sin(angle)])
+    seen = (edge[0] >= 0) & (edge[0] <= columns - 1) & (edge[1] >= 0) & (edge[1] <= rows - 1)
+    y, x = np.mgrid[:rows, :columns]
+    distance = np.hypot(x - fit.centre[0], y - fit.centre[1])
+    inside = distance <= 1.15 * fit.radius
+    total = max(int(np.count_nonzero(inside)), 1)
+    reasons = []
+    if fit.explained < 0.6:
+        reasons.append("poor fit")
+    if fit.amplitude < max(3.0 * change.noise / np.sqrt(total / 10.0), 2.0):
+        reasons.append("no contact")
+    if seen.mean() < 0.9:
+        reasons.append("cut by the border")
+    if np.count_nonzero(inside & change.marker) > 0.5 * total:
+        reasons.append("marker pattern")
+    if np.count_nonzero(inside & ~change.usable & ~change.marker) > 0.35 * total:
+        reasons.append("glare")
+    if any(np.hypot(*np.subtract(other, fit.centre)) > 1.5 * fit.radius for other in others):
+        reasons.append("several contacts")
+    if fit.radius_sd > 0.15 * fit.radius:
+        reasons.append("uncertain")
+    return reasons
+
+
+def _contact(
+    name: str, fit: ContactFit, reasons: list[str], sensor: GelSensor, columns: int, rows: int, change: GelChange
+) -> GelContact:
+    radius, scale = fit.radius, sensor.scale_of(columns, rows)
+    centre_sd = tuple(float(np.hypot(part, CENTRE_MODEL_SD * radius)) for part in fit.centre_sd)
+    radius_sd = float(np.hypot(fit.radius_sd, RADIUS_MODEL_SD * radius))
+    good_fit = float(np.clip((fit.explained - 0.5) / 0.4, 0.0, 1.0))
+    quality = good_fit * float(np.clip(1.5 - radius_sd / radius / 0.1, 0.0, 1.0))
+    in_mm: dict[str, Any] = dict.fromkeys(
+        ("centre_mm", "centre_sd_mm", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2")
+    )
+    if scale is not None:
+        side = float(np.sqrt(scale[0] * scale[1]))
+        relative = float(np.hypot(radius_sd / radius, sensor.scale_uncertainty))
+        x, y = sensor.face_mm([fit.centre], columns, rows)[0]
+        area = float(np.pi * fit.semi_axes[0] * fit.semi_axes[1] * side**2)
+        in_mm = {
+            "centre_mm": (float(x), float(y)),
+            "centre_sd_mm": (centre_sd[0] * scale[0], centre_sd[1] * scale[1]),
+            "radius_mm": radius * side,
+            "radius_sd_mm": radius * side * relative,
+            "area_mm2": area,
+            "area_sd_mm2": 2.0 * area * relative,
+        }
+    return GelContact(
+        name=name,
+        centre_px=fit.centre,
+        centre_sd_px=(centre_sd[0], centre_sd[1]),
+        radius_px=radius,
+        radius_sd_px=radius_sd,
+        semi_axes_px=fit.semi_axes,
+        angle_deg=fit.angle_deg,
+        explained=fit.explained,
+        quality=quality if not reasons else min(quality, 0.45),
+        good=not reasons and quality >= LEAST_QUALITY,
+        reasons=tuple(reasons) if reasons or quality >= LEAST_QUALITY else ("poor fit",),
+        **in_mm,
+    )
+
+
+def _none(name: str) -> GelContact:
+    nan, pair = float("nan"), (float("nan"), float("nan"))
+    return GelContact(
+        name=name, centre_px=pair, centre_sd_px=pair, radius_px=nan, radius_sd_px=nan, semi_axes_px=pair, angle_deg=nan,
+        centre_mm=None, centre_sd_mm=None, radius_mm=None, radius_sd_mm=None, area_mm2=None, area_sd_mm2=None,
+        explained=0.0, quality=0.0, good=False, reasons=("no contact",),
+    )  # fmt: skip

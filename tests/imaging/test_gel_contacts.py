@@ -1,0 +1,132 @@
+"""Contacts of gel sensors against rendered presses (a bonded layer, unknown lamps), real frames, and bad input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tsis.catalog import load_sensor
+from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging import contacts
+from tsis.instrument import read_colour
+from tsis.virtual import RenderedPress, ball_press, random_gel_press
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def press(name: str, seed: int) -> RenderedPress:
+    sensor = load_sensor(name)
+    if sensor.resampled:  # fewer pixels, the same face
+        columns, rows = sensor.image_px
+        scale = sensor.scale_of(columns // 2, rows // 2)
+        sensor = replace(sensor, image_px=(columns // 2, rows // 2), mm_per_pixel=scale)
+    return random_gel_press(sensor, np.random.default_rng([4711, seed]))
+
+
+MINI = press("gelsight-mini", 0)
+
+
+@pytest.mark.parametrize(("a", "expected"), [(0.05, 1.0), (0.5, np.log(3.0))])
+def test_the_rendered_ball_is_that_of_the_half_space_on_a_thick_gel(a: float, expected: float) -> None:
+    """Hertz's depth a²/R for a shallow press, Sneddon's a/2 log((R + a)/(R - a)) for a deep one."""
+    depth = ball_press(1.0, a, thickness_mm=200.0, poisson=0.4).depth_mm
+    assert depth == pytest.approx(expected * a**2 if a < 0.1 else expected * a / 2, rel=0.02)
+
+
+def test_a_thin_gel_bulges_around_the_ball() -> None:
+    assert ball_press(4.0, 1.5, thickness_mm=1.0, poisson=0.499).face_mm.min() < -0.01
+
+
+@pytest.mark.parametrize("name", ["gelsight-mini", "gelsight-taxim", "9dtact"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_rendered_ball_has_its_centre_and_radius(name: str, seed: int) -> None:
+    made = press(name, seed)
+    (contact,) = contacts([made.frame], sensor=made.sensor, reference=made.reference)
+    assert contact.good, contact.reasons
+    assert contact.radius_px == pytest.approx(made.radius_px, rel=0.08)
+    assert abs(contact.radius_px - made.radius_px) < 3.0 * contact.radius_sd_px
+    assert np.hypot(*np.subtract(contact.centre_px, made.centre_px)) < 0.05 * made.radius_px
+
+
+def test_sixteen_bits_are_the_same_frame() -> None:
+    deep = (MINI.frame.astype(np.uint16) * 257, MINI.reference.astype(np.uint16) * 257)
+    shallow = contacts([MINI.frame], sensor=MINI.sensor, reference=MINI.reference)
+    assert contacts([deep[0]], sensor=MINI.sensor, reference=deep[1]) == shallow
+
+
+def test_an_untouched_frame_has_no_contact() -> None:
+    noise = np.random.default_rng(3).normal(0.0, 2.0, MINI.reference.shape)
+    again = np.clip(MINI.reference + noise, 0, 255).astype(np.uint8)
+    (contact,) = contacts([again], sensor=MINI.sensor, reference=MINI.reference)
+    assert not contact.good
+    assert "no contact" in contact.reasons
+
+
+def test_two_contacts_a_cut_one_and_a_moved_one_are_refused() -> None:
+    made = press("gelsight-mini", 5)
+    two = np.minimum(np.maximum(made.frame, 0), 255).copy()
+    radius = int(1.4 * made.radius_px)
+    x, y = (round(part) for part in made.centre_px)
+    far = (x + 80) % 160 if 20 < (x + 80) % 160 < 140 else 80
+    part = made.frame[max(y - radius, 0) : y + radius, max(x - radius, 0) : x + radius]
+    left = min(max(far - radius, 0), two.shape[1] - part.shape[1])
+    two[max(y - radius, 0) : max(y - radius, 0) + part.shape[0], left : left + part.shape[1]] = part
+    found = contacts([made.frame, two], sensor=made.sensor, reference=made.reference, sequence=True)
+    assert found[0].good
+    assert not found[1].good
+    rolled = [np.roll(frame, -x, axis=1) for frame in (made.frame, made.reference)]
+    (cut,) = contacts(rolled[:1], sensor=made.sensor, reference=rolled[1])
+    assert not cut.good
+
+
+@pytest.mark.parametrize(
+    ("frame", "reference", "said"),
+    [
+        (
+            MINI.frame[..., 0],
+            MINI.reference,
+            "frame 1 must be in colour, because gelsight-mini has coloured lamps; got grey",
+        ),
+        (np.full_like(MINI.frame, 255), MINI.reference, "frame 1 must not be saturated; got 100% white pixels"),
+        (MINI.frame[:60], MINI.reference, "must have the aspect ratio of 160 x 120"),
+        (np.zeros_like(MINI.frame), MINI.reference, "frame 1 must be lit; got a black frame"),
+        (
+            MINI.frame,
+            MINI.reference[::2, ::2],
+            "reference must have the size of frame 1, 160 x 120 pixels; got 80 x 60",
+        ),
+        (MINI.frame, 255 - MINI.reference, "reference must be an untouched frame of the sensor that took frame 1"),
+        (MINI.frame, None, "a reference must be given for fewer than 8 frames; got 1"),
+        (MINI.frame.astype(float) * 9, MINI.reference, "must have levels from 0 to 255, or 16 bits"),
+        (np.zeros((3, 3, 2)), MINI.reference, r"must have the shape \(rows, columns\)"),
+    ],
+)
+def test_bad_frames_are_refused_in_one_sentence(frame: Any, reference: Any, said: str) -> None:
+    with pytest.raises((InputError, ImageMismatchError), match=said) as error:
+        contacts([frame], sensor=MINI.sensor, reference=reference)
+    assert "\n" not in str(error.value)
+
+
+def test_real_presses_near_their_labels(shared_data: Path) -> None:
+    """The labels lie some 2 px to one side of what every method finds; no good contact is far off."""
+    with np.load(shared_data / "real" / "taxim_ball" / "dataPack_small.npz", allow_pickle=False) as data:
+        untouched, presses, labels = data["f0"], data["imgs"][::8], data["touch_center"][::8]
+    found = contacts(list(presses), sensor=load_sensor("gelsight-taxim"), reference=untouched)
+    good = np.array([contact.good for contact in found])
+    shift = np.array([contact.centre_px for contact in found]) - labels
+    assert good.mean() >= 0.85
+    assert np.hypot(*shift[good].T).max() < 6.0
+
+
+@pytest.mark.parametrize("sensor", ["sensor_1", "sensor_2"])
+def test_real_white_light_presses_are_good(shared_data: Path, sensor: str) -> None:
+    folder = shared_data / "real" / "9dtact" / sensor
+    frames = [read_colour(folder / f"depth_calibration_rectify_crop_{kind}.png") for kind in ("sample", "ref")]
+    (contact,) = contacts(frames[:1], sensor=load_sensor("9dtact"), reference=frames[1])
+    assert contact.good
+    assert contact.radius_mm is not None
+    assert 2.4 < contact.radius_mm < 4.0  # below the ball's own radius
