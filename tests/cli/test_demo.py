@@ -98,7 +98,7 @@ def test_the_terminal_shows_what_was_believed_what_is_known_and_the_best_that_co
     printed = " ".join(run_tsis("demo", "--strain", "small").out.split())
     for words in ("prior", "bound", "truth", "Probability of an inclusion: above 0.999.", "Diameter 10"):
         assert words in printed
-    assert "Prior: diameter 1 to 15 mm" in printed
+    assert "Prior: phantom-2011: diameter 1 to 15 mm" in printed
     assert "Research use only" in printed
 
 

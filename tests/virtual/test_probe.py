@@ -286,8 +286,9 @@ def test_more_force_more_light() -> None:
     ],
 )
 def test_what_a_probe_cannot_be_made_of_is_refused(given: dict[str, Any], sentence: str) -> None:
+    defaults: dict[str, Any] = {"light": LightMap.uniform(), "strain": "small"}
     with pytest.raises(InputError, match=sentence):
-        VirtualProbe(PROBE, rng=np.random.default_rng(1), **({"light": LightMap.uniform(), "strain": "small"} | given))
+        VirtualProbe(PROBE, rng=np.random.default_rng(1), **(defaults | given))
 
 
 def test_light_of_another_probe_is_refused() -> None:

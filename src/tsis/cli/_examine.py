@@ -113,10 +113,7 @@ def examine(
     ] = False,
     strain: Annotated[
         str | None,
-        typer.Option(
-            help="Mechanics of the estimate: finite, or small for light presses.",
-            show_default="finite, but for frames that a virtual probe made at small strain",
-        ),
+        typer.Option(help="Mechanics of the model: finite, or small for light presses.", show_default="as the presses"),
     ] = None,
     budget: Annotated[
         bool, typer.Option("--budget", help="List what the uncertainty of the estimate and of the forces consists of.")
