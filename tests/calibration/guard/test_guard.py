@@ -20,8 +20,8 @@ from tsis.calibration.guard import (
     check_press,
 )
 from tsis.calibration.guard._flags import RANGES
-from tsis.calibration.guard._flicker import flicker_amplitude
 from tsis.calibration.guard._reading import prepare_reference, read_guard_frame
+from tsis.calibration.guard._watch import flicker_amplitude
 from tsis.calibration.lamps import ReferencePatch
 from tsis.calibration.settling import assess_settling
 from tsis.errors import ImageMismatchError, InputError
