@@ -16,7 +16,7 @@ from tsis.matching import _fit as fit
 from tsis.matching import _registration as registration
 from tsis.matching._fit import MatchFit
 from tsis.matching.trials import even_texture
-from tsis.matching.trials._shapes import tactile_surface
+from tsis.matching.trials._distort import tactile_surface
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

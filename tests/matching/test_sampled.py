@@ -12,10 +12,10 @@ from tsis.matching import UNMATCHED, register
 from tsis.matching import _fit as sampled
 from tsis.matching._fit import drawn, mutual_nearest
 from tsis.matching.trials import even_texture
-from tsis.matching.trials._shapes import fourier_curve, tactile_surface
+from tsis.matching.trials._distort import fourier_curve, tactile_surface
 
 if TYPE_CHECKING:
-    from tsis.matching.trials._shapes import Shape
+    from tsis.matching.trials._distort import Shape
 
 STATED = 0.05  # of the extent of the shape: what the transform of a sample may be wrong by at most
 FEWEST_RIGHT = 0.5  # of the matches, where the sample of the target holds all of it

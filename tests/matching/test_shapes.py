@@ -6,7 +6,7 @@ from scipy.spatial.distance import pdist
 
 from tsis.errors import InputError
 from tsis.matching.trials import SHAPES, even_texture
-from tsis.matching.trials._shapes import LONGEST_SIDE, fourier_curve, scattered_texture
+from tsis.matching.trials._distort import LONGEST_SIDE, fourier_curve, scattered_texture
 
 
 @pytest.mark.parametrize("name", SHAPES)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tests.matching.conftest import Warped
 
     from tsis.matching.trials import Family
-    from tsis.matching.trials._shapes import Shape
+    from tsis.matching.trials._distort import Shape
 
 
 def test_finds_a_smooth_deformation(warped: Warped) -> None:

@@ -85,7 +85,6 @@ def fit_drift(
         handicap = scale**2 * dimension * blur / (2 * variance) + np.log(n)
         background = (2 * np.pi * variance) ** (dimension / 2) * density * outliers / (1 - outliers)
         counts, explained, drawn = expected_sums(transformed, target, variance, handicap, background)
-        matched = max(float(counts.sum()), 1e-300)
         precision = counts * scale**2 / variance
         pull = scale / variance * (drawn - counts[:, None] * shift) @ rotation - precision[:, None] * source
         coordinates, blur, divergence = _displacement(factor, precision, pull, stiffness)
@@ -93,8 +92,8 @@ def fit_drift(
         scale, rotation, shift, mean_blur = _similarity(counts, drawn, displaced, blur, sized=sized)
         transformed = scale * displaced @ rotation.T + shift
         residual = explained @ np.sum(target**2, axis=1) + counts @ np.sum(transformed**2, axis=1)
-        residual -= 2 * np.sum(transformed * drawn)
-        before, variance = variance, max(residual / (matched * dimension) + scale**2 * mean_blur, SHARPEST)
+        residual = (residual - 2 * np.sum(transformed * drawn)) / max(dimension * float(counts.sum()), 1e-300)
+        before, variance = variance, max(residual + scale**2 * mean_blur, SHARPEST)
         if abs(variance - before) <= settled * before:
             if sized:
                 break
@@ -102,8 +101,8 @@ def fit_drift(
     weights = solve_triangular(triangle, coordinates, lower=True, trans="T")
     displacement = DisplacementField(control=control, weights=weights)
     away = cdist(target, transformed, "sqeuclidean") + scale**2 * dimension * blur
-    inlier = logsumexp(-away / (2 * variance), axis=1) - np.log(n) - dimension / 2 * np.log(2 * np.pi * variance)
-    inlier += np.log1p(-outliers)
+    inlier = logsumexp(-away / (2 * variance), axis=1) + np.log((1 - outliers) / n)
+    inlier -= dimension / 2 * np.log(2 * np.pi * variance)
     either = np.logaddexp(inlier, np.log(max(outliers, 1e-300) * density))
     return DriftFit(
         move=SimilarityField(scale=scale, rotation=rotation, shift=shift, displacement=displacement),

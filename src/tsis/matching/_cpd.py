@@ -113,8 +113,7 @@ def expect(transformed: Floats, target: Floats, variance: float, outliers: float
     """The sums of `ExpectedPairs` where the fraction ``outliers`` of the target is spread evenly."""
     n, dimension = transformed.shape
     background = (2 * np.pi * variance) ** (dimension / 2) * outliers / (1 - outliers) * n / len(target)
-    sums: tuple[Floats, Floats, Floats] = expected_sums(transformed, target, variance, np.zeros(n), background)
-    return sums
+    return expected_sums(transformed, target, variance, np.zeros(n), background)
 
 
 @compiled

@@ -1,9 +1,17 @@
 """Trials of matching methods: shapes, distortions, public data, runs and summaries."""
 
-from tsis.matching.trials._distort import Distortion, Family, Trial, distort, public_distortion
+from tsis.matching.trials._distort import (
+    SHAPES,
+    Distortion,
+    Family,
+    Trial,
+    distort,
+    even_texture,
+    public_distortion,
+    strokes,
+)
 from tsis.matching.trials._methods import OWN_METHODS, PEERS, RIVAL_METHODS, BenchmarkMethod
 from tsis.matching.trials._runs import TRIAL_ROW_HEAD, TrialRow, read_trial_rows, run_trials
-from tsis.matching.trials._shapes import SHAPES, even_texture, strokes
 from tsis.matching.trials._summary import (
     FAILURE_RMS,
     ErrorRatio,

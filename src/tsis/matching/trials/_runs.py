@@ -18,8 +18,7 @@ import numpy as np
 
 from tsis.errors import FileInputError
 from tsis.files import one_line, printable_path, read_bytes
-from tsis.matching.trials._distort import Distortion, distort
-from tsis.matching.trials._shapes import scattered_texture, tactile_surface
+from tsis.matching.trials._distort import Distortion, distort, scattered_texture, tactile_surface
 from tsis.matching.trials._trials import matching_error
 from tsis.model import require_integer
 

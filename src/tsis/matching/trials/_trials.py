@@ -12,8 +12,7 @@ import scipy.io
 from tsis.errors import FileInputError, InputError
 from tsis.files import one_line, printable_path, read_arrays, read_bytes
 from tsis.matching._fit import UNMATCHED, Floats
-from tsis.matching.trials._distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
-from tsis.matching.trials._shapes import SHAPES
+from tsis.matching.trials._distort import PUBLIC_LEVELS, SHAPES, Trial, distort, public_distortion, shuffled, visible
 from tsis.model import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
