@@ -1,5 +1,9 @@
 """From frames of the camera to numbers: corrections, the contact's patch and circle, features, profiles, colour."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.imaging._colour import COLOUR_MAPS, change_magnitude, colour_map
 from tsis.imaging._contact import Contact, find_colour_contact, find_contact
 from tsis.imaging._contact_models import (
@@ -90,3 +94,6 @@ __all__ = [
     "subtract_background",
     "subtract_dark",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["depth"])[0]

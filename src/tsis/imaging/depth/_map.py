@@ -1,0 +1,201 @@
+"""Depth maps: gradients integrated with free borders, in mm, with an uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import fft
+
+from tsis.errors import InputError, import_extra
+from tsis.imaging._gel_change import BLACK, GLARE, gel_levels
+from tsis.imaging.depth._gradients import polynomial_features, table_index
+from tsis.model import ContentValue, GelSensor, freeze_arrays
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.imaging._gel_contacts import GelContact
+    from tsis.imaging.depth._calibration import DepthCalibration
+
+
+CLIPPED_SD = 3.0  # times the uncertainty where a pixel is clipped
+BORDER = 0.06  # of the frame: the strip whose median is the untouched face
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DepthMap(ContentValue):
+    """Depth of the face below its untouched shape.
+
+    Attributes
+    ----------
+    depth_mm, sd_mm
+        Depth, positive where pressed, and its standard deviation, shape (rows, columns).
+    mm_per_pixel
+        Size (x, y) of a pixel, mm.
+    name
+        The frame's name.
+    """
+
+    depth_mm: NDArray[np.float64]
+    sd_mm: NDArray[np.float64]
+    mm_per_pixel: tuple[float, float]
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self, "depth_mm", "sd_mm", dtype=float)
+        if self.depth_mm.ndim != 2 or self.sd_mm.shape != self.depth_mm.shape:
+            raise InputError(f"depth_mm and sd_mm must have one shape (rows, columns); got {self.depth_mm.shape}")
+
+    def points(self) -> NDArray[np.float64]:
+        """Points (x, y, z) in mm, one a pixel, z = -depth; x and y from the middle of the frame."""
+        rows, columns = self.depth_mm.shape
+        y, x = np.mgrid[:rows, :columns].astype(float)
+        x, y = (x - (columns - 1) / 2) * self.mm_per_pixel[0], (y - (rows - 1) / 2) * self.mm_per_pixel[1]
+        return np.stack([x, y, -self.depth_mm], axis=-1).reshape(-1, 3)
+
+    def ply_bytes(self) -> bytes:
+        """The points as a binary PLY file."""
+        points = self.points().astype("<f4")
+        axes = "".join(f"property float {axis}\n" for axis in "xyz")
+        header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{axes}end_header\n"
+        return header.encode() + points.tobytes()
+
+    def to_xarray(self) -> Any:
+        """An ``xarray.Dataset`` with ``depth_mm`` and ``sd_mm`` over ``y`` and ``x`` in mm; needs ``analysis``."""
+        xarray = import_extra("xarray", feature="a depth map for xarray", extra="analysis")
+        rows, columns = self.depth_mm.shape
+        x = (np.arange(columns) - (columns - 1) / 2) * self.mm_per_pixel[0]
+        y = (np.arange(rows) - (rows - 1) / 2) * self.mm_per_pixel[1]
+        layers = {"depth_mm": (("y", "x"), self.depth_mm), "sd_mm": (("y", "x"), self.sd_mm)}
+        return xarray.Dataset(layers, coords={"x": x, "y": y}, attrs={"frame": self.name})
+
+
+def integrate_gradients(
+    slope_x: NDArray[Any], slope_y: NDArray[Any], mm_per_pixel: tuple[float, float]
+) -> NDArray[np.float64]:
+    """The surface whose slopes are nearest, by least squares with free borders (Poisson's equation by DCT).
+
+    Parameters
+    ----------
+    slope_x, slope_y
+        Slopes along the columns' index and the rows', shape (rows, columns).
+    mm_per_pixel
+        Size (x, y) of a pixel, mm.
+
+    Returns
+    -------
+    numpy.ndarray
+        Heights in mm with mean 0, shape (rows, columns).
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[:40, :50] * 0.1
+    >>> plane = integrate_gradients(np.full(x.shape, 0.2), np.full(x.shape, -0.1), (0.1, 0.1))
+    >>> bool(np.abs(plane - plane.mean() - (0.2 * x - 0.1 * y - (0.2 * x - 0.1 * y).mean())).max() < 1e-9)
+    True
+    """
+    rows, columns = slope_x.shape
+    sx, sy = mm_per_pixel
+    # Differences between neighbours are the means of their slopes; their divergence has zero flux at the border.
+    across = (slope_x[:, 1:] + slope_x[:, :-1]) * 0.5
+    down = (slope_y[1:] + slope_y[:-1]) * 0.5
+    source = np.zeros((rows, columns), dtype=across.dtype)
+    source[:, :-1] += across / sx
+    source[:, 1:] -= across / sx
+    source[:-1] += down / sy
+    source[1:] -= down / sy
+    eigen = (2.0 - 2.0 * np.cos(np.pi * np.arange(columns) / columns)) / sx**2
+    other = (2.0 - 2.0 * np.cos(np.pi * np.arange(rows) / rows)) / sy**2
+    total = (eigen[None, :] + other[:, None]).astype(source.dtype)
+    total[0, 0] = 1.0
+    spectrum = fft.dctn(source, type=2, norm="ortho") / -total
+    spectrum[0, 0] = 0.0
+    return np.asarray(fft.idctn(spectrum, type=2, norm="ortho"))
+
+
+class DepthMapper:
+    """Depth maps of one calibrated sensor and one reference, frame after frame.
+
+    Parameters
+    ----------
+    calibration
+        Of `calibrate_depth`.
+    sensor
+        The sensor; its scale must be known.
+    reference
+        A frame of the untouched sensor.
+
+    Raises
+    ------
+    InputError
+        When the calibration is of another kind of light, or the scale is not known.
+    """
+
+    def __init__(self, calibration: DepthCalibration, sensor: GelSensor, reference: Any) -> None:
+        if calibration.light != sensor.light:
+            raise InputError(
+                f"the depth calibration must be of {sensor.light} light, as {sensor.name} has; got {calibration.light}"
+            )
+        self.calibration, self.sensor = calibration, sensor
+        self.reference = gel_levels(reference, sensor, what="reference").astype(np.float32)
+        rows, columns = self.reference.shape[:2]
+        scale = sensor.scale_of(columns, rows)
+        if scale is None:
+            raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
+        self.mm_per_pixel = scale
+        self.place = frame_places(rows, columns)
+        self.strip = np.ones((rows, columns), dtype=bool)
+        margin = max(round(BORDER * min(rows, columns)), 1)
+        self.strip[margin:-margin, margin:-margin] = False
+
+    def map(self, frame: Any, *, name: str = "") -> DepthMap:
+        """The depth map of a frame; errors as `contacts`."""
+        levels = gel_levels(frame, self.sensor, what=name or "frame").astype(np.float32)
+        if levels.shape != self.reference.shape:
+            raise InputError(f"reference must have the size of {name or 'frame'}; got another size")
+        change = levels - self.reference
+        # The lamps' drift is the change of the strip along the border, where nothing presses most of the time.
+        change -= np.median(change[self.strip], axis=0)
+        if self.sensor.light == "white":
+            depth = self.calibration.depth_of_grey(change[..., 0])
+        else:
+            slope = self._slopes(change)
+            depth = integrate_gradients(slope[..., 0], slope[..., 1], self.mm_per_pixel)
+            depth = depth - np.median(depth[self.strip])
+        sd = np.hypot(self.calibration.sd_mm, self.calibration.sd_relative * depth)
+        clipped = (levels >= GLARE).any(axis=2) | (levels.max(axis=2) <= BLACK)
+        return DepthMap(
+            depth_mm=depth, sd_mm=np.where(clipped, CLIPPED_SD * sd, sd), mm_per_pixel=self.mm_per_pixel, name=name
+        )
+
+    def _slopes(self, change: NDArray[np.float32]) -> NDArray[np.float32]:
+        flat = change.reshape(-1, change.shape[2])
+        if self.calibration.method == "table":
+            slope = self.calibration.weights.astype(np.float32)[table_index(flat)]
+        else:
+            slope = polynomial_features(flat, self.place) @ self.calibration.weights.astype(np.float32)
+        return np.asarray(slope.reshape(*change.shape[:2], 2))
+
+
+def frame_places(rows: int, columns: int) -> NDArray[np.float32]:
+    """X and y from -1 to 1 over the frame, shape (rows * columns, 2)."""
+    y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j]
+    return np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
+
+
+def cap_error_mm(depth: DepthMap, contact: GelContact, ball_radius_mm: float, *, within: float = 0.8) -> float:
+    """Root mean square distance of a map from the cap of a known ball, the press depth the only free number, mm.
+
+    ``within`` is the part of the contact's radius that counts.
+    """
+    rows, columns = depth.depth_mm.shape
+    y, x = np.mgrid[:rows, :columns]
+    distance = np.hypot(
+        (x - contact.centre_px[0]) * depth.mm_per_pixel[0], (y - contact.centre_px[1]) * depth.mm_per_pixel[1]
+    )
+    radius = min(contact.radius_px * float(np.sqrt(np.prod(depth.mm_per_pixel))), 0.98 * ball_radius_mm)
+    inside = distance < within * radius
+    cap = np.sqrt(ball_radius_mm**2 - distance[inside] ** 2)
+    return float(np.std(depth.depth_mm[inside] - cap))
