@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+from typing import Protocol as Protocol_
 
 import numpy as np
 from benchmarks.lamp_laws import LAMP_LAWS, CalibratedProbe, calibrated_probe
@@ -107,6 +108,15 @@ class RandomField:
         return np.asarray(np.sqrt(2 / WAVES) * parts @ ring)
 
 
+class TissueField(Protocol_):
+    """A field of log modulus of unit standard deviation."""
+
+    def harmonic(
+        self, order: int, radius_mm: NDArray[np.float64], depth_mm: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Parts of cos and sin of ``order`` times the angle around the axis, shape (2, points)."""
+
+
 class UnevenProbe(VirtualProbe):
     """A virtual probe on tissue whose modulus is a random field."""
 
@@ -120,7 +130,7 @@ class UnevenProbe(VirtualProbe):
         self._axis = GRID_MM * np.arange(-steps, steps + 1)
         self._change: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
-    def on_site(self, phantom: Phantom, field: RandomField, sd: float) -> None:
+    def on_site(self, phantom: Phantom, field: TissueField, sd: float, *, harmonics: int = HARMONICS) -> None:
         """Solve what the field changes, by unit and shape of a press: pressure and displacement over the grid."""
         self._change = None
         if sd == 0:
@@ -140,7 +150,7 @@ class UnevenProbe(VirtualProbe):
         radius, angle = np.hypot(x, y), np.arctan2(y, x)
         inside = radius <= self.probe.radius_mm
         pressure, displacement = np.zeros((2, 2, *x.shape))
-        for order in range(HARMONICS + 1):
+        for order in range(harmonics + 1):
             response = slab.response(order)
             at = (response.radius_mm, response.depth_mm)
             parts = np.zeros((2, len(at[0])))
@@ -162,6 +172,8 @@ class UnevenProbe(VirtualProbe):
         return light + stray * self._level
 
     def _rendered_press(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
+        if not phantom.is_axisymmetric:
+            return super()._rendered_press(phantom, force_n)
         even = self._round_press(phantom, force_n)
         if self._change is None:
             return self._rendered(even)

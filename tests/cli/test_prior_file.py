@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,13 @@ import pytest
 
 import tsis
 from tsis.calibration.file import read_calibration
-from tsis.catalog import default_prior_toml, read_prior_file
+from tsis.catalog import default_prior_toml, inclusion_prior_toml, parse_prior, read_prior_file
+from tsis.cli._options import chosen_prior, other_priors
 from tsis.errors import FileInputError, InputError, UnknownNameError
 from tsis.hardness import HardnessPrior
-from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion import InclusionPrior, estimate, prior_sensitivity, with_prior_sensitivity
 from tsis.instrument import read_image
+from tsis.model import Estimate
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -160,3 +162,45 @@ def test_the_hardness_is_estimated_with_the_prior_of_the_file(
     for options in (("--prior", "mine.toml"), ()):
         assert run_tsis("hardness", "--demo", *options).err == "Error: enough\n"
     assert given == [HardnessPrior(young_kpa=(5.0, 2000.0), poisson=(0.48, 0.495)), HardnessPrior()]
+
+
+@pytest.mark.parametrize("name", ["phantom-2011", "breast-ex-vivo", "wide"])
+def test_a_shipped_prior_cites_its_source_and_is_named_in_results(name: str) -> None:
+    text = inclusion_prior_toml(name)
+    assert "Source" in text
+    prior = chosen_prior(name)
+    assert str(prior).startswith(f"{name}: ")
+    assert replace(prior, name="") == parse_prior(text, InclusionPrior)
+    assert name not in other_priors(prior)
+    assert len(other_priors(prior)) == 2
+    assert str(chosen_prior(None)).startswith("phantom-2011: ")
+
+
+def test_a_contrast_is_a_modulus_over_that_of_the_tissue() -> None:
+    prior = parse_prior("contrast = [1.5, 13.0]\ntissue_young_kpa = 4.0", InclusionPrior)
+    assert prior.young_kpa == (6.0, 52.0)
+    assert parse_prior("contrast = [8, 24]", InclusionPrior).young_kpa == (40.0, 120.0)
+    with pytest.raises(InputError, match="must state young_kpa or contrast, not both"):
+        parse_prior("contrast = [2.0, 9.0]\nyoung_kpa = [40.0, 60.0]", InclusionPrior)
+    with pytest.raises(UnknownNameError, match="contrast"):
+        parse_prior("contrast = [2.0, 9.0]", HardnessPrior)
+    with pytest.raises(InputError, match="name must be a str"):
+        parse_prior("name = 3", InclusionPrior)
+
+
+def test_other_priors_move_an_answer_by_the_difference_of_the_means(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fake(images: object, *, prior: InclusionPrior, **call: object) -> Estimate:
+        if prior.presence == 0.3:
+            raise InputError("too dark")
+        mean = 8.0 if prior.presence == 0.9 else 7.0
+        return Estimate(samples={"diameter_mm": [mean - 1, mean, mean + 1]}, prior_sd={"diameter_mm": 4.0})
+
+    monkeypatch.setattr("tsis.inclusion._sensitivity.estimate", fake)
+    monkeypatch.setattr("tsis.inclusion._sensitivity.PARAMETERS", ("diameter_mm",))
+    own = fake([], prior=InclusionPrior())
+    priors = {"sure": InclusionPrior(presence=0.9), "dim": InclusionPrior(presence=0.3)}
+    shifts = prior_sensitivity(own, [], priors, prior=InclusionPrior())
+    assert shifts[0].shift_sd["diameter_mm"] == pytest.approx(1 / np.std([6, 7, 8]))
+    assert with_prior_sensitivity(own, shifts).notes == (
+        "Under other priors: sure: diameter +1.2 sd; dim: no estimate (too dark).",
+    )

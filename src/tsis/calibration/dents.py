@@ -55,6 +55,8 @@ TIP_SD, TIP_ZERO_N = 0.05, 0.004  # of the sum under a tip: Hertz on layers, lig
 # Usual lamps around a soft probe: standard deviations of the terms, the log gain of the tips among them
 GROWTH_PER_MM, FLUX = 0.25, 0.5 * LIGHT_REACH
 GROWTH_SD, BEND_SD, FLUX_SD, LOSS_SD, SQUARE_SD, GAIN_SD = 0.25, 0.5, 0.75 * LIGHT_REACH, 0.02, 1.5e-3, 1.5
+# Of a press on tissue, relative: drift of the gain since the calibration, and unknown light or force
+GAIN_DRIFT_SD, LEAST_FORCE_SD = 0.01, 0.01
 LEFT_SD = 0.05  # relative error of the log change from pads to tissue: what no term describes
 STRAIGHT_KPA = 1000.0  # saturation above which contact counts as straight
 GRID = 33  # points along each side of the map
@@ -337,6 +339,8 @@ def _response(mean: Floats, covariance: Floats, probe: Probe, response: Calibrat
     return replace(
         response,
         gain_grey_per_kpa=response.gain_grey_per_kpa * float(np.exp(gain)),
+        gain_sd=GAIN_DRIFT_SD,
+        force_sd=max(response.force_sd, LEAST_FORCE_SD),
         saturation_kpa=saturation,
         light=LightMap(
             x_mm=side,

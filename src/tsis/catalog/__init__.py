@@ -12,11 +12,19 @@ from tsis.catalog._entries import (
     probe_toml,
     probe_variant,
 )
-from tsis.catalog._priors import default_prior_toml, parse_prior, read_prior_file
+from tsis.catalog._priors import (
+    default_prior_toml,
+    inclusion_prior_toml,
+    list_inclusion_priors,
+    parse_prior,
+    read_prior_file,
+)
 from tsis.catalog._sensors import list_sensors, load_sensor, parse_sensor, sensor_toml
 
 __all__ = [
     "default_prior_toml",
+    "inclusion_prior_toml",
+    "list_inclusion_priors",
     "list_phantoms",
     "list_probes",
     "list_sensors",

@@ -83,6 +83,12 @@ COMMANDS = {
     "sensor": CommandEntry(
         "tsis.cli._sensor", "app", f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}"
     ),
+    "force": CommandEntry(
+        "tsis.cli._force",
+        "force",
+        "Compute newtons and pressure from a depth map of a gel sensor, with the force's interval.",
+        "tsis force --demo --sensor gelsight-mini --out first-force",
+    ),
     "serve": CommandEntry(
         "tsis.cli._serve",
         "serve",
@@ -156,7 +162,11 @@ HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis dem
 Open software for optical tactile imaging.
 {RESEARCH_USE_ONLY}
 
+<<<<<<< HEAD
   measure    acquire, examine, hardness, contacts, depth, track, match, detect, network
+=======
+  measure    acquire, examine, hardness, contacts, force, track, match, detect, network
+>>>>>>> main
              Frames from a camera; inclusions and hardness with intervals; point matching.
   calibrate  calibrate, sensor
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.

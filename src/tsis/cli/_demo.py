@@ -16,11 +16,12 @@ from tsis.cli._options import (
     DepthMm,
     DiameterMm,
     ForcesN,
+    InclusionPriorChoice,
     PhantomName,
-    PriorFile,
     ProbeOption,
     ShowPrior,
     YoungKpa,
+    chosen_prior,
     chosen_probe,
     require_no_file,
 )
@@ -44,7 +45,7 @@ def demo(
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
     seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
-    prior: PriorFile = None,
+    prior: InclusionPriorChoice = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
     save: SaveOption = False,
@@ -64,11 +65,7 @@ def demo(
     if save:
         require_no_file("--save", probe)
     chosen = chosen_probe(probe)
-    assumed = (
-        tsis.inclusion.InclusionPrior()
-        if prior is None
-        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior)
-    )
+    assumed = chosen_prior(prior)
     destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = tsis.optics.irradiance.irradiance(chosen, progress=advance)

@@ -11,7 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 import tsis
-from tsis.cli._options import AsJson, PriorFile, ProbeOption, ShowPrior, chosen_probe
+from tsis.cli._options import AsJson, InclusionPriorChoice, ProbeOption, ShowPrior, chosen_prior, chosen_probe
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.errors import InputError
@@ -69,7 +69,7 @@ def design(
     traced_light: Annotated[
         bool, typer.Option("--traced-light", help="Light by the probe's lamps, traced; else even light.")
     ] = False,
-    prior: PriorFile = None,
+    prior: InclusionPriorChoice = None,
     show_prior: ShowPrior = False,
     out: Out = None,
     as_json: AsJson = False,
@@ -89,9 +89,7 @@ def design(
         compared=tuple(aspect.value for aspect in compared) if compared else tsis.report.QUICK_DEGREES,
         criterion=criterion.value,
         traced=traced_light,
-        prior=tsis.inclusion.InclusionPrior()
-        if prior is None
-        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior),
+        prior=chosen_prior(prior),
         evaluations=None
         if not search
         else tsis.inclusion.design.MOST_EVALUATIONS

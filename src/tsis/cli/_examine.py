@@ -15,11 +15,14 @@ import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli._options import (
     AsJson,
-    PriorFile,
+    InclusionPriorChoice,
+    OtherPriors,
     ShowPrior,
     calibrated_probe,
+    chosen_prior,
     chosen_probe,
     chosen_scale,
+    other_priors,
     read_frames,
     reference_forces,
     require_no_file,
@@ -116,7 +119,8 @@ def examine(
         bool, typer.Option("--budget", help="List what the uncertainty of the estimate and of the forces consists of.")
     ] = False,
     pdf: Annotated[bool, typer.Option("--pdf", help=f"Write the page of the estimate as {PDF} too.")] = False,
-    prior: PriorFile = None,
+    prior: InclusionPriorChoice = None,
+    ask_other_priors: OtherPriors = False,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-examine"
@@ -154,11 +158,7 @@ def examine(
         raise InputError(f"{option} needs --calibration: without it no inclusion is estimated")
     if prior is not None and calibration is None:
         raise InputError("--prior needs --calibration: without it no inclusion is estimated")
-    assumed = (
-        tsis.inclusion.InclusionPrior()
-        if prior is None
-        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior)
-    )
+    assumed = chosen_prior(prior)
     usable = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     by_line = usable is not None and not force_n and usable.calibration.force_line is not None
@@ -220,6 +220,10 @@ def examine(
         with surrogate_progress() as progress:
             found = tsis.inclusion.uncertainty_budget(pressed, **given, progress=progress) if budget else None
             result = tsis.inclusion.estimate(pressed, **given, progress=progress) if found is None else found.estimate
+        shown = result
+        if ask_other_priors:
+            shifts = tsis.inclusion.prior_sensitivity(result, pressed, other_priors(assumed), **given)
+            shown = tsis.inclusion.with_prior_sensitivity(result, shifts)
         of_forces = {
             frame.name: usable.force_budget(frame.force_n or 0.0, by_line=by_line)
             for frame in (*pressed, *on_reference)
@@ -232,7 +236,7 @@ def examine(
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
         outcome = _inclusion(
-            result, pressed, on_reference, by, assumed, provenance, comparison, budget=found, forces=of_forces, pdf=pdf
+            shown, pressed, on_reference, by, assumed, provenance, comparison, budget=found, forces=of_forces, pdf=pdf
         )
         savable = partial(
             savable_result,

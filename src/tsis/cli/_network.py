@@ -12,10 +12,11 @@ import tsis
 from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
 from tsis.cli._options import (
     AsJson,
-    PriorFile,
+    InclusionPriorChoice,
     ProbeOption,
     ShowPrior,
     calibrated_probe,
+    chosen_prior,
     chosen_probe,
     chosen_scale,
 )
@@ -57,7 +58,7 @@ def train(
     ] = None,
     method: Annotated[str, typer.Option(help="scg: scaled conjugate gradients; lm: Levenberg-Marquardt.")] = "scg",
     seed: Annotated[int, typer.Option(help="Seed of inclusions and first weights.", min=0, max=LARGEST_SEED)] = 1,
-    prior: PriorFile = None,
+    prior: InclusionPriorChoice = None,
     show_prior: ShowPrior = False,
     as_json: AsJson = False,
 ) -> None:
@@ -66,11 +67,7 @@ def train(
 
     tsis.report.require_absent(file)
     chosen = chosen_probe(probe)
-    assumed = (
-        tsis.inclusion.InclusionPrior()
-        if prior is None
-        else tsis.catalog.read_prior_file(prior, tsis.inclusion.InclusionPrior)
-    )
+    assumed = chosen_prior(prior)
     with progress_bar("simulating presses, then training networks") as progress:
         trained = tsis.inclusion.network.train_networks(
             chosen,

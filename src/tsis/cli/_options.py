@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -73,6 +73,39 @@ PriorFile = Annotated[
         show_default="the default prior",
     ),
 ]
+InclusionPriorChoice = Annotated[
+    str | None,
+    typer.Option(
+        "--prior",
+        metavar="NAME|FILE",
+        help="What is believed before any press: phantom-2011, breast-ex-vivo, wide, or a file (see --show-prior).",
+        show_default="phantom-2011",
+    ),
+]
+
+
+OtherPriors = Annotated[
+    bool, typer.Option("--other-priors", help="Say how far the answer moves under the other shipped priors.")
+]
+
+
+def other_priors(prior: tsis.inclusion.InclusionPrior) -> dict[str, tsis.inclusion.InclusionPrior]:
+    """The shipped priors but the one in use."""
+    named = {name: chosen_prior(name) for name in tsis.catalog.list_inclusion_priors()}
+    return {name: other for name, other in named.items() if replace(other, name="") != replace(prior, name="")}
+
+
+def chosen_prior(given: str | None) -> tsis.inclusion.InclusionPrior:
+    """The prior of a name or of a file; the default one without."""
+    if given is None:
+        return tsis.inclusion.InclusionPrior()
+    if given in tsis.catalog.list_inclusion_priors():
+        text = tsis.catalog.inclusion_prior_toml(given)
+        prior: tsis.inclusion.InclusionPrior = tsis.catalog.parse_prior(text, tsis.inclusion.InclusionPrior)
+        return replace(prior, name=given)
+    return tsis.catalog.read_prior_file(given, tsis.inclusion.InclusionPrior)
+
+
 ShowPrior = Annotated[bool, _show_prior("inclusion")]
 ShowHardnessPrior = Annotated[bool, _show_prior("hardness")]
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from tsis.model import Estimate
     from tsis.report import Table as PageTable
@@ -119,20 +121,29 @@ class CommandResult:
     tables: tuple[Table, ...] = ()
     notes: tuple[str, ...] = ()
     figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
+    arrays: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # NPY files of the folder
 
 
-def show_result(result: CommandResult, out: Path | None, *, as_json: bool) -> None:
+def show_result(result: CommandResult, out: Path | None, *, as_json: bool, trusted: bool = True) -> None:
     """Write the folder when one is named, and print the answer; its document carries the notes too."""
     document = {**result.document, "notes": list(result.notes)}
     folder = None
     if out is not None:
         requested = tsis.report.free_folder(out)  # refused before anything is drawn
         files = {f"{name}.png": _png(draw()) for name, draw in result.figures.items()}
+        files |= {f"{name}.npy": _npy(values) for name, values in result.arrays.items()}
         folder = tsis.report.write_folder(requested, {**files, RESULT: result_bytes(document)})
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
-        return
-    print_tables(result.tables, result.notes, where="" if folder is None else f"Figures: {folder}")
+    else:
+        print_tables(result.tables, result.notes, where="" if folder is None else f"Figures: {folder}")
+    leave(trusted=trusted)
+
+
+def _npy(values: NDArray[np.float64]) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, values, allow_pickle=False)
+    return buffer.getvalue()
 
 
 def _png(figure: Figure) -> bytes:

@@ -23,6 +23,7 @@ _RESULTS = {
     "detect": ("apply", "train"),
     "doctor": ("",),
     "examine": ("", "contacts"),
+    "force": ("",),
     "hardness": ("",),
     "logins": ("",),
     "match": ("", "bench"),

@@ -9,6 +9,7 @@ from tsis.inclusion._estimate import estimate
 from tsis.inclusion._frames import binary_image, depletion_per_n, ring_edges, ring_light
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._reading import PressTables, press_tables, read_frames
+from tsis.inclusion._sensitivity import PriorShift, prior_sensitivity, with_prior_sensitivity
 from tsis.inclusion._verdict import INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS, presence_caveats
 
 __all__ = [
@@ -18,16 +19,19 @@ __all__ = [
     "UNTRUSTED_FLAGS",
     "InclusionPrior",
     "PressTables",
+    "PriorShift",
     "UncertaintyBudget",
     "binary_image",
     "depletion_per_n",
     "estimate",
     "presence_caveats",
     "press_tables",
+    "prior_sensitivity",
     "read_frames",
     "ring_edges",
     "ring_light",
     "uncertainty_budget",
+    "with_prior_sensitivity",
 ]
 
 if not TYPE_CHECKING:  # subpackages load when they are first used

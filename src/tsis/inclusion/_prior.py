@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tsis.errors import InputError
 from tsis.mechanics.surrogate import Box
-from tsis.model import require_number, require_pair
+from tsis.model import require_number, require_pair, require_type
 
 Booleans = NDArray[np.bool]
 Complexes = NDArray[np.complex128]
@@ -18,6 +18,7 @@ Integers = NDArray[np.int64]
 
 LIMITS = {"diameter_mm": (0.1, 100.0), "depth_mm": (0.2, 200.0), "young_kpa": (0.1, 1e5)}
 PARAMETERS = tuple(LIMITS)
+LONGEST_NAME, DEFAULT_NAME = 100, "phantom-2011"
 LEAST_WIDTH = 0.01  # least relative width of a range; the grid does not resolve narrower ones
 TISSUE_RANGE_SD, THICKNESS_RANGE_SD = 2.6, 1.8  # range of the surrogate; `CLEARANCE` may shorten it
 CLEARANCE = 1.02  # the surrogate's thinnest slab over the deepest inclusion
@@ -44,6 +45,8 @@ class InclusionPrior:
         ones are equally probable, and correlation lengths from 2 to 13 mm. 0 is even tissue.
     presence
         Probability of an inclusion, in [0.001, 0.999].
+    name
+        Names the prior in every result; printable, at most 100 characters.
 
     Raises
     ------
@@ -68,8 +71,12 @@ class InclusionPrior:
     offset_sd_mm: float = 0.5
     heterogeneity_sd: float = 0.3
     presence: float = 0.5
+    name: str = ""
 
     def __post_init__(self) -> None:
+        require_type("name", self.name, str)
+        if len(self.name) > LONGEST_NAME or not self.name.isprintable():
+            raise InputError(f"name must be printable, at most {LONGEST_NAME} characters; got {self.name!r:.120}")
         require_number("poisson_sd", self.poisson_sd, 0.0, 0.05)
         require_number("offset_sd_mm", self.offset_sd_mm, 0.0, 5.0, hint="millimetres")
         require_number("heterogeneity_sd", self.heterogeneity_sd, 0.0, 0.45, hint="a relative standard deviation")
@@ -105,7 +112,9 @@ class InclusionPrior:
         return dict(zip(PARAMETERS, ((self.high - self.low) / np.sqrt(12.0)).tolist(), strict=True))
 
     def __str__(self) -> str:
+        name = self.name or (DEFAULT_NAME if self == InclusionPrior() else "")
         return (
+            f"{name}{': ' if name else ''}"
             f"diameter {_range(self.diameter_mm)} mm, depth {_range(self.depth_mm)} mm, modulus "
             f"{_range(self.young_kpa)} kPa, each uniform; tissue {self.tissue_young_kpa:g} kPa ± "
             f"{100 * self.tissue_young_sd:g} %, {self.thickness_mm:g} mm ± {100 * self.thickness_sd:g} % thick, "

@@ -25,4 +25,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:  # subpackages load when they are first used
-    __getattr__ = lazy_loader.attach(__name__, ["finite_strain", "small_strain", "solid", "surrogate"])[0]
+    __getattr__ = lazy_loader.attach(__name__, ["finite_strain", "gel", "small_strain", "solid", "surrogate"])[0]

@@ -123,6 +123,7 @@ class LightMap(ContentValue):
         factor = require_array("factor", self.factor, ndim=2) if np.size(self.factor) else np.zeros((0, 0))
         if factor.size and (len(factor) != LIGHT_TERMS or factor.shape[1] > LIGHT_TERMS):
             raise InputError(f"factor must have {LIGHT_TERMS} rows and at most as many columns; got {factor.shape}")
+        factor.flags.writeable = False
         object.__setattr__(self, "factor", factor)
         if isinstance(self.bend_per_mm2, np.ndarray) and not self.bend_per_mm2.size:
             object.__setattr__(self, "bend_per_mm2", np.zeros(shape))

@@ -1,0 +1,18 @@
+"""A gel layer bonded to a rigid backing: pressure, force and shear from the movement of its face."""
+
+from tsis.mechanics.gel._force import DepthErrors, ForceScale, GelForce, gel_force, gel_force_scale
+from tsis.mechanics.gel._layer import GelGrid, LayerCompliance, layer_compliance
+from tsis.mechanics.gel._pressure import GelPressure, pressure_from_depth
+
+__all__ = [
+    "DepthErrors",
+    "ForceScale",
+    "GelForce",
+    "GelGrid",
+    "GelPressure",
+    "LayerCompliance",
+    "gel_force",
+    "gel_force_scale",
+    "layer_compliance",
+    "pressure_from_depth",
+]
