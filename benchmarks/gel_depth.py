@@ -2,9 +2,9 @@
 
     python -m benchmarks.gel_depth --seed 2026 --data ../shared/data/real
 
-Real: presses of a 4.00 mm ball on the GelSight of Taxim (stated, unchecked); calibrated on every fourth press, measured
-on the odd ones against the ball's cap, the press depth the only free number, inside .8 of the contact. Rendered: a ball of
-6 mm, calibrated on nine presses, measured on five others against the true face, inside the contact.
+Real: presses of a 4.00 mm ball on the GelSight of Taxim (stated, unchecked), calibrated on every fourth press. The odd
+ones are measured against the ball's cap, the press depth the only free number, inside .8 of the contact. Rendered: a
+ball of 6 mm, calibrated on nine presses; five others are measured against the true face, inside the contact.
 """
 
 from __future__ import annotations

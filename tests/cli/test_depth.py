@@ -24,7 +24,7 @@ def test_calibrate_and_map(run_tsis: RunTsis, tmp_path: Path) -> None:
     assert json.loads(made.out)["presses"] == 3
     mapped = run_tsis("depth", "gel-frames/press-4.png", *common, "--calibration", "depth.json", "--json")
     assert mapped.code == 0, mapped.err
-    depth, sd = np.load(tmp_path / "depth-maps" / "press-4.npy")
+    depth, sd = (np.load(tmp_path / "depth-maps" / f"press-4{ending}.npy") for ending in ("", "-sd"))
     assert depth.shape == (120, 160)
     assert abs(json.loads(mapped.out)["maps"][0]["deepest_mm"] - depth.max()) < 1e-6
     assert sd.min() > 0

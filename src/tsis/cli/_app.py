@@ -162,11 +162,7 @@ HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis dem
 Open software for optical tactile imaging.
 {RESEARCH_USE_ONLY}
 
-<<<<<<< HEAD
-  measure    acquire, examine, hardness, contacts, depth, track, match, detect, network
-=======
-  measure    acquire, examine, hardness, contacts, force, track, match, detect, network
->>>>>>> main
+  measure    acquire, examine, hardness, contacts, depth, force, track, match, detect, network
              Frames from a camera; inclusions and hardness with intervals; point matching.
   calibrate  calibrate, sensor
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.

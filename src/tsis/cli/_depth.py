@@ -133,11 +133,11 @@ def _sd(result: DepthMap) -> float:
     return float(result.sd_mm.ravel()[int(result.depth_mm.argmax())])
 
 
-def _npy(result: DepthMap) -> bytes:
+def _npy(values: NDArray[Any]) -> bytes:
     import numpy as np
 
     buffer = io.BytesIO()
-    np.save(buffer, np.stack([result.depth_mm, result.sd_mm]).astype(np.float32))
+    np.save(buffer, values.astype(np.float32))
     return buffer.getvalue()
 
 
@@ -160,7 +160,8 @@ def _png(result: DepthMap) -> bytes:
 
 
 FORMS: dict[str, Callable[[DepthMap], bytes]] = {
-    ".npy": _npy,
+    ".npy": lambda result: _npy(result.depth_mm),
+    "-sd.npy": lambda result: _npy(result.sd_mm),
     ".tiff": _tiff,
     ".ply": lambda result: result.ply_bytes(),
     ".png": _png,
