@@ -78,3 +78,16 @@ def test_pale_text_is_found(browser: Browser) -> None:
     result = {item.text: item.contrast for item in texts(page)}
     page.close()
     assert result["pale"] < 2 < 12 < result["clear"]
+
+
+@pytest.mark.parametrize("width", [360, 390, 430, 768])
+def test_the_live_image_fills_a_narrow_screen(
+    console: RunningConsole, browser: Browser, desktop: Page, width: int
+) -> None:
+    with tab(browser, console, size=(width, 844), color_scheme="light") as page:
+        stage = page.locator(".live-stage")
+        stage.wait_for()
+        box = stage.bounding_box()
+        assert box is not None
+        assert box["width"] > 0.85 * width
+        assert too_wide(page) == []

@@ -36,6 +36,8 @@ def page(instrument: Instrument, viewer: Viewer) -> None:
             with ui.element("div").classes("row"):
                 ui.button("Start", on_click=lambda: viewer.attempt(instrument.start, by=viewer.identity))
                 ui.button("Stop", on_click=lambda: viewer.attempt(instrument.stop, by=viewer.identity))
+                ui.button("mark limits", on_click=lambda: view.mark_limits(True))
+                ui.button("mark nothing", on_click=lambda: view.mark_limits(False))
                 for name in MAPS:
                     ui.button(f"map {name}", on_click=partial(_coloured, (view, surface), name))
                 for name in ENDS:

@@ -146,7 +146,7 @@ def test_automatic_ends_follow_what_is_seen(still: Page) -> None:
     assert np.array_equal(shown[0], shown[1])  # both at or below the lower end
     assert not np.array_equal(shown[1], shown[2])
     assert np.array_equal(shown[3], shown[4])
-    still.get_by_text(re.compile(r"colours from \d+ to \d+ of 255")).wait_for()
+    still.get_by_text(re.compile(r"grey \d+")).first.wait_for()
     still.get_by_role("button", name="ends whole").click()
     still.wait_for_function(f"() => {LIVE}.ends !== 'auto'")
 
@@ -378,3 +378,53 @@ def test_keys_and_hand_turn_the_relief_and_choose_nothing_else(running: Page) ->
     running.get_by_role("button", name="Turn back").click()
     assert running.evaluate(turned) == before
     running.get_by_role("img", name=re.compile("relief of the live image: contact around column")).wait_for()
+
+
+def test_what_lies_under_the_pointer_is_read_also_when_it_is_zoomed(still: Page) -> None:
+    """Each pixel has a grey level of its own place, so that the read-out names both or is wrong."""
+    rows, columns = 40, 60
+    levels = (np.arange(rows)[:, None] * 3 + np.arange(columns)[None, :] * 2).astype(np.uint8)
+    drawn_levels(still, levels)
+    stage = still.locator(".live-stage")
+    box = stage.bounding_box()
+    assert box is not None
+    reading = still.locator(".live-read")
+    scale = min(box["width"] / columns, box["height"] / rows)
+
+    def read(x: float, y: float) -> tuple[int, int, int]:
+        still.mouse.move(x, y)
+        reading.get_by_text("grey").wait_for()
+        found = re.match(r"x (\d+), y (\d+).* grey (\d+) of 255", reading.inner_text())
+        assert found is not None, reading.inner_text()
+        column, row, grey = (int(part) for part in found.groups())
+        return column, row, grey
+
+    left = box["x"] + (box["width"] - columns * scale) / 2
+    top = box["y"] + (box["height"] - rows * scale) / 2
+    for column, row in ((0, 0), (30, 20), (59, 39)):
+        place = left + (column + 0.5) * scale, top + (row + 0.5) * scale
+        assert read(*place) == (column, row, int(levels[row, column]))
+    place = left + 30.5 * scale, top + 20.5 * scale
+    still.mouse.move(*place)
+    for _ in range(6):  # the pixel under the pointer stays there
+        still.mouse.wheel(0, -100)
+    still.get_by_text("3.8 x").wait_for()  # 1.25 to the sixth
+    assert read(*place) == (30, 20, int(levels[20, 30]))
+    assert read(place[0] + scale, place[1])[0] == 30  # a pixel is 3.8 times as wide now
+    stage.dblclick()
+    assert read(place[0] + scale, place[1])[0] == 31
+
+
+def test_saturated_and_black_pixels_are_marked_and_counted(still: Page) -> None:
+    levels = np.full((10, 10), 100, dtype=np.uint8)
+    levels[0, :3], levels[1, 0] = 255, 0
+    still.get_by_role("button", name="mark limits").click()
+    still.wait_for_function(f"() => {LIVE}.marks")
+    shown = drawn_levels(still, levels)
+    still.get_by_text("red: saturated, 3.00 %; blue: black, 1.00 %").wait_for()
+    still.get_by_role("button", name="mark nothing").click()
+    still.wait_for_function(f"() => !{LIVE}.marks")
+    red, blue = (255, 0, 0), (0, 0, 255)
+    assert [tuple(pixel) for pixel in shown[0, :3, :3].tolist()] == [red] * 3
+    assert tuple(shown[1, 0, :3].tolist()) == blue
+    assert tuple(shown[5, 5, :3].tolist()) not in (red, blue)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -11,6 +12,7 @@ from tests.console.pages.simulated import at_console
 from tests.console.services.instruments import ANN, BOB, gauge
 from tests.records.sample import sample_dossier
 
+from tsis.console.live import LiveView
 from tsis.files import target_folder
 
 if TYPE_CHECKING:
@@ -258,4 +260,26 @@ def test_jobs_are_listed_and_only_the_owner_ends_them(lit: Instrument) -> None:
         await operator.sees("done", " frames in ")
 
     lit.start(by=BOB)
+    at_console(lit, script)
+
+
+def test_the_image_is_frozen_ranged_and_marked_while_the_camera_goes_on(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await started(operator)
+        (view,) = (element for element in operator._shown() if isinstance(element, LiveView))
+        for name, prop in (("Freeze", "frozen"), ("Clipping", "marks")):
+            assert view.props[prop] is False
+            await operator.clicks(name)
+            await operator.until(partial(view.props.get, prop), f"{name} does nothing")
+        await operator.chooses("Range", "automatic")
+        assert view.props["range"] == '"auto"'
+        await operator.chooses("Range", "manual")
+        (ends,) = (element for element in operator._shown() if isinstance(element, ui.range))
+        for low, high, taken in ((40, 200, "[40.0, 200.0]"), (255, 255, "[254.0, 255.0]"), (7, 7, "[7.0, 8.0]")):
+            ends.value = {"min": low, "max": high}
+            assert view.props["range"] == taken
+        await operator.chooses("Range", "full")
+        assert view.props["range"] == "[0.0, 255.0]"
+        assert (await operator.requested("/state"))["camera"]["running"]
+
     at_console(lit, script)

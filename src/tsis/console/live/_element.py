@@ -66,12 +66,21 @@ class LiveView(ColouredFrames, component="live_view.js"):
     def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__(map_name=map_name, ends=ends)
         self._props["overlay"] = True
+        self._props["frozen"] = self._props["marks"] = False
         self._props["label"] = "live image of the probe"
         self._props["notice"] = ""
 
     def overlay(self, shown: bool) -> None:
         """Show or hide outline and centroid of the contact."""
         self._set("overlay", bool(shown))
+
+    def freeze(self, frozen: bool) -> None:
+        """Keep the image that is shown, or follow the frames again; the camera goes on."""
+        self._set("frozen", bool(frozen))
+
+    def mark_limits(self, marked: bool) -> None:
+        """Mark saturated pixels red and black ones blue."""
+        self._set("marks", bool(marked))
 
     def update_state(self, state: InstrumentState) -> None:
         """Set scale and text from the instrument's state."""

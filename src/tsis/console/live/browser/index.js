@@ -5,3 +5,4 @@ export { coloured, colourTable, endsOf } from "./colours.js";
 export { drawBar, drawContact } from "./marks.js";
 export { blockMeans, Relief } from "./relief.js";
 export { streamOf } from "./stream.js";
+export { WHOLE, panned, pixelAt, readOut, zoomed } from "./pointer.js";

@@ -101,6 +101,7 @@ def key_help() -> None:
 
 FIRST_MAP = "viridis"
 MAPS = ("grey", "cividis", "inferno", "viridis")
+FULL_RANGE, AUTOMATIC, MANUAL = "full", "automatic", "manual"
 
 
 class LivePanel:
@@ -108,6 +109,7 @@ class LivePanel:
 
     def __init__(self) -> None:
         self._map = FIRST_MAP
+        self._range_ends: str | tuple[float, float] = (0.0, 255.0)
         self._surface: SurfaceView | None = None
         with ui.element("div").classes("panel live-panel") as self.single:
             self._tools()
@@ -124,6 +126,12 @@ class LivePanel:
             ui.select(list(MAPS), value=FIRST_MAP, label="Colours", on_change=self._colour).props(
                 "dense outlined"
             ).classes("colours")
+            self._range = ui.select(
+                [FULL_RANGE, AUTOMATIC, MANUAL], value=FULL_RANGE, label="Range", on_change=self._ranged
+            ).props("dense outlined")
+            self._range.classes("colours")
+            ui.switch("Freeze", value=False, on_change=lambda event: self.view.freeze(bool(event.value)))
+            ui.switch("Clipping", value=False, on_change=lambda event: self.view.mark_limits(bool(event.value)))
             ui.switch("Contact", value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
             ui.switch("3-D", value=False, on_change=self._three)
             ui.element("div").classes("spring")
@@ -132,6 +140,21 @@ class LivePanel:
             alone.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
             with ui.button(icon="keyboard").props('flat dense round aria-label="Keys"'), ui.menu():
                 key_help()
+        self._ends = ui.range(min=0, max=255, step=1, value={"min": 0, "max": 255}, on_change=self._ranged)
+        self._ends.props('dense label aria-label="Grey levels of the colour range, of 255"')
+        self._ends.set_visibility(False)
+
+    def _ranged(self) -> None:
+        by_hand = self._range.value == MANUAL
+        self._ends.set_visibility(by_hand)
+        low, high = self._ends.value["min"], self._ends.value["max"]
+        ends: str | tuple[float, float] = "auto" if self._range.value == AUTOMATIC else (0.0, 255.0)
+        if by_hand:
+            ends = (low, max(high, low + 1)) if low < 255 else (254.0, 255.0)
+        self._range_ends = ends
+        self.view.ends(ends)
+        if self._surface is not None:
+            self._surface.ends(ends)
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's state; the frames come over their own connection."""
@@ -154,7 +177,7 @@ class LivePanel:
         self._surface = None
         if event.value:
             with self._surface_container:
-                self._surface = SurfaceView(map_name=self._map)
+                self._surface = SurfaceView(map_name=self._map, ends=self._range_ends)
 
 
 def camera_line(camera: CameraState) -> str:
