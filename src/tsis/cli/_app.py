@@ -54,7 +54,7 @@ COMMANDS = {
         "tsis contacts gel-frames/press-1.png --sensor gelsight-mini --reference gel-frames/untouched.png",
     ),
     "depth": CommandEntry(
-        "tsis.cli._depth", "app", f"Depth maps of a gel sensor: tsis depth FRAME... {RESEARCH_USE_ONLY}"
+        "tsis.cli._contacts", "app", f"Depth maps of a gel sensor: tsis depth FRAME... {RESEARCH_USE_ONLY}"
     ),
     "track": CommandEntry(
         "tsis.cli._track",

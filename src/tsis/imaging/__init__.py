@@ -23,7 +23,6 @@ from tsis.imaging._corrections import (
     subtract_background,
     subtract_dark,
 )
-from tsis.imaging._features import Features, features
 from tsis.imaging._filters import block_means
 from tsis.imaging._gel_change import GelChange, gel_change, gel_levels, gel_reference
 from tsis.imaging._gel_contacts import REASONS, GelContact, contacts, find_gel_contact
@@ -34,7 +33,9 @@ from tsis.imaging._patch import (
     NOISE_FACTOR,
     QUANTISATION,
     SMOOTH_PX,
+    Features,
     Patch,
+    features,
     pixel_noise,
     segment,
     smoothed,

@@ -1,23 +1,134 @@
-"""Depth maps: gradients integrated with free borders, in mm, with an uncertainty."""
+"""Depth maps: slopes of colours, integrated with free borders, or depth of grey levels, in mm with an uncertainty."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy import fft
+from scipy.ndimage import distance_transform_edt
 
 from tsis.errors import InputError, import_extra
 from tsis.imaging._gel_change import BLACK, GLARE, gel_levels
-from tsis.imaging.depth._gradients import polynomial_features, table_index
-from tsis.model import ContentValue, GelSensor, freeze_arrays
+from tsis.model import ContentValue, GelSensor, freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging._gel_contacts import GelContact
-    from tsis.imaging.depth._calibration import DepthCalibration
+
+
+DEPTH_METHODS = ("polynomial", "table", "grey")
+GRADIENT_DEGREE = 3  # of the polynomial in the colours
+COLOUR_SCALE = 64.0  # levels
+RIDGE = 1e-3  # of the mean square of the features
+BINS, BIN_LEVELS = 32, 6.0  # of the table, a channel
+
+
+def polynomial_features(
+    change: NDArray[Any], place: NDArray[Any], degree: int = GRADIENT_DEGREE
+) -> NDArray[np.float32]:
+    """Monomials of the change of colour, each alone and times x and y of the frame; none is constant.
+
+    Parameters
+    ----------
+    change
+        Levels, shape (n, channels).
+    place
+        x and y from -1 to 1 over the frame, shape (n, 2).
+    degree
+        Highest degree in the colours.
+    """
+    colours = np.asarray(change, dtype=np.float32).T / np.float32(COLOUR_SCALE)
+    products: dict[tuple[int, ...], NDArray[np.float32]] = {(): np.ones(colours.shape[1], np.float32)}
+    for order in range(1, degree + 1):
+        for key in combinations_with_replacement(range(len(colours)), order):
+            products[key] = products[key[:-1]] * colours[key[-1]]
+    monomials = [value for key, value in products.items() if key]
+    x, y = np.asarray(place, dtype=np.float32).T
+    low = [value for key, value in products.items() if 0 < len(key) < degree]
+    return np.stack([*monomials, *(value * x for value in low), *(value * y for value in low)], axis=1)
+
+
+def fit_polynomial(
+    change: NDArray[np.float64], place: NDArray[np.float64], slope: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Weights of the features for both slopes, shape (features, 2)."""
+    features = polynomial_features(change, place).astype(np.float64)
+    normal = features.T @ features
+    normal[np.diag_indices_from(normal)] += RIDGE * np.trace(normal) / len(normal)
+    return np.asarray(np.linalg.solve(normal, features.T @ slope))
+
+
+def fit_table(change: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean slope in bins of the change of colour, shape (bins, bins, bins, 2); an empty bin has its nearest's."""
+    index = table_index(change)
+    cells = np.ravel_multi_index(index, (BINS,) * 3)
+    count = np.bincount(cells, minlength=BINS**3).astype(float)
+    table = np.stack(
+        [np.bincount(cells, weights=slope[:, axis], minlength=BINS**3) / np.maximum(count, 1.0) for axis in (0, 1)],
+        axis=-1,
+    ).reshape(BINS, BINS, BINS, 2)
+    empty = (count == 0).reshape(BINS, BINS, BINS)
+    nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
+    return np.asarray(table[tuple(nearest)])
+
+
+def table_index(change: NDArray[Any]) -> tuple[NDArray[np.intp], ...]:
+    """Bins of colours in the table, one array a channel."""
+    bins = np.clip(np.floor(np.asarray(change) / BIN_LEVELS) + BINS // 2, 0, BINS - 1).astype(np.intp)
+    return tuple(bins[..., channel] for channel in range(3))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DepthCalibration(ContentValue):
+    """How a sensor's colours or grey levels become depth.
+
+    Attributes
+    ----------
+    sensor, light
+        Name of the sensor, and its light.
+    method
+        ``"polynomial"`` or ``"table"`` for slopes, whichever erred less on presses left out; ``"grey"`` for depth.
+    weights
+        Of the polynomial, shape (features, 2); the table, shape (bins, bins, bins, 2); or grey levels per mm and mm²,
+        shape (2,).
+    ball_mm, presses
+        Diameter of the ball, and how many presses were used.
+    sd_mm, sd_relative
+        Standard deviation of a depth: root mean square distance from the ball's cap of presses that were left out in
+        turn, and the part that grows with the depth.
+    errors_mm
+        That distance for each press.
+    other_sd_mm
+        That of the method that was not taken; None where there was no other.
+    """
+
+    sensor: str
+    light: Literal["rgb", "white"]
+    method: str
+    weights: NDArray[np.float64]
+    ball_mm: float
+    presses: int
+    sd_mm: float
+    sd_relative: float
+    errors_mm: tuple[float, ...] = ()
+    other_sd_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        require_one_of("method of a depth calibration", self.method, DEPTH_METHODS)
+        require_number("ball_mm", self.ball_mm, 0.2, 200.0)
+        freeze_arrays(self, "weights", dtype=float)
+        object.__setattr__(self, "errors_mm", tuple(float(error) for error in self.errors_mm))
+
+    def depth_of_grey(self, change: NDArray[Any]) -> NDArray[np.float64]:
+        """Depth of a change of grey level under white light, mm; 0 where the change has the other sign."""
+        linear, square = (float(part) for part in self.weights)
+        # change = linear d + square d²; the root that is 0 at 0, beyond the extreme the extreme
+        inside = np.maximum(linear**2 + 4.0 * square * np.asarray(change, dtype=float), 0.0)
+        return np.asarray(np.maximum(2.0 * change / (linear + np.sign(linear) * np.sqrt(inside)), 0.0))
 
 
 CLIPPED_SD = 3.0  # times the uncertainty where a pixel is clipped

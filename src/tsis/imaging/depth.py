@@ -1,20 +1,31 @@
-"""Calibration of depth by presses of a known ball: which slope a change of colour has, or which depth a grey level."""
+"""Depth of gel sensors, calibrated by presses of a known ball: the slope of a colour, or the depth of a grey level."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from tsis.errors import CalibrationError, InputError
+from tsis.imaging._depth_map import (
+    DEPTH_METHODS,
+    GRADIENT_DEGREE,
+    DepthCalibration,
+    DepthMap,
+    DepthMapper,
+    cap_error_mm,
+    fit_polynomial,
+    fit_table,
+    frame_places,
+    integrate_gradients,
+    polynomial_features,
+)
 from tsis.imaging._gel_change import gel_change, gel_levels
 from tsis.imaging._gel_contacts import GelContact, find_gel_contact
-from tsis.imaging.depth._gradients import fit_polynomial, fit_table
-from tsis.imaging.depth._map import DepthMapper, cap_error_mm, frame_places
-from tsis.model import ContentValue, GelSensor, freeze_arrays, require_number, require_one_of
+from tsis.model import GelSensor, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -22,61 +33,24 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-DEPTH_METHODS = ("polynomial", "table", "grey")
+__all__ = [
+    "DEPTH_METHODS",
+    "GRADIENT_DEGREE",
+    "DepthCalibration",
+    "DepthMap",
+    "DepthMapper",
+    "calibrate_depth",
+    "cap_error_mm",
+    "depth_calibration_json",
+    "integrate_gradients",
+    "parse_depth_calibration",
+    "polynomial_features",
+]
 USED, FLAT = 0.9, 2.2  # of the contact's radius: the ball's slope inside, an almost flat face outside
 DEEPEST = 0.97  # of the ball's radius
 FEWEST_SLOPE, FEWEST_GREY = 3, 1  # presses
 FORMAT, VERSION = "tsis-depth-calibration", 1
 LEAST_SD_MM = 1e-3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DepthCalibration(ContentValue):
-    """How a sensor's colours or grey levels become depth.
-
-    Attributes
-    ----------
-    sensor, light
-        Name of the sensor, and its light.
-    method
-        ``"polynomial"`` or ``"table"`` for slopes, whichever erred less on presses left out; ``"grey"`` for depth.
-    weights
-        Of the polynomial, shape (features, 2); the table, shape (bins, bins, bins, 2); or grey levels per mm and mm²,
-        shape (2,).
-    ball_mm, presses
-        Diameter of the ball, and how many presses were used.
-    sd_mm, sd_relative
-        Standard deviation of a depth: root mean square distance from the ball's cap of presses that were left out in
-        turn, and the part that grows with the depth.
-    errors_mm
-        That distance for each press.
-    other_sd_mm
-        That of the method that was not taken; None where there was no other.
-    """
-
-    sensor: str
-    light: Literal["rgb", "white"]
-    method: str
-    weights: NDArray[np.float64]
-    ball_mm: float
-    presses: int
-    sd_mm: float
-    sd_relative: float
-    errors_mm: tuple[float, ...] = ()
-    other_sd_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        require_one_of("method of a depth calibration", self.method, DEPTH_METHODS)
-        require_number("ball_mm", self.ball_mm, 0.2, 200.0)
-        freeze_arrays(self, "weights", dtype=float)
-        object.__setattr__(self, "errors_mm", tuple(float(error) for error in self.errors_mm))
-
-    def depth_of_grey(self, change: NDArray[Any]) -> NDArray[np.float64]:
-        """Depth of a change of grey level under white light, mm; 0 where the change has the other sign."""
-        linear, square = (float(part) for part in self.weights)
-        # change = linear d + square d²; the root that is 0 at 0, beyond the extreme the extreme
-        inside = np.maximum(linear**2 + 4.0 * square * np.asarray(change, dtype=float), 0.0)
-        return np.asarray(np.maximum(2.0 * change / (linear + np.sign(linear) * np.sqrt(inside)), 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
